@@ -1,0 +1,83 @@
+"""Checks of single values, shared by the value objects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from numbers import Integral, Real
+
+from phasemap.errors import InputError
+
+
+def number(
+    name: str,
+    value: object,
+    unit: str,
+    *,
+    minimum: float = -math.inf,
+    above: float = -math.inf,
+    maximum: float = math.inf,
+    below: float = math.inf,
+) -> float:
+    """Return `value` as a float, or raise `InputError` with the range that is allowed."""
+    if isinstance(value, Real) and not isinstance(value, bool):
+        try:
+            x = float(value)
+        except OverflowError:
+            x = math.inf
+        if math.isfinite(x) and minimum <= x <= maximum and above < x < below:
+            return x
+    raise InputError(name, value, in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below))
+
+
+def in_words(
+    unit: str,
+    *,
+    minimum: float = -math.inf,
+    above: float = -math.inf,
+    maximum: float = math.inf,
+    below: float = math.inf,
+) -> str:
+    """Say a range so that it reads well aloud.
+
+    Examples
+    --------
+    >>> in_words("m", above=0)
+    'a finite number above 0 m'
+    >>> in_words("1", above=-1, maximum=0.5)
+    'a finite number above -1 and at most 0.5'
+    >>> in_words("Pa", minimum=0), in_words("Hz")
+    ('a finite number of at least 0 Pa', 'a finite number, in Hz')
+    """
+    bounds = []
+    if max(above, minimum) > -math.inf:
+        bounds.append(f"above {above:g}" if above >= minimum else f"of at least {minimum:g}")
+    if min(below, maximum) < math.inf:
+        of = "" if bounds else "of "
+        bounds.append(f"below {below:g}" if below <= maximum else f"{of}at most {maximum:g}")
+    shown = "" if unit == "1" else f" {unit}" if bounds else f", in {unit}"
+    return " ".join(["a finite number", " and ".join(bounds)]).rstrip() + shown
+
+
+def whole(name: str, value: object, minimum: int) -> int:
+    """Return `value` as an int, or raise `InputError`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
+        raise InputError(name, value, f"a whole number of at least {minimum}")
+    return int(value)
+
+
+def shape_pair(value: object) -> tuple[int, int]:
+    """Return `value` as (rows, columns), or raise `InputError`."""
+    if isinstance(value, (str, bytes)) or not isinstance(value, Sequence) or len(value) != 2:
+        raise InputError("shape", value, "two whole numbers, (rows, columns)")
+    return whole("number of rows", value[0], 1), whole("number of columns", value[1], 1)
+
+
+def pixel_pair(value: object) -> tuple[float, float]:
+    """Return `value` as the (dy, dx) of one pixel [m], or raise `InputError`."""
+    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+        if len(value) != 2:
+            raise InputError("pixel_size", value, "one length in m, or two, (dy, dx)")
+        return number("pixel_size dy", value[0], "m", above=0), number("pixel_size dx", value[1], "m", above=0)
+    size = number("pixel_size", value, "m", above=0)
+    return size, size

@@ -1,0 +1,160 @@
+"""Which averaged orbit the controller finds when it engages from far.
+
+At fixed drive the averaged orbits form a curve, followed here from far in the plane of the harmonic orbit's gap
+b = z0 - A0 - A and of its amplitude. Quasi-static engagement follows the curve while z0 falls. Where z0 would rise
+(a fold) the state jumps to the first later piece of the curve that z0 reaches again while falling. So the visited part
+of the curve is where z0 is lower than ever before, and the controller stops at the first visited crossing of the
+setpoint; a crossing that lies inside the jump counts if the tip lands beyond it, since the controller then retracts
+to it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.averaging import harmonics, mismatch
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.mesh import reach_of
+
+LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
+SMALLEST_STEP = 1e-6
+TINY = 1e-6
+WEIGHT = 4.0
+MOST_STEPS = 400
+MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
+SURE, DOUBTFUL = 0, 1
+
+
+@njit(**OPTIONS)
+def log_mismatch(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, epsilon: float, zeta: float, eta: float
+) -> float:
+    """Logarithm of drive needed over drive given, squared, in the coordinates in which the curve is followed."""
+    amplitude = math.exp(eta / WEIGHT)
+    c = 1.0 + epsilon * math.sinh(zeta) / amplitude
+    push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+    return math.log(1.0 + mismatch(lever, amplitude, push, drag))
+
+
+@njit(**OPTIONS)
+def crossing(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, near: float, far: float
+) -> float:
+    """Return c between near and far where an orbit has this amplitude (regula falsi, Illinois); NaN if not bracketed."""
+    push, drag, _ = harmonics(law, p, lever, reach, amplitude, near)
+    h_near = math.log(1.0 + mismatch(lever, amplitude, push, drag))
+    push, drag, _ = harmonics(law, p, lever, reach, amplitude, far)
+    h_far = math.log(1.0 + mismatch(lever, amplitude, push, drag))
+    if (h_near > 0.0) == (h_far > 0.0):
+        return math.nan
+    c = near
+    for _ in range(60):
+        before = c
+        c = (near * h_far - far * h_near) / (h_far - h_near)
+        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+        h = math.log(1.0 + mismatch(lever, amplitude, push, drag))
+        if abs(h) < 1e-11 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
+            break
+        if (h > 0.0) == (h_far > 0.0):
+            far, h_far = c, h
+            h_near *= 0.5
+        else:
+            near, h_near = c, h
+            h_far *= 0.5
+    return c
+
+
+@njit(**OPTIONS)
+def far_start(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float
+) -> float:
+    """Return c so large that the surface hardly matters at this setpoint."""
+    allowed = 0.02 * (1.0 - amplitude / free) * lever[col.BASE]
+    away = max(reach / free, 1e-4)
+    for _ in range(60):
+        if p[4] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:
+            break
+        away *= 1.5
+    return 1.0 + away
+
+
+@njit(**OPTIONS)
+def engage(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
+) -> tuple[int, int]:
+    """Find the averaged orbit that holds `amplitude` after engaging from far.
+
+    Fills guess = (z0, mean deflection, A, P, S) and returns a status code and how sure the decision is.
+    """
+    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    reach = reach_of(law, p)
+    epsilon = max(reach, 1e-3 * free)
+    start = far_start(law, p, lever, reach, free, amplitude)
+    zeta, eta = math.asinh((start - 1.0) * free / epsilon), WEIGHT * math.log(free)
+    step, t_zeta, t_eta = 0.3, -1.0, 0.0
+    h = log_mismatch(law, p, lever, reach, epsilon, zeta, eta)
+    a, c, z, lowest, found = free, start, start * free, 1e300, math.nan
+    rising, surety = False, SURE
+    for _ in range(MOST_STEPS):
+        slope_zeta = (log_mismatch(law, p, lever, reach, epsilon, zeta + TINY, eta) - h) / TINY
+        slope_eta = (log_mismatch(law, p, lever, reach, epsilon, zeta, eta + TINY) - h) / TINY
+        slope = math.hypot(slope_zeta, slope_eta)
+        n_zeta, n_eta = slope_zeta / slope, slope_eta / slope
+        onward = 1.0 if n_eta * t_zeta - n_zeta * t_eta > 0.0 else -1.0
+        turn = onward * (n_eta * t_zeta - n_zeta * t_eta)  # cosine of the angle to the step before
+        t_zeta, t_eta = onward * n_eta, -onward * n_zeta
+        if turn < 0.8:
+            step *= max(0.3, turn)
+        # From a point along the tangent, go back to the curve along the normal.
+        while True:
+            at_zeta, at_eta, s = zeta + step * t_zeta, eta + step * t_eta, 0.0
+            h, across = log_mismatch(law, p, lever, reach, epsilon, at_zeta, at_eta), slope
+            for _ in range(5):
+                if abs(h) < 1e-3 * step * across:
+                    break
+                move = -h / across
+                h_new = log_mismatch(
+                    law, p, lever, reach, epsilon, at_zeta + (s + move) * n_zeta, at_eta + (s + move) * n_eta
+                )
+                across = (h_new - h) / move
+                s, h = s + move, h_new
+                if not 0.2 * slope < across < 5.0 * slope or abs(s) > 0.5 * step:
+                    break
+            if abs(h) < 1e-3 * step * slope and abs(s) < 0.5 * step:
+                break
+            step *= 0.4
+            if step < SMALLEST_STEP:
+                return col.NO_AVERAGED_ORBIT, DOUBTFUL
+        zeta, eta = at_zeta + s * n_zeta, at_eta + s * n_eta
+        step = min(step * (1.6 if abs(s) < 0.1 * step else 1.0 if abs(s) < 0.25 * step else 0.6), LARGEST_STEP)
+
+        a_before, c_before, z_before = a, c, z
+        a = math.exp(eta / WEIGHT)
+        c = 1.0 + epsilon * math.sinh(zeta) / a
+        z = a * c + harmonics(law, p, lever, reach, a, c)[2]
+        if a > a_before and not rising and abs(a_before - amplitude) < MARGIN * amplitude:
+            surety = DOUBTFUL
+        rising = a > a_before
+        if a_before > amplitude >= a and z < z_before and math.isnan(found):
+            found = crossing(law, p, lever, reach, amplitude, c, c_before)
+            if math.isnan(found):
+                return col.NO_AVERAGED_ORBIT, DOUBTFUL
+            if amplitude * found + harmonics(law, p, lever, reach, amplitude, found)[2] >= lowest:
+                surety = DOUBTFUL
+        elif a > amplitude >= a_before and z >= lowest:
+            found = math.nan  # the tip lands before that crossing
+        if not math.isnan(found) and z < lowest and (a < amplitude * (1.0 - MARGIN) or rising):
+            break
+        lowest = min(lowest, z)
+        if a < 0.3 * amplitude and c < -1.5:
+            break
+    if math.isnan(found):
+        return col.NO_STABLE_ORBIT, DOUBTFUL
+    push, drag, mean = harmonics(law, p, lever, reach, amplitude, found)
+    guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * found + mean, mean, amplitude, push, drag
+    return col.GOOD, surety

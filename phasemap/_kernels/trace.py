@@ -1,0 +1,300 @@
+"""The curve of exact periodic orbits at fixed drive, followed from far through every fold.
+
+Pseudo-arclength continuation in the plane of tip offset and amplitude: each step predicts along the tangent and corrects
+in the plane across it, so that folds are passed like any other point. Two readers of the curve stand here: `engage`
+visits what a quasi-static approach visits (see `phasemap._kernels.approach`), `collect` notes every crossing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import far_start
+from phasemap._kernels.collocation import (
+    A,
+    CONTACTS,
+    ELEMENTS,
+    HOLD_AMPLITUDE,
+    HOLD_ARC,
+    HOLD_OFFSET,
+    LEVEL,
+    Orbit,
+    P,
+    S,
+    Z0,
+    along,
+    linearise,
+    new_orbit,
+)
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
+from phasemap._kernels.orbit import begin, floquet, newton
+from phasemap._kernels.tables import Tables
+
+MOST_POINTS = 1500
+FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
+# Entries of a point of the curve: tip offset, amplitude, largest Floquet multiplier, the unit tangent in scaled gap and
+# amplitude, and the derivatives of z0, A, P and S along it.
+ZP, AP, FP, TG, TA, DZ, DA, DP, DS, POINT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+
+
+@njit(**OPTIONS)
+def copy_orbit(source: Orbit, to: Orbit) -> None:
+    """Copy what defines an orbit."""
+    n = source.count[ELEMENTS]
+    to.count[:] = source.count
+    to.value[:] = source.value
+    to.contact[:] = source.contact
+    to.transfer[:] = source.transfer
+    to.table[:n] = source.table[:n]
+    to.side[:n] = source.side[:n]
+    to.origin[:n] = source.origin[:n]
+    to.scale[:n] = source.scale[:n]
+    to.theta[:n] = source.theta[:n]
+    to.cos[:n] = source.cos[:n]
+    to.sin[:n] = source.sin[:n]
+    to.w[:n] = source.w[:n]
+    to.u[:n] = source.u[:n]
+    to.edge[: n + 1] = source.edge[: n + 1]
+    to.edge_w[: n + 1] = source.edge_w[: n + 1]
+    to.edge_u[: n + 1] = source.edge_u[: n + 1]
+
+
+@njit(**OPTIONS)
+def relay(law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, spare: Orbit) -> bool:
+    """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
+    if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, orbit.count[LEVEL]):
+        return False
+    carry_over(tables, orbit, spare)
+    return True
+
+
+@njit(**OPTIONS)
+def start_far(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, spare: Orbit, amplitude: float, level: int
+) -> tuple[int, Orbit, Orbit]:
+    """Find the orbit far from the surface, where the lever swings almost freely."""
+    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    z0 = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
+    guess = np.array([z0, 0.0, free, 0.0, 0.0])
+    if not begin(law, p, lever, tables, orbit, guess, level):
+        return col.NOT_CONVERGED, orbit, spare
+    target = np.array([z0, 0.0, 0.0, 0.0])
+    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, 1e-6 * free, 30)
+    return status, orbit, spare
+
+
+@njit(**OPTIONS)
+def row_of(reach: float, point: np.ndarray) -> tuple[float, float]:
+    """The tangent as a row for (dz0, dA), made from the scaled coordinates (gap z0 - A, amplitude)."""
+    gap_scale, a_scale = scales(reach, point[ZP], point[AP])
+    return point[TG], point[TA] * gap_scale / a_scale - point[TG]
+
+
+@njit(**OPTIONS)
+def scales(reach: float, z0: float, amplitude: float) -> tuple[float, float]:
+    """Natural lengths at a point of the curve: of the gap z0 - A, and of A."""
+    return 0.5 * reach + 0.25 * abs(z0 - amplitude) + 1e-3 * amplitude, 0.2 * amplitude
+
+
+@njit(**OPTIONS)
+def mark(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, reach: float, point: np.ndarray
+) -> bool:
+    """Fill a point of the curve at a converged orbit; point holds the tangent of the point before, which gives the sense."""
+    z0, amplitude = orbit.value[Z0], orbit.value[A]
+    point[ZP], point[AP] = z0, amplitude
+    r_z, r_a = row_of(reach, point)
+    if not linearise(law, p, lever, tables, orbit) or not along(lever, orbit, r_z, r_a):
+        return False
+    gap_scale, a_scale = scales(reach, z0, amplitude)
+    t_gap = (orbit.system[4, 6] - orbit.system[5, 6]) / gap_scale
+    t_a = orbit.system[5, 6] / a_scale
+    length = math.hypot(t_gap, t_a)
+    point[FP] = floquet(orbit.transfer)
+    point[TG], point[TA] = t_gap / length, t_a / length
+    point[DZ], point[DA] = orbit.system[4, 6] / length, orbit.system[5, 6] / length
+    point[DP], point[DS] = orbit.system[2, 6] / length, orbit.system[3, 6] / length
+    return math.isfinite(length)
+
+
+@njit(**OPTIONS)
+def advance(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: Tables,
+    reach: float,
+    point: np.ndarray,
+    step: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+) -> tuple[int, float, Orbit, Orbit]:
+    """Go to the next point of the curve; returns a status, the step to try next, the orbit and the spare room.
+
+    `saved` and `point` receive the orbit and the point that were left.
+    """
+    level = orbit.count[LEVEL]
+    copy_orbit(orbit, saved)
+    before = point.copy()
+    gap_scale = scales(reach, point[ZP], point[AP])[0]
+    while step > SMALLEST_STEP:
+        z0, amplitude = before[ZP] + step * before[DZ], before[AP] + step * before[DA]
+        orbit.value[Z0], orbit.value[A] = z0, amplitude
+        orbit.value[P] += step * before[DP]
+        orbit.value[S] += step * before[DS]
+        if amplitude > 0.0 and relay(law, p, lever, tables, orbit, spare):
+            orbit, spare = spare, orbit
+            r_z, r_a = row_of(reach, before)
+            target = np.array([r_z, r_a, z0, amplitude])
+            status, steps, orbit, spare = newton(
+                law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, 1e-5 * gap_scale, 8
+            )
+            if status == col.GOOD:
+                point[:] = before
+                good = mark(law, p, lever, tables, orbit, reach, point)
+                turn = point[TG] * before[TG] + point[TA] * before[TA]
+                if good and turn > 0.7:
+                    growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
+                    return col.GOOD, min(step * growth, LARGEST_STEP), orbit, spare
+        copy_orbit(saved, orbit)
+        step *= 0.4
+    point[:] = before
+    return col.NOT_CONVERGED, step, orbit, spare
+
+
+@njit(**OPTIONS)
+def cross(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: Tables,
+    hold: int,
+    value: float,
+    before: np.ndarray,
+    after: np.ndarray,
+    orbit: Orbit,
+    spare: Orbit,
+    tolerance: float,
+) -> tuple[bool, Orbit, Orbit]:
+    """From the orbit at `after`, find the one between `before` and `after` with this amplitude or tip offset."""
+    index = AP if hold == HOLD_AMPLITUDE else ZP
+    share = (value - after[index]) / (before[index] - after[index])
+    orbit.value[Z0] += share * (before[ZP] - after[ZP])
+    orbit.value[A] += share * (before[AP] - after[AP])
+    if hold == HOLD_AMPLITUDE:
+        orbit.value[A] = value
+    target = np.array([value, 0.0, 0.0, 0.0])
+    if not relay(law, p, lever, tables, orbit, spare):
+        return False, orbit, spare
+    orbit, spare = spare, orbit
+    status, _, orbit, spare = newton(
+        law, p, lever, tables, orbit, spare, hold, target, orbit.count[LEVEL], tolerance, 20
+    )
+    if status != col.GOOD:
+        return False, orbit, spare
+    # The crossing must lie between its neighbours, not on another piece of the curve.
+    other = ZP if hold == HOLD_AMPLITUDE else AP
+    found = orbit.value[Z0] if hold == HOLD_AMPLITUDE else orbit.value[A]
+    low, high = min(before[other], after[other]), max(before[other], after[other])
+    slack = 0.5 * (high - low) + 1e-3 * abs(before[index] - after[index])
+    return low - slack <= found <= high + slack, orbit, spare
+
+
+@njit(**OPTIONS)
+def engage(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: Tables,
+    amplitude: float,
+    level: int,
+    tolerance: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+    found: Orbit,
+) -> tuple[int, Orbit, Orbit, Orbit]:
+    """Approach from far along exact orbits to the one that holds `amplitude`; it is returned last."""
+    reach = reach_of(law, p)
+    status, orbit, spare = start_far(law, p, lever, tables, orbit, spare, amplitude, level)
+    if status != col.GOOD:
+        return status, orbit, spare, found
+    point = np.zeros(POINT)
+    point[TG] = -1.0
+    if not mark(law, p, lever, tables, orbit, reach, point):
+        return col.NOT_CONVERGED, orbit, spare, found
+    step, lowest, have = FIRST_STEP, 1e300, False
+    for _ in range(MOST_POINTS):
+        before = point.copy()
+        status, step, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
+        if status != col.GOOD:
+            return status, orbit, spare, found
+        z0, a = point[ZP], point[AP]
+        if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
+            copy_orbit(orbit, found)
+            have, found, saved = cross(
+                law, p, lever, tables, HOLD_AMPLITUDE, amplitude, before, point, found, saved, tolerance
+            )
+            if not have:
+                return col.NOT_CONVERGED, orbit, spare, found
+        elif a > amplitude >= before[AP] and z0 >= lowest:
+            have = False  # the tip lands before that crossing
+        if have and z0 < lowest:
+            return col.GOOD, orbit, spare, found
+        lowest = min(lowest, z0)
+        if orbit.count[CONTACTS] == PERMANENT and a < 0.3 * amplitude:
+            break
+    return col.NO_STABLE_ORBIT, orbit, spare, found
+
+
+@njit(**OPTIONS)
+def collect(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: Tables,
+    hold: int,
+    value: float,
+    level: int,
+    tolerance: float,
+    out: list[Orbit],
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+) -> int:
+    """Append every orbit of the curve with this amplitude or tip offset; returns a status."""
+    index = AP if hold == HOLD_AMPLITUDE else ZP
+    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    reach = reach_of(law, p)
+    engaged = value if hold == HOLD_AMPLITUDE else 0.999 * free
+    status, orbit, spare = start_far(law, p, lever, tables, orbit, spare, engaged, level)
+    point = np.zeros(POINT)
+    point[TG] = -1.0
+    if status != col.GOOD or not mark(law, p, lever, tables, orbit, reach, point):
+        return col.NOT_CONVERGED
+    step = FIRST_STEP
+    for _ in range(MOST_POINTS):
+        before = point.copy()
+        status, step, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
+        if status != col.GOOD:
+            return status
+        if (before[index] > value) != (point[index] > value):
+            found = new_orbit()
+            copy_orbit(orbit, found)
+            good, found, saved = cross(law, p, lever, tables, hold, value, before, point, found, saved, tolerance)
+            if not good:
+                return col.NOT_CONVERGED
+            out.append(found)
+        if orbit.count[CONTACTS] == PERMANENT:
+            deep = point[AP] < 0.3 * value if hold == HOLD_AMPLITUDE else point[ZP] < value - free
+            if deep or point[AP] > 0.9999 * free:
+                break
+    return col.GOOD

@@ -1,0 +1,234 @@
+"""The command line: ``phasemap run``, ``plot`` and ``validate``.
+
+Everything heavy is imported by the command that needs it, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from phasemap.errors import PhasemapError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.scene import Scene
+
+__all__ = ["main"]
+
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+EXAMPLES = """examples:
+  phasemap run samples/blend.toml -o blend.nc
+  phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
+  phasemap plot blend.nc
+  phasemap validate samples/particles.toml
+"""
+RUN_EXAMPLES = """examples:
+  phasemap run samples/blend.toml -o blend.nc
+  phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
+  phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        The arguments; None takes those of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 2 for input that cannot be used, 130 after an interrupt.
+    """
+    parser = _parser()
+    arguments, rest = parser.parse_known_args(argv)
+    strange = [word for word in rest if word.startswith("-") or "=" not in word or "overrides" not in arguments]
+    if strange:
+        parser.error(f"unknown argument {strange[0]!r}")
+    if "overrides" in arguments:
+        arguments.overrides += rest
+    try:
+        arguments.command(arguments)
+    except PhasemapError as error:
+        return _complain(str(error))
+    except OSError as error:
+        return _complain(f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "") + ".")
+    except MemoryError:
+        return _complain("not enough memory; simulate fewer pixels.")
+    except KeyboardInterrupt:
+        print("phasemap: interrupted; nothing was written.", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    """Complains in one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_complain(f"{message}; see {self.prog} --help."))
+
+
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *args: object) -> NoReturn:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            print("phasemap", version("afm-phasemap"))
+        except PackageNotFoundError:
+            print("phasemap, not installed as a package")
+        parser.exit()
+
+
+def _parser() -> argparse.ArgumentParser:
+    """All commands and their arguments."""
+    parser = _Parser(
+        prog="phasemap", description="Simulate tapping-mode AFM height and phase images of heterogeneous surfaces.",
+        epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def command(name: str, do: Callable[[argparse.Namespace], None], about: str, epilog: str = "") -> _Parser:
+        sub: _Parser = commands.add_parser(name, help=about, description=about, epilog=epilog,
+                                           formatter_class=argparse.RawDescriptionHelpFormatter)
+        sub.set_defaults(command=do)
+        return sub
+
+    run = command("run", _run, "simulate the image of a scene and write it as netCDF", RUN_EXAMPLES)
+    _add_scene(run)
+    run.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write; default: [output] file")
+    run.add_argument("--overwrite", action="store_true", help="replace the output if it exists")
+    run.add_argument("--quiet", action="store_true", help="no progress and no summary")
+    run.add_argument("--threads", type=_positive, metavar="N", help="how many threads; default: all cores")
+    run.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
+
+    plot = command("plot", _plot, "draw height and phase of an image side by side")
+    plot.add_argument("image", metavar="IMAGE.nc", type=Path, help="what `phasemap run` wrote")
+    plot.add_argument("-o", "--output", metavar="OUT.png", type=Path,
+                      help="picture to write (.png, .pdf, .svg); default: IMAGE.png")
+    plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
+
+    validate = command("validate", _validate, "check a scene and say what would be simulated")
+    _add_scene(validate)
+    return parser
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    """The arguments that name a scene; overrides may stand anywhere, `main` collects them."""
+    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file")
+    parser.add_argument("overrides", metavar="key=value", nargs="*",
+                        help="sets a key of the scene, such as scan.setpoint=0.6")
+
+
+def _positive(text: str) -> int:
+    """A whole number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    """Simulate a scene into a file."""
+    from phasemap.io.netcdf import check_target, save
+    from phasemap.scene import load_scene
+
+    started = time.perf_counter()
+    scene = load_scene(arguments.scene, arguments.overrides)
+    output = check_target(_output_of(arguments, scene), arguments.overwrite)
+    if arguments.quiet:
+        image = scene.simulate(strict=arguments.strict, threads=arguments.threads)
+    else:
+        image = _with_progress(scene, arguments)
+    save(image, output, arguments.overwrite)
+    if not arguments.quiet:
+        _print_summary(scene, image)
+        print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
+
+
+def _plot(arguments: argparse.Namespace) -> None:
+    """Draw an image into a file."""
+    from phasemap.io.netcdf import check_target, load
+    from phasemap.plot import plot
+
+    output = arguments.output or arguments.image.with_suffix(".png")
+    check_target(output, arguments.overwrite)
+    plot(load(arguments.image), output, arguments.overwrite)
+    print(f"written to  {output}")
+
+
+def _validate(arguments: argparse.Namespace) -> None:
+    """Say what a scene would simulate."""
+    from phasemap.scene import load_scene
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+    _print_scene(scene)
+    print(f"output      {scene.output or 'to be named with -o'}")
+    print("The scene is valid.")
+
+
+def _output_of(arguments: argparse.Namespace, scene: Scene) -> Path:
+    """The file to write: what the command says before what the scene says."""
+    if arguments.output is not None:
+        return Path(arguments.output)
+    if scene.output is None:
+        raise PhasemapError("the output has no name: give -o OUT.nc, or file under [output] in the scene.")
+    return scene.output
+
+
+def _with_progress(scene: Scene, arguments: argparse.Namespace) -> xr.Dataset:
+    """Simulate, with a bar on stderr if it takes more than a second."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    with tqdm(delay=1.0, mininterval=interval, unit=" materials", file=sys.stderr, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return scene.simulate(strict=arguments.strict, threads=arguments.threads, progress=progress)
+
+
+def _print_scene(scene: Scene) -> None:
+    """Size, materials and terms."""
+    from phasemap.scene import terms
+
+    (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
+    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    print(f"materials   {len(scene.surface.unique()[0])} distinct")
+    print(f"modelled    {', '.join(terms(scene.surface, scene.microscope))}")
+    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
+    print(f"solver      {scene.options['solver']}")
+
+
+def _print_summary(scene: Scene, image: xr.Dataset) -> None:
+    """What was simulated, and what came of it."""
+    import numpy as np
+
+    from phasemap.plot import describe_failures, describe_flags
+
+    _print_scene(scene)
+    if "solver" in image:
+        print(f"used        {describe_flags(image['solver'])}")
+    for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):
+        if name in image:
+            values: Any = image[name].values[np.isfinite(image[name].values)] * factor
+            print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
+    for line in describe_failures(image) or ["none"]:
+        print(f"failed      {line}")
+
+
+def _complain(sentence: str) -> int:
+    """Print a sentence on stderr and return the exit code that goes with it."""
+    print(f"phasemap: {sentence}", file=sys.stderr)
+    return 2

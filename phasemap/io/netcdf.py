@@ -1,0 +1,182 @@
+"""Images in netCDF files: written whole or not at all, read back identical."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phasemap.errors import FileError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["check_target", "load", "replacing", "save"]
+
+COMPRESSION_LEVEL = 4  # of zlib; higher gains under 1 % on phase images and doubles the time
+
+
+def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """Return `path` if a file can be written there, before hours are spent on what to write.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to be written.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    FileError
+        If the folder is missing or not writable, `path` is not a file, or it exists and `overwrite` is False.
+
+    Examples
+    --------
+    >>> check_target("no such folder/image.nc")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():
+        raise FileError(f"cannot write {path}: it is a folder or a device, not a file.")
+    if not path.parent.is_dir():
+        raise FileError(f"cannot write {path}: the folder {str(path.parent)!r} does not exist.")
+    if not os.access(path.parent, os.W_OK):
+        raise FileError(f"cannot write {path}: no permission to write in the folder {str(path.parent)!r}.")
+    if path.exists() and not overwrite:
+        raise FileError(f"cannot write {path}: it exists already; overwrite it (--overwrite) or choose another name.")
+    return path
+
+
+def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """Write `ds` as compressed netCDF-4.
+
+    The file is written under a temporary name in the same folder, flushed to disk and renamed, so that a crash, a full
+    disk or an interrupt never leaves half a file under `path`.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        What `phasemap.simulate` returned.
+    path : path-like
+        The file to write.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+        Where the file lies.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written; nothing is left behind, and an existing file is as it was.
+
+    Examples
+    --------
+    >>> import tempfile, xarray as xr
+    >>> ds = xr.Dataset({"phase": (("y", "x"), [[1.0, 2.0]], {"units": "degree"})})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     load(save(ds, f"{folder}/image.nc")).identical(ds)
+    True
+    """
+    compressed = {
+        name: {"zlib": True, "complevel": COMPRESSION_LEVEL}
+        for name, variable in ds.variables.items()
+        if variable.ndim >= 2 and variable.dtype.kind in "fiu"
+    }
+    with replacing(path, overwrite) as temporary:
+        ds.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=compressed)
+    return Path(path)
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator[Path]:
+    """Lend a temporary name in the folder of `path`; what was written there becomes `path` if all went well.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to write.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Yields
+    ------
+    Path
+        The temporary name, with the suffix of `path`.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written; the temporary file is removed in any case.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with replacing(f"{folder}/note.txt") as temporary:
+    ...         _ = temporary.write_text("whole")
+    ...     Path(folder, "note.txt").read_text()
+    'whole'
+    """
+    path = check_target(path, overwrite)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{path.suffix}")
+    try:
+        yield temporary
+        with temporary.open("r+b") as file:
+            os.fsync(file.fileno())  # the bytes are on the disk before the name points to them
+        os.replace(temporary, path)
+    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
+        raise FileError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}.") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def load(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Read a netCDF file into memory.
+
+    Parameters
+    ----------
+    path : path-like
+        A netCDF file.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory; the file is closed.
+
+    Raises
+    ------
+    FileError
+        If there is no such file, or it is not a whole netCDF file.
+
+    Examples
+    --------
+    >>> load("nowhere.nc")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileError(f"cannot read {path}: there is no such file.")
+    if not path.is_file():
+        raise FileError(f"cannot read {path}: it is not a file.")
+    if not os.access(path, os.R_OK):
+        raise FileError(f"cannot read {path}: no permission.")
+    import xarray as xr
+
+    try:
+        return xr.load_dataset(path, engine="netcdf4")
+    except (OSError, RuntimeError, ValueError) as error:
+        raise FileError(f"cannot read {path}: it is not a netCDF file, or it is damaged or cut short.") from error

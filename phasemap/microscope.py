@@ -1,0 +1,143 @@
+"""The microscope: lever, tip, drive, and the interaction between tip and surface."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from phasemap._check import number
+from phasemap.interaction import Interaction
+
+
+@dataclass(frozen=True)
+class Cantilever:
+    """The lever's first eigenmode as a damped spring.
+
+    Parameters
+    ----------
+    stiffness : float
+        Spring constant k [N/m], > 0.
+    resonance_frequency : float
+        Free resonance frequency f_c = omega_c / (2 pi) [Hz], > 0.
+    quality_factor : float
+        Q = 1 / (2 alpha0) [1], > 0.5 (the lever must oscillate).
+
+    Examples
+    --------
+    >>> Cantilever(stiffness=40.0, resonance_frequency=148.5e3, quality_factor=833.0).damping
+    0.0006002400960384153
+    """
+
+    stiffness: float
+    resonance_frequency: float
+    quality_factor: float
+
+    def __post_init__(self) -> None:
+        number("stiffness", self.stiffness, "N/m", above=0)
+        number("resonance_frequency", self.resonance_frequency, "Hz", above=0)
+        number("quality_factor", self.quality_factor, "1", above=0.5)
+
+    @property
+    def damping(self) -> float:
+        """alpha0 = 1 / (2 Q), the lever's own damping [1]."""
+        return 0.5 / self.quality_factor
+
+
+@dataclass(frozen=True)
+class Tip:
+    """A spherical tip.
+
+    Parameters
+    ----------
+    radius : float
+        R [m], > 0.
+    modulus : float, optional
+        Young's modulus of the tip [Pa], > 0; None is a rigid tip.
+    poisson_ratio : float
+        Poisson's ratio of the tip [1]; used with `modulus` only.
+
+    Examples
+    --------
+    >>> Tip(radius=30e-9).modulus is None
+    True
+    """
+
+    radius: float
+    modulus: float | None = None
+    poisson_ratio: float = 0.3
+
+    def __post_init__(self) -> None:
+        number("tip radius", self.radius, "m", above=0)
+        if self.modulus is not None:
+            number("tip modulus", self.modulus, "Pa", above=0)
+        number("tip poisson_ratio", self.poisson_ratio, "1", above=-1, maximum=0.5)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The excitation at the lever's base.
+
+    Parameters
+    ----------
+    free_amplitude : float
+        Amplitude of the free lever AT RESONANCE [m], > 0; the base moves by u0 = free_amplitude / Q.
+    frequency : float, optional
+        Drive frequency [Hz], > 0; None drives at the free resonance.
+
+    Examples
+    --------
+    >>> Drive(free_amplitude=127e-9).frequency is None
+    True
+    """
+
+    free_amplitude: float
+    frequency: float | None = None
+
+    def __post_init__(self) -> None:
+        number("free_amplitude", self.free_amplitude, "m", above=0)
+        if self.frequency is not None:
+            number("drive frequency", self.frequency, "Hz", above=0)
+
+
+@dataclass(frozen=True)
+class Microscope:
+    """Everything about the instrument that a simulation needs.
+
+    Parameters
+    ----------
+    cantilever : Cantilever
+    tip : Tip
+    drive : Drive
+    interaction : Interaction
+
+    Examples
+    --------
+    >>> scope = Microscope(Cantilever(40.0, 148.5e3, 833.0), Tip(30e-9), Drive(127e-9))
+    >>> scope.frequency_ratio
+    1.0
+    >>> round(scope.free_amplitude * 1e9, 6)
+    127.0
+    """
+
+    cantilever: Cantilever
+    tip: Tip
+    drive: Drive
+    interaction: Interaction = Interaction()
+
+    @property
+    def frequency_ratio(self) -> float:
+        """omega, the drive frequency over the free resonance frequency [1]."""
+        if self.drive.frequency is None:
+            return 1.0
+        return self.drive.frequency / self.cantilever.resonance_frequency
+
+    @property
+    def base_amplitude(self) -> float:
+        """u0 = free_amplitude / Q, the amplitude of the lever's base [m]."""
+        return self.drive.free_amplitude / self.cantilever.quality_factor
+
+    @property
+    def free_amplitude(self) -> float:
+        """Amplitude of the free lever at the drive frequency [m]; the setpoint is a fraction of this one."""
+        omega = self.frequency_ratio
+        return self.base_amplitude / math.hypot(1 - omega**2, 2 * self.cantilever.damping * omega)

@@ -1,0 +1,327 @@
+"""Pictures of an image: height and phase side by side, as microscopists show them.
+
+Uses matplotlib's Figure without pyplot: nothing is shown, no global state is touched, and start-up stays short.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from phasemap.errors import InputError
+from phasemap.status import Status
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import Colormap, Normalize
+    from matplotlib.figure import Figure
+
+__all__ = ["describe_failures", "describe_flags", "plot"]
+
+FAILED = "#00e646"  # green is in none of afmhot, cividis and coolwarm
+LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
+RESOLUTION = 200  # of a saved picture [dots per inch]
+LENGTH_UNITS = (("µm", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
+
+# Sizes on the page [inch].
+PANEL, BAR_GAP, BAR, BAR_LABELS, MARGIN = 3.5, 0.07, 0.12, 0.62, 0.3
+HEADER, TITLE, HISTOGRAM_GAP, HISTOGRAM, AXIS, LINE = 0.36, 0.3, 0.06, 0.5, 0.52, 0.17
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """How the values of one quantity turn into colours, the same in every row of the figure."""
+
+    label: str
+    factor: float
+    offset: float
+    cmap: Colormap
+    norm: Normalize
+
+
+def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+    """Draw height and phase side by side.
+
+    Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
+    in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
+    a solution are green, and a line below says how many there are, why, and what helps.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
+        a leading dimension "direction" gives one row each.
+    path : path-like, optional
+        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If `ds` holds no image, or the format is unknown.
+    FileError
+        If `path` cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> x = ("x", 4e-9 * np.arange(8), {"units": "m"})
+    >>> y = ("y", 4e-9 * np.arange(6), {"units": "m"})
+    >>> hills = np.sin(np.arange(48.0)).reshape(6, 8)
+    >>> ds = xr.Dataset({"height": (("y", "x"), 1e-9 * hills), "phase": (("y", "x"), 20 * hills)}, {"y": y, "x": x})
+    >>> len(plot(ds).axes)
+    6
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    _check(ds)
+    rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
+    legend = describe_failures(ds)
+    length = _side_lengths(ds)
+    tall = PANEL * min(max(length[1] / length[0], 0.2), 2.0)
+    step = TITLE + tall + HISTOGRAM_GAP + HISTOGRAM + AXIS
+    width = MARGIN + 2 * (PANEL + BAR_GAP + BAR + BAR_LABELS)
+    height = HEADER + len(rows) * step + LINE * (len(legend) + 0.5 * bool(legend))
+    figure = Figure(figsize=(width, height))
+    canvas = FigureCanvasAgg(figure)
+
+    def axes_at(left: float, top: float, wide: float, high: float) -> Axes:
+        return figure.add_axes((left / width, 1 - (top + high) / height, wide / width, high / height))
+
+    scales = {"height": _height_scale(ds["height"].values), "phase": _phase_scale(ds["phase"].values)}
+    for row, one in enumerate(rows):
+        top = HEADER + row * step + TITLE
+        for column, (name, scale) in enumerate(scales.items()):
+            left = MARGIN + column * (PANEL + BAR_GAP + BAR + BAR_LABELS)
+            title = f"{name.capitalize()}, {one['direction'].item()}" if "direction" in one.coords else name.capitalize()
+            picture = axes_at(left, top, PANEL, tall)
+            picture.set_title(title, fontsize=11, loc="left")
+            _draw_image(picture, axes_at(left + PANEL + BAR_GAP, top, BAR, tall), one, name, scale)
+            _draw_histogram(axes_at(left, top + tall + HISTOGRAM_GAP, PANEL, HISTOGRAM), one[name].values, scale)
+    figure.text(MARGIN / width, 1 - 0.14 / height, _title(ds), fontsize=9, color="0.3", va="top")
+    if legend:
+        figure.text(MARGIN / width, 0.5 * LINE / height, "\n".join(f"■ {line}" for line in legend), fontsize=8, color="#00803a", va="bottom",
+                    linespacing=1.4)
+    if path is not None:
+        _save(canvas, path, overwrite)
+    return figure
+
+
+def _check(ds: xr.Dataset) -> None:
+    """Refuse what is not an image."""
+    for name in ("height", "phase"):
+        if name not in ds:
+            raise InputError("the dataset", sorted(map(str, ds.data_vars)), "an image with height and phase")
+        dims = ds[name].dims
+        if dims not in (("y", "x"), ("direction", "y", "x")):
+            raise InputError(f"dims of {name}", dims, "('y', 'x') or ('direction', 'y', 'x')")
+    for dim in ("y", "x"):
+        if dim not in ds.coords:
+            raise InputError("the dataset", "without coordinates", f"an image with a coordinate {dim} [m]")
+
+
+def _side_lengths(ds: xr.Dataset) -> tuple[float, float]:
+    """Width and height of the image [m], to the outer edges of the pixels."""
+    pitch = {dim: float(ds[dim][1] - ds[dim][0]) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
+    width, height = (ds.sizes[dim] * (pitch[dim] or max(pitch.values()) or 1.0) for dim in ("x", "y"))
+    return width, height
+
+
+def _height_scale(values: np.ndarray) -> _Scale:
+    """afmhot from the lowest height shown, in the length unit that suits the range."""
+    import matplotlib
+    from matplotlib.colors import Normalize
+
+    low, high = _limits(values)
+    unit, size = _length_unit(high - low)
+    return _Scale(f"height ({unit})", 1 / size, low, matplotlib.colormaps["afmhot"],
+                  Normalize(0, (high - low) / size or 1.0))
+
+
+def _phase_scale(values: np.ndarray) -> _Scale:
+    """cividis, or a diverging map centred on 0 where both regimes take a fair part of the range."""
+    import matplotlib
+    from matplotlib.colors import Normalize
+
+    low, high = _limits(values)
+    reach = 1.1 * max(-low, high)
+    if min(-low, high) > 0.09 * reach:
+        return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps["coolwarm"], Normalize(-reach, reach))
+    if high - low < 1e-6:  # a flat phase: do not blow up the last digits
+        low, high = low - 0.5, high + 0.5
+    return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps["cividis"], Normalize(low, high))
+
+
+def _limits(values: np.ndarray) -> tuple[float, float]:
+    """The percentiles shown; (0, 0) if there is no finite value."""
+    import numpy as np
+
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0.0, 0.0
+    low, high = np.percentile(finite, LIMITS)
+    if high == low:  # a few particles on a flat ground
+        low, high = finite.min(), finite.max()
+    return float(low), float(high)
+
+
+def _length_unit(length: float) -> tuple[str, float]:
+    """The largest unit in which `length` is at least 1."""
+    return next(((unit, size) for unit, size in LENGTH_UNITS if length >= size), LENGTH_UNITS[1])
+
+
+def _draw_image(axes: Axes, bar_axes: Axes, ds: xr.Dataset, name: str, scale: _Scale) -> None:
+    """One channel with colour bar, scale bar and the pixels that failed."""
+    import numpy as np
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.colors import ListedColormap
+    from scipy.ndimage import maximum_filter
+
+    width, height = _side_lengths(ds)
+    extent = (0.0, width, height, 0.0)  # row 0 at the top
+    shown = (ds[name].values - scale.offset) * scale.factor
+    image = axes.imshow(shown, cmap=scale.cmap, norm=scale.norm, extent=extent, aspect="auto")
+    failed = ds["status"].values != 0 if "status" in ds else ~np.isfinite(shown)
+    if failed.any():
+        grown = maximum_filter(failed, max(failed.shape) // 128 or 1)  # one pixel in a thousand must still be seen
+        overlay = np.ma.masked_where(~grown, np.ones(failed.shape))
+        axes.imshow(overlay, cmap=ListedColormap([FAILED]), extent=extent, aspect="auto", interpolation="nearest")
+    axes.set(xticks=[], yticks=[])
+    _draw_scale_bar(axes, width)
+    bar = Colorbar(bar_axes, image)
+    bar.set_label(scale.label, fontsize=9)
+    bar_axes.tick_params(labelsize=8)
+
+
+def _draw_scale_bar(axes: Axes, width: float) -> None:
+    """A bar of 1, 2 or 5 times a power of ten, at most a third of the width, white on any ground."""
+    from matplotlib.patheffects import withStroke
+
+    length = _round_length(width / 3)
+    unit, size = _length_unit(length * (1 + 1e-9))
+    outline = [withStroke(linewidth=4.5, foreground="black")]
+    left, place = 0.05 * width, axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
+    axes.plot([left, left + length], [0.06, 0.06], transform=place, color="white", linewidth=3.5,
+              solid_capstyle="butt", path_effects=outline, scalex=False, scaley=False)
+    axes.annotate(f"{length / size:.0f} {unit}", (left + length / 2, 0.06), xycoords=place, xytext=(0, 4),
+                  textcoords="offset points", ha="center", va="bottom", color="white", fontsize=9, fontweight="bold",
+                  path_effects=[withStroke(linewidth=1.5, foreground="black")])
+
+
+def _round_length(longest: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `longest`."""
+    decade = 10.0 ** math.floor(math.log10(longest))
+    return max(step * decade for step in (1, 2, 5) if step * decade <= longest * (1 + 1e-9))
+
+
+def _draw_histogram(axes: Axes, values: np.ndarray, scale: _Scale) -> None:
+    """How often each value occurs, in the colours of the image."""
+    import numpy as np
+
+    low, high = float(scale.norm.vmin or 0.0), float(scale.norm.vmax or 0.0)
+    shown = (values[np.isfinite(values)] - scale.offset) * scale.factor
+    counts, edges = np.histogram(shown, bins=100, range=(low, high))
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    axes.bar(centres, counts, width=np.diff(edges), color=scale.cmap(scale.norm(centres)), edgecolor="0.25",
+             linewidth=0.25)
+    axes.set_xlim(low, high)
+    axes.set_yticks([])
+    axes.set_xlabel(scale.label, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "left", "right"]].set_visible(False)
+
+
+def describe_failures(ds: xr.Dataset) -> list[str]:
+    """Say how many pixels have no solution, why, and what helps.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image.
+
+    Returns
+    -------
+    list of str
+        One line for each way a pixel failed; empty if none did.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 5])}))
+    ['1 of 4 pixels (25 %): The maps have no valid material here (NaN).']
+    """
+    import numpy as np
+
+    if "status" not in ds:
+        return []
+    codes, counts = np.unique(ds["status"].values, return_counts=True)
+    total = ds["status"].size
+    return [
+        f"{count} of {total} pixels ({100 * count / total:.3g} %): {Status.of(int(code)).value}"
+        for code, count in zip(codes, counts, strict=True)
+        if code != 0
+    ]
+
+
+def _title(ds: xr.Dataset) -> str:
+    """Setpoint, solvers and size, as far as the dataset says them."""
+    said = []
+    if "setpoint" in ds.attrs:
+        said.append(f"setpoint {float(ds.attrs['setpoint']):g}")
+    if "solver" in ds:
+        said.append("solver " + describe_flags(ds["solver"]))
+    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
+    return "   ·   ".join(said)
+
+
+def describe_flags(flags: xr.DataArray) -> str:
+    """Say which flags occur and how often, most frequent first.
+
+    Parameters
+    ----------
+    flags : xarray.DataArray
+        Integers with the CF attributes ``flag_values`` and ``flag_meanings``.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> attrs = {"flag_values": [0, 1], "flag_meanings": "averaging orbit"}
+    >>> describe_flags(xr.DataArray([0, 0, 0, 1], dims="x", attrs=attrs))
+    'averaging 75 %, orbit 25 %'
+    """
+    import numpy as np
+
+    names = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), flags.attrs["flag_meanings"].split(),
+                     strict=True))
+    values, counts = np.unique(flags.values, return_counts=True)
+    order = np.argsort(-counts)
+    if len(values) == 1:
+        return names.get(int(values[0]), "none")
+    return ", ".join(f"{names.get(int(values[i]), 'none')} {100 * counts[i] / flags.size:.3g} %" for i in order)
+
+
+def _save(canvas: FigureCanvasAgg, path: str | os.PathLike[str], overwrite: bool) -> None:
+    """Write the picture whole or not at all."""
+    from phasemap.io.netcdf import replacing
+
+    formats = sorted(canvas.get_supported_filetypes())
+    suffix = os.path.splitext(path)[1]
+    if suffix.lstrip(".").lower() not in formats:
+        raise InputError("the picture's suffix", suffix, "one of " + ", ".join(f".{name}" for name in formats))
+    with replacing(path, overwrite) as temporary:
+        canvas.print_figure(temporary, dpi=RESOLUTION)

@@ -1,0 +1,310 @@
+"""Scenes: one TOML file that says everything a simulation needs.
+
+The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scene_surface`), ``[materials.NAME]``,
+``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]``, ``[accuracy]`` and ``[output]``. Keys are the
+arguments of the Python objects of the same name, in SI units; nothing unknown is passed over.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import os
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from phasemap._check import number
+from phasemap.accuracy import Accuracy
+from phasemap.control import Engage
+from phasemap.errors import FileError, InputError
+from phasemap.interaction import Interaction
+from phasemap.material import Material
+from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.surface import Surface
+
+__all__ = ["Scene", "load_scene"]
+
+T = TypeVar("T")
+Table = dict[str, Any]
+
+CONTROLS: dict[str, type[Engage]] = {"engage": Engage}
+SOLVERS = ("auto", "averaging", "orbit", "march")
+TABLES = ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "output")
+REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
+
+
+class _Word(str):
+    """A string that an error shows without quotes."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A checked scene: what `phasemap.simulate` takes, and where it came from.
+
+    Parameters
+    ----------
+    surface : Surface
+    microscope : Microscope
+    options : mapping
+        The further arguments of `phasemap.simulate`: setpoint, solver, control, accuracy, variables.
+    output : Path or None
+        The file that ``[output]`` names, relative to the scene's folder.
+    config : mapping
+        Every table with its defaults filled in, and the SHA-256 of every file that was read.
+
+    Examples
+    --------
+    >>> scene = load_scene("samples/step.toml", ["scan.setpoint=0.6"])
+    >>> scene.options["setpoint"], scene.microscope.tip.radius
+    (0.6, 1e-08)
+    """
+
+    surface: Surface
+    microscope: Microscope
+    options: Mapping[str, Any]
+    output: Path | None
+    config: Mapping[str, Any]
+
+    def to_json(self) -> str:
+        """The resolved configuration as one line of JSON.
+
+        Returns
+        -------
+        str
+        """
+        return json.dumps(self.config, ensure_ascii=False)
+
+    def simulate(
+        self,
+        *,
+        strict: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+        threads: int | None = None,
+    ) -> xr.Dataset:
+        """Simulate the scene's image.
+
+        Parameters
+        ----------
+        strict, progress, threads
+            As in `phasemap.simulate`; they do not change the numbers.
+
+        Returns
+        -------
+        xarray.Dataset
+            The image, with the resolved scene as JSON in its attribute ``scene``.
+        """
+        from phasemap.scan import simulate
+
+        image = simulate(
+            self.surface, self.microscope, **self.options, strict=strict, progress=progress, threads=threads
+        )
+        return image.assign_attrs(scene=self.to_json())
+
+
+def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scene:
+    """Read and check a scene file.
+
+    Parameters
+    ----------
+    path : path-like
+        A TOML file; files that it names are relative to its folder.
+    overrides : iterable of str
+        ``"table.key=value"``, such as ``"drive.free_amplitude=20e-9"`` or ``"materials.soft.modulus=2e9"``. The value is
+        read as TOML, and as text where it is not TOML.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        If a table or key is unknown, missing, or has a value that is not allowed.
+    FileError
+        If the scene or a file that it names cannot be read.
+
+    Examples
+    --------
+    >>> load_scene("samples/step.toml", ["drive.frequncy=70e3"])
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.InputError: [drive] frequncy is unknown; allowed: free_amplitude, frequency. Did you mean 'frequency'?
+    """
+    path = Path(path)
+    tables = _read_toml(path)
+    for override in overrides:
+        _apply(tables, override)
+    return _build(tables, path.parent)
+
+
+def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
+    """Refuse a table that has unknown keys or lacks required ones.
+
+    Parameters
+    ----------
+    name : str
+        The table, as the user writes it: ``"[drive]"``.
+    table : object
+        What the file has under that name.
+    allowed, required : iterable of str
+        Names of keys.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> check_keys("[tip]", {"radus": 10e-9}, ["radius", "modulus"])
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.InputError: [tip] radus is unknown; allowed: radius, modulus. Did you mean 'radius'?
+    """
+    allowed = list(allowed)
+    if not isinstance(table, dict):
+        raise InputError(name, table, "a table of keys " + ", ".join(allowed))
+    for key in table:
+        if key not in allowed:
+            near = difflib.get_close_matches(key, allowed, 1, 0.5)
+            raise InputError(f"{name} {key}", _Word("unknown"), ", ".join(allowed),
+                             f"Did you mean {near[0]!r}?" if near else "")
+    for key in required:
+        if key not in table:
+            raise missing(name, key)
+
+
+def missing(name: str, key: str) -> InputError:
+    """The error for a required key that a table does not have."""
+    return InputError(f"{name} {key}", _Word("missing"), "a value, for it has no default")
+
+
+def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T:
+    """Call `make` with the keys of a table, and name the table and key in what it raises."""
+    try:
+        return make(**table, **more)
+    except InputError as error:
+        key = error.name.removeprefix(f"{name} ").removeprefix(name.strip("[]") + " ")
+        raise InputError(f"{name} {key}", error.value, error.allowed, error.hint) from error
+
+
+def _read_toml(path: Path) -> Table:
+    """The tables of a TOML file."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise FileError(f"cannot read the scene {path}: {error.strerror}.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
+
+
+def _apply(tables: Table, override: str) -> None:
+    """Set one key from ``"table.key=value"``."""
+    name, equals, text = override.partition("=")
+    *path, key = name.strip().split(".")
+    if not equals or not path or not all([*path, key]):
+        raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20e-9")
+    table = tables
+    for part in path:
+        table = table.setdefault(part, {})
+        if not isinstance(table, dict):
+            raise InputError("override", override, f"a key of a table; {part} is none")
+    table[key] = _value(text)
+
+
+def _value(text: str) -> Any:
+    """Read text as one TOML value, and as itself where it is none."""
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return parsed["value"] if len(parsed) == 1 else text
+
+
+def _build(tables: Table, folder: Path) -> Scene:
+    """Make the objects of every table."""
+    from phasemap.scene_surface import build_surface
+
+    check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
+    scan = {"solver": "auto", **_table(tables, "scan")}
+    check_keys("[scan]", scan, ("setpoint", "solver"), ("setpoint",))
+    number("[scan] setpoint", scan["setpoint"], "1", above=0, below=1)
+    _check_choice("[scan] solver", scan["solver"], SOLVERS)
+    microscope = Microscope(
+        _object(tables, "cantilever", Cantilever),
+        _object(tables, "tip", Tip),
+        _object(tables, "drive", Drive),
+        _object(tables, "interaction", Interaction),
+    )
+    accuracy = _object(tables, "accuracy", Accuracy)
+    control_table = {"kind": "engage", **_table(tables, "control")}
+    _check_choice("[control] kind", control_table["kind"], CONTROLS)
+    control_class = CONTROLS[control_table.pop("kind")]
+    control = _from_table("[control]", control_table, control_class)
+    output = _table(tables, "output")
+    check_keys("[output]", output, ("file", "variables"))
+    file, variables = output.get("file"), output.get("variables")
+    if file is not None and not isinstance(file, str):
+        raise InputError("[output] file", file, "a file name")
+    if variables is not None and not (isinstance(variables, list) and all(isinstance(name, str) for name in variables)):
+        raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
+    materials = {
+        name: _from_table(f"[materials.{name}]", table, Material) for name, table in _table(tables, "materials").items()
+    }
+    surface, files = build_surface(_table(tables, "surface"), materials, folder)
+    config = {
+        "scan": scan,
+        "surface": tables["surface"],
+        "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
+        **dataclasses.asdict(microscope),
+        "control": {"kind": next(kind for kind, cls in CONTROLS.items() if cls is control_class),
+                    **dataclasses.asdict(control)},
+        "accuracy": dataclasses.asdict(accuracy),
+        "files": files,
+    }
+    options = {"setpoint": float(scan["setpoint"]), "solver": scan["solver"], "control": control, "accuracy": accuracy,
+               "variables": variables}
+    return Scene(surface, microscope, options, folder / file if file else None, config)
+
+
+def _table(tables: Table, name: str) -> Table:
+    """A table of the scene, empty where it is not given."""
+    table = tables.get(name, {})
+    if not isinstance(table, dict):
+        raise InputError(f"[{name}]", table, "a table")
+    return table
+
+
+def _object(tables: Table, name: str, cls: Callable[..., T]) -> T:
+    """The object of the table that has its name."""
+    return _from_table(f"[{name}]", _table(tables, name), cls)
+
+
+def _from_table(name: str, table: object, cls: Callable[..., T]) -> T:
+    """A frozen dataclass from the table of its fields."""
+    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+    required = [field.name for field in fields if field.default is dataclasses.MISSING]
+    check_keys(name, table, [field.name for field in fields], required)
+    assert isinstance(table, dict)
+    return construct(name, table, cls)
+
+
+def _check_choice(name: str, value: object, choices: Iterable[str]) -> None:
+    """Refuse what is not one of the choices."""
+    choices = list(choices)
+    if value not in choices:
+        near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
+        raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")

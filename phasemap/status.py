@@ -1,0 +1,32 @@
+"""What became of a pixel. The value of a status is the advice it gives."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Status(Enum):
+    """Status of a pixel; the order is the code kept in a Dataset."""
+
+    good = "The orbit was found and is stable."
+    no_stable_orbit = (
+        "No stable orbit holds this setpoint: the amplitude jumps across it. Change the setpoint or the free amplitude."
+    )
+    not_converged = "The solver did not converge. Try solver='march', and please report the pixel's parameters."
+    unstable = (
+        "The orbit at this setpoint repeats only every second period or drifts. Raise the setpoint or lower the amplitude."
+    )
+    not_settled = "The march did not settle in the allowed periods. Use solver='orbit', or allow more periods."
+    invalid = "The maps have no valid material here (NaN)."
+    too_many_contacts = "The tip bounces more often per period than the solver follows. Use solver='march'."
+    no_averaged_orbit = "First-order averaging has no orbit on the branch the tip takes. Use solver='orbit'."
+
+    @property
+    def code(self) -> int:
+        """The integer kept in a Dataset."""
+        return list(Status).index(self)
+
+    @classmethod
+    def of(cls, code: int) -> Status:
+        """Return the status with this code."""
+        return list(cls)[code]

@@ -1,0 +1,540 @@
+"""What lies under the tip: maps of material properties and topography on a grid of pixels.
+
+Row 0 is the top of the image and y increases with the row index; everything is SI.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from phasemap._check import in_words, number, pixel_pair, shape_pair
+from phasemap.errors import InputError
+from phasemap.material import Material
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Surface"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+class _Quantity(NamedTuple):
+    long_name: str
+    unit: str  # as UDUNITS writes it
+    spellings: tuple[str, ...]  # of the unit without a prefix, spaces and signs of multiplication dropped
+    bounds: dict[str, float]
+
+
+_QUANTITIES = {
+    "modulus": _Quantity("Young's modulus", "Pa", ("Pa", "N/m2", "Nm-2"), {"minimum": 0}),
+    "adhesion": _Quantity("work of adhesion", "J m-2", ("J/m2", "Jm-2", "N/m", "Nm-1"), {"minimum": 0}),
+    "damping": _Quantity("damping coefficient alpha1", "1", (), {"minimum": 0}),
+    "viscosity": _Quantity("Kelvin-Voigt viscosity", "Pa s", ("Pas", "Ns/m2", "Nsm-2"), {"minimum": 0}),
+    "poisson_ratio": _Quantity("Poisson's ratio", "1", (), {"above": -1, "maximum": 0.5}),
+    "topography": _Quantity("topography", "m", ("m", "meter", "metre"), {}),
+}
+_SPELLING = str.maketrans({" ": "", ".": "", "*": "", "^": "", "·": "", "²": "2", "⁻": "-", "µ": "u", "μ": "u"})
+_POSITION = _Quantity("position", "m", _QUANTITIES["topography"].spellings, {})
+_PREFIXES = {"": 0, "T": 12, "G": 9, "M": 6, "k": 3, "m": -3, "u": -6, "n": -9, "p": -12}
+_NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
+
+
+@dataclass(frozen=True, init=False, repr=False, eq=False)
+class Surface:
+    """A sample: material maps and topography on a grid of pixels.
+
+    Every quantity is one number or a 2-D map, and all maps have one shape. The fields are read-only float64 arrays of
+    that shape; what is the same everywhere takes the memory of one number. A map that can still be written to is
+    copied once, a read-only one (``a.setflags(write=False)``) is shared.
+
+    Parameters
+    ----------
+    modulus : float or array_like, shape (ny, nx)
+        Young's modulus E [Pa], >= 0.
+    adhesion : float or array_like, shape (ny, nx)
+        Work of adhesion w [J/m2] between tip and surface, >= 0.
+    damping : float or array_like, shape (ny, nx), optional
+        Damping coefficient alpha1 [1], >= 0; 0 if neither `damping` nor `viscosity` is given.
+    viscosity : float or array_like, shape (ny, nx), optional
+        Kelvin-Voigt viscosity eta [Pa s], >= 0, in place of `damping`.
+    poisson_ratio : float or array_like, shape (ny, nx)
+        Poisson's ratio [1], above -1 and at most 0.5.
+    topography : float or array_like, shape (ny, nx), optional
+        Height of the undeformed surface [m]; None is flat.
+    pixel_size : float or (float, float)
+        Side of a square pixel [m], or its (dy, dx); kept as (dy, dx).
+    shape : (int, int), optional
+        (ny, nx), needed only where no map is given.
+    allow_nan : bool
+        Keep NaN in material maps as pixels without a material, which stay NaN in the image, instead of raising.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range (it says where), maps differ in shape, or both `damping` and `viscosity` are given.
+
+    Examples
+    --------
+    >>> surface = Surface(modulus=[[1e9, 3e9], [3e9, 3e9]], adhesion=0.05, damping=0.01, pixel_size=4e-9)
+    >>> surface
+    Surface(2 x 2 pixels of 4e-09 x 4e-09 m, modulus 1e+09 to 3e+09 Pa, adhesion 0.05 J m-2, damping 0.01)
+    >>> float(surface.adhesion[1, 0]), surface.pixel_size
+    (0.05, (4e-09, 4e-09))
+
+    `dataclasses.replace` changes one thing:
+
+    >>> from dataclasses import replace
+    >>> replace(surface, viscosity=20.0, damping=None).viscosity.shape
+    (2, 2)
+    """
+
+    modulus: FloatArray
+    adhesion: FloatArray
+    damping: FloatArray | None
+    viscosity: FloatArray | None
+    poisson_ratio: FloatArray
+    topography: FloatArray | None
+    pixel_size: tuple[float, float]
+    shape: tuple[int, int]
+    allow_nan: bool
+    _unique: tuple[FloatArray, IntArray] | None = field(init=False)
+
+    def __init__(
+        self,
+        modulus: ArrayLike,
+        adhesion: ArrayLike = 0.0,
+        damping: ArrayLike | None = None,
+        viscosity: ArrayLike | None = None,
+        poisson_ratio: ArrayLike = 0.35,
+        topography: ArrayLike | None = None,
+        *,
+        pixel_size: float | Sequence[float],
+        shape: Sequence[int] | None = None,
+        allow_nan: bool = False,
+    ) -> None:
+        if damping is None and viscosity is None:
+            damping = 0.0
+        elif damping is not None and viscosity is not None:
+            raise InputError("viscosity", "given beside damping", "damping or viscosity, not both")
+        given = {"modulus": modulus, "adhesion": adhesion, "damping": damping, "viscosity": viscosity,
+                 "poisson_ratio": poisson_ratio, "topography": topography}
+        maps = {name: _as_map(name, value, allow_nan and name != "topography")
+                for name, value in given.items() if value is not None}
+        ny_nx = _common_shape(maps, shape)
+        for name in given:
+            object.__setattr__(self, name, np.broadcast_to(maps[name], ny_nx) if name in maps else None)
+        object.__setattr__(self, "pixel_size", pixel_pair(pixel_size))
+        object.__setattr__(self, "shape", ny_nx)
+        object.__setattr__(self, "allow_nan", bool(allow_nan))
+        object.__setattr__(self, "_unique", None)
+
+    @classmethod
+    def from_labels(
+        cls,
+        labels: ArrayLike,
+        materials: Mapping[int, Material],
+        *,
+        pixel_size: float | Sequence[float],
+        topography: ArrayLike | None = None,
+    ) -> Surface:
+        """Make a surface of a few materials.
+
+        Parameters
+        ----------
+        labels : array_like of int or bool, shape (ny, nx)
+            Which material each pixel is made of.
+        materials : mapping of int to Material
+            The material of each label; labels that the map does not use may be there too.
+        pixel_size : float or (float, float)
+            [m], as in `Surface`.
+        topography : float or array_like, shape (ny, nx), optional
+            [m], as in `Surface`.
+
+        Returns
+        -------
+        Surface
+            It remembers the labels, so that `unique` costs nothing.
+
+        Raises
+        ------
+        InputError
+            If a label has no material, the labels are no 2-D map of whole numbers, or some materials have a viscosity
+            and others a damping.
+
+        Examples
+        --------
+        >>> soft, hard = Material(modulus=1e9, adhesion=0.1), Material(modulus=3e9, adhesion=0.05)
+        >>> surface = Surface.from_labels([[0, 1], [1, 1]], {0: soft, 1: hard}, pixel_size=4e-9)
+        >>> surface.modulus.tolist()
+        [[1000000000.0, 3000000000.0], [3000000000.0, 3000000000.0]]
+        """
+        label_map = np.asarray(labels)
+        if label_map.ndim != 2 or not label_map.size:
+            raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
+        if label_map.dtype.kind not in "iub":
+            raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
+        names, table, viscous = _material_table(materials)
+        index = _positions(label_map, names)
+        used = np.bincount(index.reshape(-1), minlength=len(names)) > 0
+        first, merged = _factorise(list(table[used].T))
+        renumber = np.full(len(names), -1, np.int32)
+        renumber[used] = merged
+        rows, inverse = _read_only(table[used][first]), _read_only(renumber[index])
+        columns = [column[0] if (column == column[0]).all() else _read_only(column[inverse]) for column in rows.T]
+        damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
+        surface = cls(columns[0], columns[1], damping, viscosity, columns[3], topography,
+                      pixel_size=pixel_size, shape=label_map.shape)
+        object.__setattr__(surface, "_unique", (rows, inverse))
+        return surface
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset, *, allow_nan: bool = False) -> Surface:
+        """Read a surface from a Dataset, as `to_dataset` writes it or with the same names.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography; each
+            with dims ("y", "x") or none. Coordinates y and x, increasing, evenly spaced. A units attribute with a
+            metric prefix (GPa, mJ/m2, nm) is converted, a missing one is SI.
+        allow_nan : bool
+            As in `Surface`.
+
+        Returns
+        -------
+        Surface
+            Its coordinates start anew at the top left corner. The size of a single row or column is read as twice its
+            coordinate.
+
+        Raises
+        ------
+        InputError
+            If a variable or coordinate is missing, has other dims or another kind of unit, or a value is out of range.
+
+        Examples
+        --------
+        >>> surface = Surface(modulus=[[1e9, 3e9]], adhesion=0.05, pixel_size=4e-9)
+        >>> Surface.from_dataset(surface.to_dataset()) == surface
+        True
+        """
+        names = [str(name) for name in dataset.data_vars]
+        for needed in ("modulus", "adhesion"):
+            if needed not in dataset.data_vars:
+                raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
+        given = {name: _variable_in_si(dataset[name], name) for name in _QUANTITIES if name in dataset.data_vars}
+        sides = _coordinate_step(dataset, "y"), _coordinate_step(dataset, "x")
+        shape = dataset.sizes["y"], dataset.sizes["x"]
+        return cls(**given, pixel_size=sides, shape=shape, allow_nan=allow_nan)
+
+    def to_dataset(self) -> xr.Dataset:
+        """Describe the surface as a Dataset that survives netCDF.
+
+        Returns
+        -------
+        xarray.Dataset
+            The fields as variables with dims ("y", "x"), long_name and units, on coordinates of the pixel centres [m].
+            It shares the surface's memory and so cannot be written to; ``copy(deep=True)`` can.
+
+        Examples
+        --------
+        >>> ds = Surface(modulus=1e9, adhesion=0.05, pixel_size=4e-9, shape=(2, 3)).to_dataset()
+        >>> dict(ds.sizes), ds["adhesion"].attrs["units"]
+        ({'y': 2, 'x': 3}, 'J m-2')
+        """
+        import xarray as xr
+
+        y, x = self.coords()
+        coords = {
+            "y": ("y", y, {"long_name": "position from the top of the image", "units": "m", "axis": "Y"}),
+            "x": ("x", x, {"long_name": "position from the left of the image", "units": "m", "axis": "X"}),
+        }
+        variables = {name: (("y", "x"), value, {"long_name": quantity.long_name, "units": quantity.unit})
+                     for name, quantity in _QUANTITIES.items() if (value := getattr(self, name)) is not None}
+        dataset = xr.Dataset(variables, coords, {"Conventions": "CF-1.11"})
+        for name in ("y", "x"):
+            dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates
+        return dataset
+
+    def coords(self) -> tuple[FloatArray, FloatArray]:
+        """Positions of the pixel centres from the top left corner of the image.
+
+        Returns
+        -------
+        y : ndarray, shape (ny,)
+            [m], increasing with the row.
+        x : ndarray, shape (nx,)
+            [m], increasing with the column.
+
+        Examples
+        --------
+        >>> y, x = Surface(modulus=1e9, pixel_size=(2.0, 1.0), shape=(1, 3)).coords()
+        >>> y.tolist(), x.tolist()
+        ([1.0], [0.5, 1.5, 2.5])
+        """
+        y, x = (_centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
+        return y, x
+
+    def unique(self) -> tuple[FloatArray, IntArray]:
+        """Find the distinct materials, so that each is solved once.
+
+        Returns
+        -------
+        rows : ndarray, shape (n, 4)
+            Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, and Poisson's ratio [1].
+        inverse : ndarray of int32, shape (ny, nx)
+            Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
+            read-only.
+
+        Examples
+        --------
+        >>> surface = Surface(modulus=[[1e9, 3e9, 1e9]], adhesion=0.05, pixel_size=4e-9)
+        >>> rows, inverse = surface.unique()
+        >>> rows[:, 0].tolist(), inverse.tolist()
+        ([1000000000.0, 3000000000.0], [[0, 1, 0]])
+        """
+        found = self._unique
+        if found is None:
+            fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
+            columns = [column for column in fields if column is not None]
+            varying = [column.reshape(-1) for column in columns if not _is_uniform(column)]
+            if varying:
+                first, flat = _factorise(varying)
+                pixels = np.divmod(first, self.shape[1])
+                rows, inverse = np.column_stack([column[pixels] for column in columns]), flat.reshape(self.shape)
+            else:
+                rows = np.array([[column[0, 0] for column in columns]])
+                inverse = np.broadcast_to(np.int32(0), self.shape)
+            found = _read_only(rows), _read_only(inverse)
+            object.__setattr__(self, "_unique", found)
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both have the same values everywhere; where both have NaN they agree."""
+        if not isinstance(other, Surface):
+            return NotImplemented
+        if (self.shape, self.pixel_size) != (other.shape, other.pixel_size):
+            return False
+        for name in _QUANTITIES:
+            a, b = getattr(self, name), getattr(other, name)
+            if (a is None) != (b is None) or (a is not None and not np.array_equal(a, b, equal_nan=True)):
+                return False
+        return True
+
+    def __repr__(self) -> str:
+        """Say the size of the map and the range of each quantity."""
+        dy, dx = self.pixel_size
+        parts = [f"{self.shape[0]} x {self.shape[1]} pixels of {dy:g} x {dx:g} m"]
+        for name in ("modulus", "adhesion", "damping", "viscosity", "topography"):
+            value = getattr(self, name)
+            if value is not None:
+                low, high = f"{np.fmin.reduce(value, None):g}", f"{np.fmax.reduce(value, None):g}"
+                values = low if low == high else f"{low} to {high}"
+                parts.append(f"{name} {values} {_QUANTITIES[name].unit}".removesuffix(" 1"))
+        return f"Surface({', '.join(parts)})"
+
+
+def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
+    """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
+    quantity = _QUANTITIES[name]
+    if isinstance(value, np.ma.MaskedArray):
+        value = np.ma.filled(value.astype(np.float64), np.nan)
+    try:
+        given = np.asarray(value)
+    except ValueError:
+        raise InputError(name, "a list of rows of unequal length", "one number or a 2-D map") from None
+    if given.ndim == 0:
+        return _read_only(np.array(number(name, given.item(), quantity.unit, **quantity.bounds)))
+    if given.ndim != 2 or not given.size:
+        raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
+    if given.dtype.kind not in "fiu":
+        raise InputError(f"type of {name}", given.dtype.name, "real numbers")
+    full = (given[:1, :1] if _is_uniform(given) else given).astype(np.float64, order="C", copy=False)
+    if full is given and not _is_frozen(full):
+        full = full.copy()
+    low, high = full.min(), full.max()  # NaN if there is one
+    if not (_inside(low, quantity) and _inside(high, quantity)):
+        bad = ~_inside(full, quantity)
+        if allow_nan:
+            bad &= ~np.isnan(full)
+        if bad.any():
+            _raise_for_pixel(name, full, bad)
+    bits = full.view(np.int64)
+    if low == high and (bits == bits[0, 0]).all():
+        return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)
+    return _read_only(full)
+
+
+def _inside(value: Any, quantity: _Quantity) -> Any:
+    """Whether each of `value` is finite and within the bounds."""
+    least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
+    return np.isfinite(value) & (value >= least) & (value > above) & (value <= most)
+
+
+def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
+    """Raise `InputError` for the first bad pixel and say how many there are."""
+    quantity = _QUANTITIES[name]
+    row, col = divmod(int(bad.argmax()), bad.shape[1])
+    count = int(bad.sum())
+    hint = f"It is at row {row}, column {col}" + (f"; {count} such pixels." if count > 1 else ".")
+    if math.isnan(full[row, col]):
+        hint += " Fill it from its neighbours" + (
+            "." if name == "topography" else ", or give allow_nan=True to leave it without a material.")
+    raise InputError(name, full[row, col], in_words(quantity.unit, **quantity.bounds), hint)
+
+
+def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> tuple[int, int]:
+    """Return the one shape that `shape` and all maps have."""
+    first, agreed = "", (0, 0)
+    if shape is not None:
+        first, agreed = "the one asked for", shape_pair(shape)
+    for name, array in maps.items():
+        if array.ndim and not first:
+            first, agreed = f"that of {name}", (array.shape[0], array.shape[1])
+        elif array.ndim and array.shape != agreed:
+            raise InputError(f"shape of {name}", array.shape, f"{agreed}, {first}")
+    if not first:
+        raise InputError("shape", None, "(rows, columns), where no map is given")
+    return agreed
+
+
+def _material_table(materials: Mapping[int, Material]) -> tuple[list[int], FloatArray, bool]:
+    """Return the labels in order, one row a material, and whether its third column is the viscosity."""
+    if not isinstance(materials, Mapping) or not materials:
+        raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
+    for label, material in materials.items():
+        if not isinstance(label, (int, np.integer)):
+            raise InputError("label of a material", label, "a whole number")
+        if not isinstance(material, Material):
+            raise InputError(f"material {label}", material, "a Material")
+    names = sorted(int(label) for label in materials)
+    chosen = [materials[name] for name in names]
+    viscous = any(m.viscosity for m in chosen)
+    damped = next((n for n, m in zip(names, chosen, strict=True) if m.damping), None)
+    if viscous and damped is not None:
+        raise InputError(f"damping of material {damped}", materials[damped].damping,
+                         "viscosity in its place, as in another of the materials",
+                         "The two are compared only once the lever and the tip are known.")
+    rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
+    return names, np.array(rows, dtype=np.float64), viscous
+
+
+def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
+    """Return where in the sorted `names` each label is."""
+    if labels.dtype.kind == "b":
+        labels = labels.view(np.uint8)
+    limits = np.iinfo(labels.dtype)
+    fitting = [name for name in names if limits.min <= name <= limits.max]
+    known = np.array(fitting, labels.dtype)
+    index = np.minimum(np.searchsorted(known, labels), max(len(known) - 1, 0))
+    unknown = known[index] != labels if fitting else np.ones(labels.shape, np.bool_)
+    if unknown.any():
+        strange = np.unique(labels[unknown]).tolist()
+        shown = ", ".join(str(label) for label in strange[:5]) + (" and more" if len(strange) > 5 else "")
+        row, col = divmod(int(unknown.argmax()), labels.shape[1])
+        raise InputError("label without a material", shown, "labels " + ", ".join(map(str, names)),
+                         f"The first is at row {row}, column {col}; {int(unknown.sum())} such pixels.")
+    return index + names.index(fitting[0])
+
+
+def _factorise(columns: Sequence[FloatArray]) -> tuple[NDArray[np.intp], IntArray]:
+    """Find the distinct rows of equally long columns, by their bits: where each occurs, and which one each entry is."""
+    size = columns[0].size
+    count, codes = _codes(np.ascontiguousarray(columns[0]).view(np.int64))
+    for column in columns[1:]:
+        if count == size:
+            break
+        more, code = _codes(np.ascontiguousarray(column).view(np.int64))
+        codes *= more
+        codes += code
+        count, codes = _codes(codes)
+    first = np.empty(count, np.intp)
+    first[codes[::-1]] = np.arange(size - 1, -1, -1)  # the last assignment holds
+    return first, codes.astype(np.int32)
+
+
+def _codes(values: NDArray[np.int64]) -> tuple[int, NDArray[np.intp]]:
+    """Return how many distinct values there are and the rank of each."""
+    ordered = np.sort(values)
+    distinct = ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))]
+    if len(distinct) <= 1024:  # a table in the cache is searched faster than np.unique sorts indices, a larger one slower
+        return len(distinct), np.searchsorted(distinct, values)
+    del ordered
+    return len(distinct), np.unique(values, return_inverse=True)[1]
+
+
+def _variable_in_si(variable: xr.DataArray, name: str) -> FloatArray:
+    """Return a variable of a Dataset as an array in SI with y before x, or of no dimension."""
+    if set(variable.dims) not in ({"y", "x"}, set()):
+        raise InputError(f"dims of {name}", variable.dims, "('y', 'x') or none")
+    if variable.dims == ("x", "y"):
+        variable = variable.transpose("y", "x")
+    exponent = _exponent(variable, name, _QUANTITIES[name])
+    values: FloatArray = variable.to_numpy()
+    return values if exponent == 0 else _read_only(_scaled(values.astype(np.float64), exponent))
+
+
+def _coordinate_step(dataset: xr.Dataset, dim: str) -> float:
+    """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
+    if dim not in dataset.coords or dataset[dim].dims != (dim,):
+        raise InputError("list of coordinates in the dataset", [str(name) for name in dataset.coords],
+                         f"a list that has {dim!r} in it, the position of the pixel centres in m")
+    values = dataset[dim].to_numpy().astype(np.float64)
+    steps = np.diff(values)
+    if steps.size and not (steps > 0).all():
+        raise InputError(f"coordinate {dim}", "not increasing", "positions that increase from the image's top left")
+    step = 2 * values[0]
+    if steps.size and not np.array_equal(values, _centres(values.size, step)):
+        step = (values[-1] - values[0]) / steps.size
+        if not np.allclose(steps, step, rtol=1e-3, atol=0):
+            raise InputError(f"spacing of {dim}", f"{steps.min():g} to {steps.max():g}", "the same between all pixels")
+    return float(_scaled(step, _exponent(dataset[dim], f"coordinate {dim}", _POSITION)))
+
+
+def _exponent(variable: xr.DataArray, name: str, quantity: _Quantity) -> int:
+    """Return the power of ten that turns the units attribute of `variable` into SI; 0 where there is none."""
+    unit = str(variable.attrs.get("units", quantity.unit))
+    if unit in {quantity.unit, ""} or (quantity.unit == "1" and unit == "dimensionless"):
+        return 0
+    written = unit.translate(_SPELLING)
+    for prefix, exponent in _PREFIXES.items():
+        if written.startswith(prefix) and written[len(prefix):] in quantity.spellings:
+            return exponent
+    allowed = "1" if quantity.unit == "1" else f"{quantity.unit}, or that with a prefix such as G, M, k, m, u or n"
+    raise InputError(f"units of {name}", unit, allowed)
+
+
+def _scaled(value: Any, exponent: int) -> Any:
+    """Multiply by a power of ten, rounded once."""
+    return value * 10.0**exponent if exponent >= 0 else value / 10.0**-exponent
+
+
+def _centres(count: int, step: float) -> FloatArray:
+    """Return the centres of `count` pixels."""
+    return (np.arange(count, dtype=np.float64) + 0.5) * step
+
+
+def _is_uniform(array: NDArray[Any]) -> bool:
+    """Whether the array is one number seen everywhere, as `numpy.broadcast_to` makes it."""
+    return not any(array.strides)
+
+
+def _is_frozen(array: object) -> bool:
+    """Whether nobody can write to the array any more."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return array is None
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
