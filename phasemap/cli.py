@@ -168,10 +168,18 @@ def _plot(arguments: argparse.Namespace) -> None:
 
 def _validate(arguments: argparse.Namespace) -> None:
     """Say what a scene would simulate."""
+    import numpy as np
+
+    from phasemap.scan import modelled
     from phasemap.scene import load_scene
+    from phasemap.work import make_work
 
     scene = load_scene(arguments.scene, arguments.overrides)
-    _print_scene(scene)
+    surface, scope = scene.surface, scene.microscope
+    materials = surface.unique()[0]
+    amplitude = scene.options["setpoint"] * scope.free_amplitude
+    work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
+    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
     print(f"output      {scene.output or 'to be named with -o'}")
     print("The scene is valid.")
 
@@ -199,14 +207,12 @@ def _with_progress(scene: Scene, arguments: argparse.Namespace) -> xr.Dataset:
         return scene.simulate(strict=arguments.strict, threads=arguments.threads, progress=progress)
 
 
-def _print_scene(scene: Scene) -> None:
-    """Size, materials and terms."""
-    from phasemap.scene import terms
-
+def _print_scene(scene: Scene, modelled: str) -> None:
+    """Size, materials, and what acts between them and the tip."""
     (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
     print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
-    print(f"modelled    {', '.join(terms(scene.surface, scene.microscope))}")
+    print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
     print(f"solver      {scene.options['solver']}")
 
@@ -217,7 +223,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
 
     from phasemap.plot import describe_failures, describe_flags
 
-    _print_scene(scene)
+    _print_scene(scene, image.attrs["modelled"])
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
     for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):

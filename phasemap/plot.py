@@ -5,6 +5,7 @@ Uses matplotlib's Figure without pyplot: nothing is shown, no global state is to
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ __all__ = ["describe_failures", "describe_flags", "plot"]
 
 FAILED = "#00e646"  # green is in none of afmhot, cividis and coolwarm
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
+MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
 RESOLUTION = 200  # of a saved picture [dots per inch]
 LENGTH_UNITS = (("µm", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
@@ -104,14 +106,15 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
         top = HEADER + row * step + TITLE
         for column, (name, scale) in enumerate(scales.items()):
             left = MARGIN + column * (PANEL + BAR_GAP + BAR + BAR_LABELS)
-            title = f"{name.capitalize()}, {one['direction'].item()}" if "direction" in one.coords else name.capitalize()
+            title = [name.capitalize(), *([str(one["direction"].item())] if "direction" in one.coords else [])]
             picture = axes_at(left, top, PANEL, tall)
-            picture.set_title(title, fontsize=11, loc="left")
+            picture.set_title(", ".join(title), fontsize=11, loc="left")
             _draw_image(picture, axes_at(left + PANEL + BAR_GAP, top, BAR, tall), one, name, scale)
             _draw_histogram(axes_at(left, top + tall + HISTOGRAM_GAP, PANEL, HISTOGRAM), one[name].values, scale)
     figure.text(MARGIN / width, 1 - 0.14 / height, _title(ds), fontsize=9, color="0.3", va="top")
     if legend:
-        figure.text(MARGIN / width, 0.5 * LINE / height, "\n".join(f"■ {line}" for line in legend), fontsize=8, color="#00803a", va="bottom",
+        lines = "\n".join(f"■ {line}" for line in legend)
+        figure.text(MARGIN / width, 0.5 * LINE / height, lines, fontsize=8, color="#00803a", va="bottom",
                     linespacing=1.4)
     if path is not None:
         _save(canvas, path, overwrite)
@@ -145,8 +148,9 @@ def _height_scale(values: np.ndarray) -> _Scale:
 
     low, high = _limits(values)
     unit, size = _length_unit(high - low)
+    span = (high - low) / size or 1.0
     return _Scale(f"height ({unit})", 1 / size, low, matplotlib.colormaps["afmhot"],
-                  Normalize(0, (high - low) / size or 1.0))
+                  Normalize(-MARGIN_OF_LIMITS * span, (1 + MARGIN_OF_LIMITS) * span))
 
 
 def _phase_scale(values: np.ndarray) -> _Scale:
@@ -155,12 +159,13 @@ def _phase_scale(values: np.ndarray) -> _Scale:
     from matplotlib.colors import Normalize
 
     low, high = _limits(values)
-    reach = 1.1 * max(-low, high)
-    if min(-low, high) > 0.09 * reach:
-        return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps["coolwarm"], Normalize(-reach, reach))
-    if high - low < 1e-6:  # a flat phase: do not blow up the last digits
-        low, high = low - 0.5, high + 0.5
-    return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps["cividis"], Normalize(low, high))
+    reach = max(-low, high)
+    if min(-low, high) > 0.1 * reach:
+        cmap, low, high = "coolwarm", -reach, reach
+    else:
+        cmap = "cividis"
+    margin = MARGIN_OF_LIMITS * (high - low) if high - low > 1e-6 else 0.5  # do not blow up the last digits
+    return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps[cmap], Normalize(low - margin, high + margin))
 
 
 def _limits(values: np.ndarray) -> tuple[float, float]:
@@ -277,8 +282,9 @@ def describe_failures(ds: xr.Dataset) -> list[str]:
 def _title(ds: xr.Dataset) -> str:
     """Setpoint, solvers and size, as far as the dataset says them."""
     said = []
-    if "setpoint" in ds.attrs:
-        said.append(f"setpoint {float(ds.attrs['setpoint']):g}")
+    configuration = json.loads(ds.attrs.get("configuration", "{}"))
+    if "setpoint" in configuration:
+        said.append(f"setpoint {configuration['setpoint']:g}")
     if "solver" in ds:
         said.append("solver " + describe_flags(ds["solver"]))
     said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
@@ -306,8 +312,8 @@ def describe_flags(flags: xr.DataArray) -> str:
     """
     import numpy as np
 
-    names = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), flags.attrs["flag_meanings"].split(),
-                     strict=True))
+    meanings = flags.attrs["flag_meanings"].split()
+    names: dict[int, str] = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), meanings, strict=True))
     values, counts = np.unique(flags.values, return_counts=True)
     order = np.argsort(-counts)
     if len(values) == 1:

@@ -1,8 +1,9 @@
 """Scenes: one TOML file that says everything a simulation needs.
 
 The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scene_surface`), ``[materials.NAME]``,
-``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]``, ``[accuracy]`` and ``[output]``. Keys are the
-arguments of the Python objects of the same name, in SI units; nothing unknown is passed over.
+``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind), ``[accuracy]`` and ``[output]``
+(file, variables). Keys are the arguments of the Python objects of the same name, in SI units; nothing unknown is passed
+over.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from phasemap._check import number
 from phasemap.accuracy import Accuracy
 from phasemap.control import Engage
 from phasemap.errors import FileError, InputError
@@ -36,7 +36,6 @@ T = TypeVar("T")
 Table = dict[str, Any]
 
 CONTROLS: dict[str, type[Engage]] = {"engage": Engage}
-SOLVERS = ("auto", "averaging", "orbit", "march")
 TABLES = ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "output")
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
@@ -122,8 +121,8 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     path : path-like
         A TOML file; files that it names are relative to its folder.
     overrides : iterable of str
-        ``"table.key=value"``, such as ``"drive.free_amplitude=20e-9"`` or ``"materials.soft.modulus=2e9"``. The value is
-        read as TOML, and as text where it is not TOML.
+        ``"table.key=value"``, such as ``"drive.free_amplitude=20e-9"`` or ``"materials.soft.modulus=2e9"``. The value
+        is read as TOML, and as text where it is not TOML.
 
     Returns
     -------
@@ -138,10 +137,10 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
 
     Examples
     --------
-    >>> load_scene("samples/step.toml", ["drive.frequncy=70e3"])
+    >>> load_scene("samples/step.toml", ["tip.radus=20e-9"])
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: [drive] frequncy is unknown; allowed: free_amplitude, frequency. Did you mean 'frequency'?
+    phasemap.errors.InputError: [tip] radus is unknown; allowed: radius, modulus, poisson_ratio. Did you mean 'radius'?
     """
     path = Path(path)
     tables = _read_toml(path)
@@ -236,13 +235,16 @@ def _value(text: str) -> Any:
 
 def _build(tables: Table, folder: Path) -> Scene:
     """Make the objects of every table."""
+    from phasemap.dataset import check_variables
     from phasemap.scene_surface import build_surface
+    from phasemap.solvers import SOLVERS
+    from phasemap.work import check_setpoint
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     scan = {"solver": "auto", **_table(tables, "scan")}
     check_keys("[scan]", scan, ("setpoint", "solver"), ("setpoint",))
-    number("[scan] setpoint", scan["setpoint"], "1", above=0, below=1)
-    _check_choice("[scan] solver", scan["solver"], SOLVERS)
+    setpoint = construct("[scan]", {"setpoint": scan["setpoint"]}, check_setpoint)
+    check_choice("[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
     microscope = Microscope(
         _object(tables, "cantilever", Cantilever),
         _object(tables, "tip", Tip),
@@ -251,7 +253,7 @@ def _build(tables: Table, folder: Path) -> Scene:
     )
     accuracy = _object(tables, "accuracy", Accuracy)
     control_table = {"kind": "engage", **_table(tables, "control")}
-    _check_choice("[control] kind", control_table["kind"], CONTROLS)
+    check_choice("[control] kind", control_table["kind"], CONTROLS)
     control_class = CONTROLS[control_table.pop("kind")]
     control = _from_table("[control]", control_table, control_class)
     output = _table(tables, "output")
@@ -259,8 +261,9 @@ def _build(tables: Table, folder: Path) -> Scene:
     file, variables = output.get("file"), output.get("variables")
     if file is not None and not isinstance(file, str):
         raise InputError("[output] file", file, "a file name")
-    if variables is not None and not (isinstance(variables, list) and all(isinstance(name, str) for name in variables)):
+    if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
+    construct("[output]", {"variables": variables}, check_variables)
     materials = {
         name: _from_table(f"[materials.{name}]", table, Material) for name, table in _table(tables, "materials").items()
     }
@@ -275,7 +278,7 @@ def _build(tables: Table, folder: Path) -> Scene:
         "accuracy": dataclasses.asdict(accuracy),
         "files": files,
     }
-    options = {"setpoint": float(scan["setpoint"]), "solver": scan["solver"], "control": control, "accuracy": accuracy,
+    options = {"setpoint": setpoint, "solver": scan["solver"], "control": control, "accuracy": accuracy,
                "variables": variables}
     return Scene(surface, microscope, options, folder / file if file else None, config)
 
@@ -302,8 +305,21 @@ def _from_table(name: str, table: object, cls: Callable[..., T]) -> T:
     return construct(name, table, cls)
 
 
-def _check_choice(name: str, value: object, choices: Iterable[str]) -> None:
-    """Refuse what is not one of the choices."""
+def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
+    """Refuse what is not one of the choices.
+
+    Parameters
+    ----------
+    name : str
+        The table and key.
+    value : object
+        The value met.
+    choices : iterable of str
+
+    Raises
+    ------
+    InputError
+    """
     choices = list(choices)
     if value not in choices:
         near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []

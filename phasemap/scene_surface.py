@@ -3,26 +3,29 @@
 ``kind`` says where the surface comes from:
 
 * ``"labels"``: ``labels`` (a map of whole numbers), ``materials`` (names, one for each label from 0, or a table
-  ``{ 7 = "soft" }``), ``pixel_size``, ``topography``
-* ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``topography`` (numbers or maps),
-  ``pixel_size``; or ``file``, a netCDF file that has them all
-* ``"measured"``: ``file`` of a measured image, ``materials`` (names, from the lowest phase to the highest), and where the
-  file has several ``height`` and ``phase`` channels their names
-* the name of a generator of `phasemap.generate`, with its arguments
+  ``{ 7 = "soft" }``), ``pixel_size``; a relief from ``topography``, and from ``heights`` [m], one for each label
+* the name of a generator of labels in `phasemap.generate`: its arguments, and all the above but ``labels``
+* ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``topography`` (numbers or
+  maps), ``pixel_size``, and ``shape`` where no map has one; or ``file``, a netCDF file that has them all
+* ``"measured"``: ``file`` of a measured image, ``materials`` (names, from the lowest phase to the highest), and where
+  the file has several ``height`` and ``phase`` channels their names
 
-A map is written as rows of numbers, as the name of a ``.npy``, ``.csv`` or ``.txt`` file, or as
-``{ file = "maps.nc", variable = "E" }``. Files are relative to the scene's folder; ``"package:NAME/path"`` is a file that an
-installed package brings along.
+A map is written as rows of numbers, as the name of a ``.npy``, ``.csv``, ``.txt`` or ``.nc`` file, as
+``{ file = "maps.nc", variable = "E" }``, or as a generated field, ``{ generator = "roughness", ... }``. Files are
+relative to the scene's folder; ``"package:NAME/path"`` is a file that an installed package brings along.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import inspect
+import warnings
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasemap._check import number
 from phasemap.errors import FileError, InputError
 from phasemap.material import Material
 
@@ -30,3 +33,276 @@ if TYPE_CHECKING:
     import numpy as np
 
     from phasemap.surface import Surface
+
+__all__ = ["build_surface"]
+
+QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
+
+
+def build_surface(
+    table: dict[str, Any], materials: Mapping[str, Material], folder: Path
+) -> tuple[Surface, dict[str, str]]:
+    """Make the surface that the ``[surface]`` table of a scene describes.
+
+    Parameters
+    ----------
+    table : dict
+        The table.
+    materials : mapping of str to Material
+        The scene's materials by name.
+    folder : Path
+        Where relative file names start.
+
+    Returns
+    -------
+    surface : Surface
+    files : dict
+        The SHA-256 of each file that was read, by the name that the scene gives it.
+
+    Raises
+    ------
+    InputError
+        If a key or value is not allowed.
+    FileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> table = {"kind": "labels", "labels": [[0, 1]], "materials": ["soft", "hard"], "pixel_size": 4e-9}
+    >>> surface, files = build_surface(table, {"soft": Material(1e9), "hard": Material(3e9)}, Path())
+    >>> surface.modulus.tolist()
+    [[1000000000.0, 3000000000.0]]
+    """
+    from phasemap.scene import check_choice, missing
+
+    generators = _generators("Labels")
+    if "kind" not in table:
+        raise missing("[surface]", "kind")
+    kind = table["kind"]
+    check_choice("[surface] kind", kind, ["labels", "maps", "measured", *generators])
+    files = _Files(folder)
+    arguments = {key: value for key, value in table.items() if key != "kind"}
+    if kind == "maps":
+        surface = _from_maps(arguments, files)
+    elif kind == "measured":
+        surface = _from_measured(arguments, materials, files)
+    else:
+        surface = _from_labels(arguments, materials, files, generators.get(kind))
+    return surface, files.digests
+
+
+class _Files:
+    """Finds the files that a scene names, and remembers what was in them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.digests: dict[str, str] = {}
+
+    def find(self, key: str, name: object) -> Path:
+        """The path of a file that the scene names under `key`."""
+        if not isinstance(name, str) or not name:
+            raise InputError(f"[surface] {key}", name, "a file name")
+        path = self.folder / name
+        if name.startswith("package:"):
+            package, _, inside = name.removeprefix("package:").partition("/")
+            spec = find_spec(package) if package.isidentifier() else None
+            if spec is None or not spec.submodule_search_locations:
+                raise FileError(f"cannot read {name}: the package {package!r} is not installed.")
+            path = Path(spec.submodule_search_locations[0], inside)
+        try:
+            self.digests[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise FileError(f"cannot read {path}, named in [surface] {key}: {error.strerror}.") from error
+        return path
+
+
+def _from_labels(
+    table: dict[str, Any], materials: Mapping[str, Material], files: _Files, generator: Callable[..., np.ndarray] | None
+) -> Surface:
+    """A map of labels, given or generated, and the material of each."""
+    import numpy as np
+
+    from phasemap.scene import check_keys, construct
+    from phasemap.surface import Surface
+
+    own = ("materials", "pixel_size", "topography", "heights")
+    if generator is None:
+        check_keys("[surface]", table, ("labels", *own), ("labels", "materials", "pixel_size"))
+        labels = _as_labels(_map("labels", table["labels"], files, table))
+    else:
+        required, optional = _arguments(generator)
+        check_keys("[surface]", table, (*required, *optional, *own), (*required, "materials", "pixel_size"))
+        labels = construct("[surface]", {key: table[key] for key in (*required, *optional) if key in table}, generator)
+    names = table["materials"]
+    if isinstance(names, dict):
+        chosen = {_whole(label): _material(name, materials) for label, name in names.items()}
+    else:
+        chosen = dict(enumerate(_materials(names, materials)))
+    relief = {}
+    if "topography" in table:
+        relief["topography"] = _map("topography", table["topography"], files, {**table, "shape": labels.shape})
+    if "heights" in table:
+        heights = _heights(table["heights"], list(chosen), labels)
+        relief["topography"] = heights + np.asarray(relief.get("topography", 0.0))
+    arguments = {"pixel_size": table["pixel_size"], **relief}
+    return construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
+
+
+def _from_maps(table: dict[str, Any], files: _Files) -> Surface:
+    """Maps of properties, one by one or together in a netCDF file."""
+    from phasemap.io.netcdf import load
+    from phasemap.scene import check_keys, construct
+    from phasemap.surface import Surface
+
+    if not isinstance(table.get("allow_nan", False), bool):
+        raise InputError("[surface] allow_nan", table["allow_nan"], "true or false")
+    if "file" in table:
+        check_keys("[surface]", table, ("file", "allow_nan"))
+        dataset = load(files.find("file", table.pop("file")))
+        return construct("[surface]", table, Surface.from_dataset, dataset=dataset)
+    check_keys("[surface]", table, (*QUANTITIES, "pixel_size", "shape", "allow_nan"), ("modulus", "pixel_size"))
+    maps = {key: _map(key, value, files, table) if key in QUANTITIES else value for key, value in table.items()}
+    return construct("[surface]", maps, Surface)
+
+
+def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: _Files) -> Surface:
+    """The height of a measured image as topography, and its phase populations as materials."""
+    import numpy as np
+
+    from phasemap.io.measured import level_height, read_height_phase, segment_phase
+    from phasemap.scene import check_keys
+    from phasemap.surface import Surface
+
+    check_keys("[surface]", table, ("file", "materials", "height", "phase"), ("file", "materials"))
+    chosen = _materials(table["materials"], materials)
+    image = read_height_phase(files.find("file", table["file"]), table.get("height"), table.get("phase"))
+    labels = segment_phase(image["phase"].values, len(chosen))
+    topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
+    return Surface.from_labels(
+        labels, dict(enumerate(chosen)), topography=topography,
+        pixel_size=(2 * float(image["y"][0]), 2 * float(image["x"][0])),
+    )
+
+
+def _generators(result: str) -> dict[str, Callable[..., np.ndarray]]:
+    """The generators of labels or of fields, by name."""
+    from phasemap import generate
+
+    every = {name: getattr(generate, name) for name in generate.__all__}
+    return {name: function for name, function in every.items() if function.__annotations__["return"] == result}
+
+
+def _arguments(function: Callable[..., object]) -> tuple[list[str], list[str]]:
+    """Names of the required and the optional arguments."""
+    every = inspect.signature(function).parameters.values()
+    required = [argument.name for argument in every if argument.default is argument.empty]
+    return required, [argument.name for argument in every if argument.name not in required]
+
+
+def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> Any:
+    """A number, rows of numbers, the array in a file, or a generated field with the shape and pixels of the surface."""
+    from phasemap.scene import check_choice, check_keys, construct
+
+    if isinstance(value, str):
+        return _read_array(key, files.find(key, value), key)
+    if not isinstance(value, dict):
+        return value
+    name = f"[surface.{key}]"
+    if "generator" not in value:
+        check_keys(name, value, ("file", "variable", "generator"), ("file",))
+        return _read_array(key, files.find(key, value["file"]), value.get("variable", key))
+    fields = _generators("Field")
+    check_choice(f"{name} generator", value["generator"], fields)
+    generator = fields[value["generator"]]
+    required, optional = _arguments(generator)
+    given = {argument: surface[argument] for argument in ("shape", "pixel_size")
+             if argument in surface and argument in (*required, *optional)}
+    if "shape" not in given:
+        raise InputError("[surface] shape", None, "(rows, columns), for a generated field has none of its own")
+    check_keys(name, {**given, **value}, ("generator", *required, *optional), required)
+    arguments = {argument: own for argument, own in value.items() if argument != "generator"}
+    return construct(name, arguments, generator, **given)
+
+
+def _read_array(key: str, path: Path, variable: object) -> np.ndarray:
+    """The array in a .npy, .csv, .txt or netCDF file."""
+    import numpy as np
+
+    readers: dict[str, Callable[[], np.ndarray]] = {
+        ".npy": lambda: np.load(path, allow_pickle=False),
+        ".csv": lambda: np.loadtxt(path, delimiter=",", ndmin=2),
+        ".txt": lambda: np.loadtxt(path, ndmin=2),
+        ".nc": lambda: _read_variable(path, variable),
+    }
+    suffix = path.suffix.lower()
+    if suffix not in readers:
+        raise InputError(f"[surface] {key}", path.name, "a file that ends in " + ", ".join(readers))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # loadtxt only warns of a file without numbers
+            return readers[suffix]()
+    except (ValueError, EOFError, UserWarning) as error:
+        raise FileError(f"cannot read {path}, named in [surface] {key}: {str(error).rstrip('.')}.") from error
+
+
+def _read_variable(path: Path, variable: object) -> np.ndarray:
+    """One variable of a netCDF file."""
+    from phasemap.io.netcdf import load
+
+    dataset = load(path)
+    if variable not in list(dataset.data_vars):
+        held = ", ".join(map(repr, dataset.data_vars))
+        raise FileError(f"cannot use {path}: there is no variable {variable!r}; it holds {held}.")
+    values: np.ndarray = dataset[str(variable)].values
+    return values
+
+
+def _as_labels(values: object) -> np.ndarray:
+    """Whole numbers as integers: text files and netCDF with missing values have floats only."""
+    import numpy as np
+
+    try:
+        labels = np.asarray(values)
+    except ValueError as error:
+        allowed = "a 2-D map of whole numbers"
+        raise InputError("[surface] labels", "a list of rows of unequal length", allowed) from error
+    if labels.dtype.kind == "f" and np.array_equal(labels, labels.round()):
+        return labels.astype(np.int64)
+    return labels
+
+
+def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndarray:
+    """The height of each pixel from that of its label; labels without a material are left to `Surface`."""
+    import numpy as np
+
+    if not isinstance(given, list) or len(given) != len(labels):
+        raise InputError("[surface] heights", given, f"a list of {len(labels)} heights in m, one for each material")
+    heights = np.zeros(of_pixels.shape)
+    for label, height in zip(labels, given, strict=True):
+        heights[of_pixels == label] = number("[surface] heights", height, "m")
+    return heights
+
+
+def _materials(names: object, materials: Mapping[str, Material]) -> list[Material]:
+    """The materials of a list of names."""
+    if not isinstance(names, list) or not names:
+        raise InputError("[surface] materials", names, "a list of names of [materials.NAME] tables")
+    return [_material(name, materials) for name in names]
+
+
+def _material(name: object, materials: Mapping[str, Material]) -> Material:
+    """The material of one name."""
+    from phasemap.scene import check_choice
+
+    if not materials:
+        raise InputError("[surface] materials", name, "names of [materials.NAME] tables, of which the scene has none")
+    check_choice("[surface] materials", name, materials)
+    return materials[str(name)]
+
+
+def _whole(label: str) -> int:
+    """The whole number that a TOML key spells."""
+    try:
+        return int(label)
+    except ValueError as error:
+        raise InputError("[surface] materials", label, "labels that are whole numbers") from error

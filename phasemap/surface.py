@@ -176,7 +176,10 @@ class Surface:
         >>> surface.modulus.tolist()
         [[1000000000.0, 3000000000.0], [3000000000.0, 3000000000.0]]
         """
-        label_map = np.asarray(labels)
+        try:
+            label_map = np.asarray(labels)
+        except ValueError:
+            raise InputError("labels", "a list of rows of unequal length", "a 2-D map of whole numbers") from None
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
         if label_map.dtype.kind not in "iub":
@@ -367,7 +370,7 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
         if bad.any():
             _raise_for_pixel(name, full, bad)
     bits = full.view(np.int64)
-    if low == high and (bits == bits[0, 0]).all():
+    if not low < high and (bits == bits[0, 0]).all():
         return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)
     return _read_only(full)
 
@@ -381,13 +384,19 @@ def _inside(value: Any, quantity: _Quantity) -> Any:
 def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
     """Raise `InputError` for the first bad pixel and say how many there are."""
     quantity = _QUANTITIES[name]
-    row, col = divmod(int(bad.argmax()), bad.shape[1])
-    count = int(bad.sum())
-    hint = f"It is at row {row}, column {col}" + (f"; {count} such pixels." if count > 1 else ".")
-    if math.isnan(full[row, col]):
+    value = full.reshape(-1)[bad.argmax()]
+    hint = _where(bad)
+    if math.isnan(value):
         hint += " Fill it from its neighbours" + (
             "." if name == "topography" else ", or give allow_nan=True to leave it without a material.")
-    raise InputError(name, full[row, col], in_words(quantity.unit, **quantity.bounds), hint)
+    raise InputError(name, value, in_words(quantity.unit, **quantity.bounds), hint)
+
+
+def _where(bad: NDArray[np.bool_]) -> str:
+    """Say where the first bad pixel is and how many there are."""
+    row, col = divmod(int(bad.argmax()), bad.shape[1])
+    count = int(bad.sum())
+    return f"It is at row {row}, column {col}" + (f"; {count} such pixels." if count > 1 else ".")
 
 
 def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> tuple[int, int]:
@@ -438,9 +447,7 @@ def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
     if unknown.any():
         strange = np.unique(labels[unknown]).tolist()
         shown = ", ".join(str(label) for label in strange[:5]) + (" and more" if len(strange) > 5 else "")
-        row, col = divmod(int(unknown.argmax()), labels.shape[1])
-        raise InputError("label without a material", shown, "labels " + ", ".join(map(str, names)),
-                         f"The first is at row {row}, column {col}; {int(unknown.sum())} such pixels.")
+        raise InputError("label without a material", shown, "labels " + ", ".join(map(str, names)), _where(unknown))
     return index + names.index(fitting[0])
 
 
@@ -464,7 +471,7 @@ def _codes(values: NDArray[np.int64]) -> tuple[int, NDArray[np.intp]]:
     """Return how many distinct values there are and the rank of each."""
     ordered = np.sort(values)
     distinct = ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))]
-    if len(distinct) <= 1024:  # a table in the cache is searched faster than np.unique sorts indices, a larger one slower
+    if len(distinct) <= 1024:  # searching a small table is faster than sorting indices, a large one slower
         return len(distinct), np.searchsorted(distinct, values)
     del ordered
     return len(distinct), np.unique(values, return_inverse=True)[1]
@@ -491,7 +498,7 @@ def _coordinate_step(dataset: xr.Dataset, dim: str) -> float:
     if steps.size and not (steps > 0).all():
         raise InputError(f"coordinate {dim}", "not increasing", "positions that increase from the image's top left")
     step = 2 * values[0]
-    if steps.size and not np.array_equal(values, _centres(values.size, step)):
+    if steps.size and not np.allclose(values, _centres(values.size, step), rtol=1e-9, atol=0):
         step = (values[-1] - values[0]) / steps.size
         if not np.allclose(steps, step, rtol=1e-3, atol=0):
             raise InputError(f"spacing of {dim}", f"{steps.min():g} to {steps.max():g}", "the same between all pixels")

@@ -158,3 +158,29 @@ def engage(
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, found)
     guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * found + mean, mean, amplitude, push, drag
     return col.GOOD, surety
+
+
+@njit(**OPTIONS)
+def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> np.ndarray:
+    """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S)."""
+    reach = reach_of(law, p)
+    epsilon = max(reach / amplitude, 1e-3)
+    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    start = max(far_start(law, p, lever, reach, free, amplitude), 1.5)
+    zeta, end = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon)
+    rows = np.zeros((32, 5))
+    count, samples = 0, 600
+    c_before, h_before = 0.0, math.nan
+    for i in range(samples + 1):
+        c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
+        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+        h = mismatch(lever, amplitude, push, drag)
+        if i > 0 and (h > 0.0) != (h_before > 0.0) and count < len(rows):
+            root = crossing(law, p, lever, reach, amplitude, c, c_before)
+            push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)
+            rows[count, 0], rows[count, 1], rows[count, 2] = amplitude * root + mean, mean, amplitude
+            rows[count, 3], rows[count, 4] = push, drag
+            count += 1
+        c_before, h_before = c, h
+    return rows[:count]

@@ -7,14 +7,52 @@ import math
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.collocation import A, CONTACTS, ELEMENTS, LEVEL, MOST_CONTACTS, MOST_ELEMENTS, Z0, Orbit
+from phasemap._kernels.collocation import (
+    CONTACT,
+    CONTACTS,
+    COS,
+    COUNT,
+    EDGE,
+    EDGE_U,
+    EDGE_W,
+    ELEMENTS,
+    LEVEL,
+    MOST_CONTACTS,
+    MOST_ELEMENTS,
+    ORIGIN,
+    PLACE,
+    SCALE,
+    SIDE,
+    SIN,
+    TABLE,
+    THETA,
+    VALUE,
+    Z0,
+    A,
+    Orbit,
+    U,
+    W,
+)
+from phasemap._kernels.columns import STIFFNESS
 from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping, longrange_force, longrange_slope
-from phasemap._kernels.tables import CONTACT_COUNTS, GRADED_REACH, GRADED_WIDTHS, NODES, Tables
+from phasemap._kernels.tables import (
+    CONTACT_COUNTS,
+    CONTACT_START,
+    GRADED_REACH,
+    GRADED_START,
+    GRADED_WIDTHS,
+    NODES,
+    T_BARY,
+    T_BARY_FIRST,
+    T_BARY_LAST,
+    T_FIRST,
+    T_LAST,
+    T_NUMBERS,
+    T_S,
+)
 
 TWO_PI = 2 * math.pi
-PERMANENT = -1  # orbit.count[CONTACTS] of an orbit that never leaves contact
-_COUNTS = np.array(CONTACT_COUNTS)
-_WIDTHS = np.array(GRADED_WIDTHS)
+PERMANENT = -1  # orbit.head[COUNT, CONTACTS] of an orbit that never leaves contact
 
 
 @njit(**OPTIONS)
@@ -26,39 +64,41 @@ def reach_of(law: Law, p: np.ndarray) -> float:
 
 
 @njit(**OPTIONS)
-def interpolate(tables: Tables, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e (barycentric interpolation)."""
-    n = orbit.table[e]
-    x = (theta - orbit.origin[e]) / orbit.scale[e]
-    nodes, weights = tables.bary_x[n], tables.bary_w[n]
-    below, w, u = 0.0, 0.0, 0.0
-    for k in range(NODES + 2):
-        if k == 0:
-            value_w, value_u = orbit.edge_w[e], orbit.edge_u[e]
-        elif k == NODES + 1:
-            value_w, value_u = orbit.edge_w[e + 1], orbit.edge_u[e + 1]
-        else:
-            value_w, value_u = orbit.w[e, k - 1], orbit.u[e, k - 1]
-        difference = x - nodes[k]
+    one, following = elements[e], elements[e + 1]
+    table = tables[int(one[PLACE, TABLE])]
+    x = (theta - one[PLACE, ORIGIN]) / one[PLACE, SCALE]
+    before, after = x - table[T_NUMBERS, T_FIRST], x - table[T_NUMBERS, T_LAST]
+    if before == 0.0:
+        return one[PLACE, EDGE_W], one[PLACE, EDGE_U]
+    if after == 0.0:
+        return following[PLACE, EDGE_W], following[PLACE, EDGE_U]
+    share, other = table[T_NUMBERS, T_BARY_FIRST] / before, table[T_NUMBERS, T_BARY_LAST] / after
+    below = share + other
+    w = share * one[PLACE, EDGE_W] + other * following[PLACE, EDGE_W]
+    u = share * one[PLACE, EDGE_U] + other * following[PLACE, EDGE_U]
+    for k in range(NODES):
+        difference = x - table[T_S, k]
         if difference == 0.0:
-            return value_w, value_u
-        share = weights[k] / difference
+            return one[W, k], one[U, k]
+        share = table[T_BARY, k] / difference
         below += share
-        w += share * value_w
-        u += share * value_u
+        w += share * one[W, k]
+        u += share * one[U, k]
     return w / below, u / below
 
 
 @njit(**OPTIONS)
-def depth(tables: Tables, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+def depth(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return d and d' (by the angle) at an angle inside element e."""
-    w, u = interpolate(tables, orbit, e, theta)
-    amplitude = orbit.value[A]
-    return amplitude * math.cos(theta) + w - orbit.value[Z0], u - amplitude * math.sin(theta)
+    w, u = interpolate(tables, orbit.elements, e, theta)
+    amplitude = orbit.head[VALUE, A]
+    return amplitude * math.cos(theta) + w - orbit.head[VALUE, Z0], u - amplitude * math.sin(theta)
 
 
 @njit(**OPTIONS)
-def _root(tables: Tables, orbit: Orbit, e: int, low: float, d_low: float, high: float, d_high: float) -> float:
+def _root(tables: np.ndarray, orbit: Orbit, e: int, low: float, d_low: float, high: float, d_high: float) -> float:
     """Angle between low and high where d = 0, by Newton's method kept inside the bracket."""
     theta = low + (high - low) * d_low / (d_low - d_high)
     for _ in range(60):
@@ -78,7 +118,7 @@ def _root(tables: Tables, orbit: Orbit, e: int, low: float, d_low: float, high: 
 
 
 @njit(**OPTIONS)
-def _extreme(tables: Tables, orbit: Orbit, e: int, low: float, high: float) -> float:
+def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) -> float:
     """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
     sign = depth(tables, orbit, e, low)[1] > 0.0
     for _ in range(40):
@@ -91,9 +131,9 @@ def _extreme(tables: Tables, orbit: Orbit, e: int, low: float, high: float) -> f
 
 
 @njit(**OPTIONS)
-def find_contacts(tables: Tables, orbit: Orbit) -> bool:
+def find_contacts(tables: np.ndarray, orbit: Orbit) -> bool:
     """Find where the tip enters and leaves contact; fills orbit.contact and count. False if there are too many."""
-    amplitude, z0 = orbit.value[A], orbit.value[Z0]
+    amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
     up = np.empty(MOST_CONTACTS + 1)
     down = np.empty(MOST_CONTACTS + 1)
     ups, downs = 0, 0
@@ -101,24 +141,26 @@ def find_contacts(tables: Tables, orbit: Orbit) -> bool:
     d_first, first_inside = 0.0, False
     extreme_theta, extreme_d = 0.0, -1e300
     lowest_theta, lowest_d = 0.0, 1e300
-    for e in range(orbit.count[ELEMENTS]):
+    for e in range(int(orbit.head[COUNT, ELEMENTS])):
         for k in range(NODES + 2):
             if k == 0 and e > 0:
                 continue
             if k == 0 or k == NODES + 1:
                 edge = e if k == 0 else e + 1
-                theta = orbit.edge[edge]
-                d = amplitude * math.cos(theta) + orbit.edge_w[edge] - z0
-                slope = orbit.edge_u[edge] - amplitude * math.sin(theta)
+                at = orbit.elements[edge, PLACE]
+                theta = at[EDGE]
+                d = amplitude * math.cos(theta) + at[EDGE_W] - z0
+                slope = at[EDGE_U] - amplitude * math.sin(theta)
             else:
-                theta = orbit.theta[e, k - 1]
-                d = amplitude * orbit.cos[e, k - 1] + orbit.w[e, k - 1] - z0
-                slope = orbit.u[e, k - 1] - amplitude * orbit.sin[e, k - 1]
+                one = orbit.elements[e]
+                theta = one[THETA, k - 1]
+                d = amplitude * one[COS, k - 1] + one[W, k - 1] - z0
+                slope = one[U, k - 1] - amplitude * one[SIN, k - 1]
             if d > extreme_d:
                 extreme_theta, extreme_d = theta, d
             if d < lowest_d:
                 lowest_theta, lowest_d = theta, d
-            if e == orbit.count[ELEMENTS] - 1 and k == NODES + 1:
+            if e == int(orbit.head[COUNT, ELEMENTS]) - 1 and k == NODES + 1:
                 d = d_first  # the same point a period later
             inside = d > 0.0
             if e == 0 and k == 0:
@@ -160,57 +202,58 @@ def find_contacts(tables: Tables, orbit: Orbit) -> bool:
                             downs += 1
             theta_before, d_before, slope_before = theta, d, slope
     if ups == 0:
-        orbit.count[CONTACTS] = PERMANENT if first_inside else 0
-        orbit.contact[0, 0] = lowest_theta if first_inside else extreme_theta
-        orbit.contact[0, 1] = lowest_d if first_inside else extreme_d
+        orbit.head[COUNT, CONTACTS] = PERMANENT if first_inside else 0
+        orbit.head[CONTACT, 0] = lowest_theta if first_inside else extreme_theta
+        orbit.head[CONTACT, 1] = lowest_d if first_inside else extreme_d
         return True
-    orbit.count[CONTACTS] = ups
+    orbit.head[COUNT, CONTACTS] = ups
     for i in range(ups):
         if first_inside:  # the contact that contains the start ends first
-            orbit.contact[i, 0] = up[i]
-            orbit.contact[i, 1] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
+            orbit.head[CONTACT + i, 0] = up[i]
+            orbit.head[CONTACT + i, 1] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
         else:
-            orbit.contact[i, 0] = up[i]
-            orbit.contact[i, 1] = down[i]
-    shift = TWO_PI * math.floor((orbit.contact[0, 0] + math.pi) / TWO_PI)
+            orbit.head[CONTACT + i, 0] = up[i]
+            orbit.head[CONTACT + i, 1] = down[i]
+    shift = TWO_PI * math.floor((orbit.head[CONTACT, 0] + math.pi) / TWO_PI)
     for i in range(ups):
-        orbit.contact[i, 0] -= shift
-        orbit.contact[i, 1] -= shift
+        orbit.head[CONTACT + i, 0] -= shift
+        orbit.head[CONTACT + i, 1] -= shift
     return True
 
 
 @njit(**OPTIONS)
-def _put(tables: Tables, orbit: Orbit, n: int, side: int, origin: float, scale: float) -> bool:
+def _put(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: float, scale: float) -> bool:
     """Append one element."""
-    e = orbit.count[ELEMENTS]
+    e = int(orbit.head[COUNT, ELEMENTS])
     if e >= MOST_ELEMENTS:
         return False
-    orbit.table[e] = n
-    orbit.side[e] = side
-    orbit.origin[e] = origin
-    orbit.scale[e] = scale
+    one, table = orbit.elements[e], tables[n]
+    place = one[PLACE]
+    place[TABLE], place[SIDE], place[ORIGIN], place[SCALE] = n, side, origin, scale
     for j in range(NODES):
-        theta = origin + scale * tables.s[n, j]
-        orbit.theta[e, j] = theta
-        orbit.cos[e, j] = math.cos(theta)
-        orbit.sin[e, j] = math.sin(theta)
-    orbit.edge[e] = origin + scale * tables.first[n]
-    orbit.edge[e + 1] = origin + scale * tables.last[n]
-    orbit.count[ELEMENTS] = e + 1
+        theta = origin + scale * table[T_S, j]
+        one[THETA, j] = theta
+        one[COS, j] = math.cos(theta)
+        one[SIN, j] = math.sin(theta)
+    place[EDGE] = origin + scale * table[T_NUMBERS, T_FIRST]
+    orbit.elements[e + 1, PLACE, EDGE] = origin + scale * table[T_NUMBERS, T_LAST]
+    orbit.head[COUNT, ELEMENTS] = e + 1
     return True
 
 
 @njit(**OPTIONS)
-def _half(tables: Tables, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int) -> bool:
+def _half(
+    tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int
+) -> bool:
     """Graded elements over `length` away from `start` (or towards it), the smallest about as long as `scale`."""
-    level = orbit.count[LEVEL]
-    width = _WIDTHS[level]
+    level = int(orbit.head[COUNT, LEVEL])
+    width = GRADED_WIDTHS[level]
     most = int(GRADED_REACH / width)
     count = 2
     if scale > 0.0:
         count = min(max(2, math.ceil(math.asinh(length / scale) / width)), most)
     delta = length / math.sinh(count * width)
-    begin = tables.graded_start[level, incoming]
+    begin = GRADED_START[level, incoming]
     ok = True
     for i in range(count):
         e = count - 1 - i if incoming == 1 else i
@@ -219,20 +262,37 @@ def _half(tables: Tables, orbit: Orbit, side: int, start: float, length: float, 
 
 
 @njit(**OPTIONS)
+def _contact_count(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, half: float, level: int
+) -> int:
+    """Which entry of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
+    deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
+    rate = math.sqrt(1.0 + contact_slope(law, deepest, p) / lever[STIFFNESS])
+    if p[8] != 0.0:
+        rate += damping(law, deepest, p)
+    wanted = (2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level)
+    pick = 0
+    while pick < len(CONTACT_COUNTS) - 1 and CONTACT_COUNTS[pick] < wanted:
+        pick += 1
+    return pick
+
+
+@njit(**OPTIONS)
 def lay(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, source: Orbit, level: int
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int
 ) -> bool:
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
-    amplitude = source.value[A]
-    orbit.value[:] = source.value
-    orbit.contact[:] = source.contact
-    contacts = source.count[CONTACTS]
-    orbit.count[CONTACTS] = contacts
-    orbit.count[LEVEL] = level
-    orbit.count[ELEMENTS] = 0
+    head = orbit.head
+    amplitude = source.head[VALUE, A]
+    head[VALUE] = source.head[VALUE]
+    head[COUNT] = source.head[COUNT]
+    head[CONTACT : CONTACT + MOST_CONTACTS + 1] = source.head[CONTACT : CONTACT + MOST_CONTACTS + 1]
+    contacts = int(head[COUNT, CONTACTS])
+    head[COUNT, LEVEL] = level
+    head[COUNT, ELEMENTS] = 0
     reach = reach_of(law, p)
     if contacts <= 0:
-        theta, distance = source.contact[0, 0], abs(source.contact[0, 1])
+        theta, distance = head[CONTACT, 0], abs(head[CONTACT, 1])
         side = 1 if contacts == PERMANENT else 0
         scale = math.sqrt(2.0 * (distance + (reach if side == 0 else 0.0)) / amplitude)
         if side == 0 and p[4] == 0.0:
@@ -242,19 +302,12 @@ def lay(
         )
     ok = True
     for i in range(contacts):
-        start, end = source.contact[i, 0], source.contact[i, 1]
-        following = source.contact[i + 1, 0] if i + 1 < contacts else source.contact[0, 0] + TWO_PI
+        start, end = head[CONTACT + i, 0], head[CONTACT + i, 1]
+        following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
         middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
-        rate = math.sqrt(1.0 + contact_slope(law, deepest, p) / lever[2])
-        if p[8] != 0.0:
-            rate += damping(law, deepest, p)
-        wanted = (2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level)
-        pick = 0
-        while pick < len(_COUNTS) - 1 and _COUNTS[pick] < wanted:
-            pick += 1
-        for e in range(_COUNTS[pick]):
-            ok = _put(tables, orbit, tables.contact_start[pick] + e, 1, middle, half) and ok
+        pick = _contact_count(law, p, lever, amplitude, half, level)
+        for e in range(CONTACT_COUNTS[pick]):
+            ok = _put(tables, orbit, CONTACT_START[pick] + e, 1, middle, half) and ok
         gap = 0.5 * (following - end)
         for incoming in range(2):
             at = end if incoming == 0 else following
@@ -265,24 +318,22 @@ def lay(
 
 
 @njit(**OPTIONS)
-def carry_over(tables: Tables, source: Orbit, orbit: Orbit) -> None:
+def carry_over(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
     """Interpolate w and w' of `source` to the nodes and edges of `orbit`."""
-    last = source.count[ELEMENTS]
-    begin = source.edge[0]
-    at = 0
-    for e in range(orbit.count[ELEMENTS]):
+    old, new = source.elements, orbit.elements
+    last, count = int(source.head[COUNT, ELEMENTS]), int(orbit.head[COUNT, ELEMENTS])
+    begin, at = old[0, PLACE, EDGE], 0
+    for e in range(count):
         for k in range(NODES + 1):
-            theta = orbit.edge[e] if k == 0 else orbit.theta[e, k - 1]
-            turns = math.floor((theta - begin) / TWO_PI)
-            theta -= turns * TWO_PI
-            while at > 0 and theta < source.edge[at]:
-                at = at - 1 if theta > source.edge[at - 1] or at < 3 else 0
-            while at < last - 1 and theta > source.edge[at + 1]:
+            theta = new[e, PLACE, EDGE] if k == 0 else new[e, THETA, k - 1]
+            theta -= math.floor((theta - begin) / TWO_PI) * TWO_PI
+            if theta < old[at, PLACE, EDGE]:
+                at = 0
+            while at < last - 1 and theta > old[at + 1, PLACE, EDGE]:
                 at += 1
-            w, u = interpolate(tables, source, at, theta)
+            w, u = interpolate(tables, old, at, theta)
             if k == 0:
-                orbit.edge_w[e], orbit.edge_u[e] = w, u
+                new[e, PLACE, EDGE_W], new[e, PLACE, EDGE_U] = w, u
             else:
-                orbit.w[e, k - 1], orbit.u[e, k - 1] = w, u
-    orbit.edge_w[orbit.count[ELEMENTS]] = orbit.edge_w[0]
-    orbit.edge_u[orbit.count[ELEMENTS]] = orbit.edge_u[0]
+                new[e, W, k - 1], new[e, U, k - 1] = w, u
+    new[count, PLACE, EDGE_W], new[count, PLACE, EDGE_U] = new[0, PLACE, EDGE_W], new[0, PLACE, EDGE_U]

@@ -9,52 +9,71 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.collocation import (
-    A,
+    CONTACT,
     CONTACTS,
+    COS,
+    COUNT,
+    EDGE_U,
+    EDGE_W,
     ELEMENTS,
-    HOLD_AMPLITUDE,
+    PLACE,
+    RA,
+    RIGHT,
+    RZ,
+    SCALE,
+    SIDE,
+    SIN,
+    SYSTEM,
+    TABLE,
+    TRANSFER,
+    VALUE,
+    Z0,
+    A,
     Orbit,
     P,
     S,
-    Z0,
+    U,
+    W,
     accept,
+    along,
     close,
     linearise,
     surface_force,
 )
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
-from phasemap._kernels.tables import NODES, Tables
+from phasemap._kernels.tables import NODES, T_END1
 
 MOST_STEPS = 30
 
 
 @njit(**OPTIONS)
 def begin(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, guess: np.ndarray, level: int
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int
 ) -> bool:
     """Set a harmonic orbit, guess = (z0, mean deflection, A, P, S)."""
     z0, mean, amplitude = guess[0], guess[1], guess[2]
-    orbit.value[Z0], orbit.value[A], orbit.value[P], orbit.value[S] = z0, amplitude, guess[3], guess[4]
+    head = orbit.head
+    head[VALUE, Z0], head[VALUE, A], head[VALUE, P], head[VALUE, S] = z0, amplitude, guess[3], guess[4]
     c = (z0 - mean) / amplitude
     if c >= 1.0:
-        orbit.count[CONTACTS] = 0
-        orbit.contact[0, 0] = 0.0
-        orbit.contact[0, 1] = (1.0 - c) * amplitude
+        head[COUNT, CONTACTS] = 0
+        head[CONTACT, 0] = 0.0
+        head[CONTACT, 1] = (1.0 - c) * amplitude
     elif c <= -1.0:
-        orbit.count[CONTACTS] = PERMANENT
-        orbit.contact[0, 0] = math.pi
-        orbit.contact[0, 1] = (-1.0 - c) * amplitude
+        head[COUNT, CONTACTS] = PERMANENT
+        head[CONTACT, 0] = math.pi
+        head[CONTACT, 1] = (-1.0 - c) * amplitude
     else:
-        orbit.count[CONTACTS] = 1
-        orbit.contact[0, 0] = -math.acos(c)
-        orbit.contact[0, 1] = math.acos(c)
+        head[COUNT, CONTACTS] = 1
+        head[CONTACT, 0] = -math.acos(c)
+        head[CONTACT, 1] = math.acos(c)
     ok = lay(law, p, lever, tables, orbit, orbit, level)
-    count = orbit.count[ELEMENTS]
-    orbit.w[:count] = mean
-    orbit.u[:count] = 0.0
-    orbit.edge_w[: count + 1] = mean
-    orbit.edge_u[: count + 1] = 0.0
+    for e in range(int(head[COUNT, ELEMENTS]) + 1):
+        one = orbit.elements[e]
+        one[W] = mean
+        one[U] = 0.0
+        one[PLACE, EDGE_W], one[PLACE, EDGE_U] = mean, 0.0
     return ok
 
 
@@ -63,7 +82,7 @@ def newton(
     law: Law,
     p: np.ndarray,
     lever: np.ndarray,
-    tables: Tables,
+    tables: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
     hold: int,
@@ -77,13 +96,14 @@ def newton(
     `tolerance` [m] is for the last change: the error left is its square over the size of the contact.
     """
     for step in range(most):
+        head = orbit.head
         if not linearise(law, p, lever, tables, orbit) or not close(lever, orbit, hold, target):
             return col.NOT_CONVERGED, step, orbit, spare
-        change = abs(orbit.system[4, 6] - orbit.value[Z0]) + abs(orbit.system[5, 6])
-        limit = 0.5 * orbit.value[A]
+        change = abs(head[SYSTEM + RZ, RIGHT] - head[VALUE, Z0]) + abs(head[SYSTEM + RA, RIGHT])
+        limit = 0.5 * head[VALUE, A]
         share = 1.0 if change <= limit else limit / change
-        change = max(accept(tables, lever, orbit, share), abs(orbit.system[5, 6]))
-        if not change < 1e3 * orbit.value[A]:
+        change = max(accept(tables, lever, orbit, share), abs(head[SYSTEM + RA, RIGHT]))
+        if not change < 1e3 * head[VALUE, A]:
             return col.NOT_CONVERGED, step, orbit, spare
         if change < tolerance:
             return col.GOOD, step + 1, orbit, spare
@@ -97,8 +117,8 @@ def newton(
 @njit(**OPTIONS)
 def floquet(transfer: np.ndarray) -> float:
     """Return the largest modulus of the multipliers."""
-    half = 0.5 * (transfer[0, 0] + transfer[1, 1])
-    product = transfer[0, 0] * transfer[1, 1] - transfer[0, 1] * transfer[1, 0]
+    half = 0.5 * (transfer[0] + transfer[3])
+    product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
     root = half * half - product
     if root <= 0.0:
         return math.sqrt(max(product, 0.0))
@@ -106,24 +126,26 @@ def floquet(transfer: np.ndarray) -> float:
 
 
 @njit(**OPTIONS)
-def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, row: np.ndarray) -> None:
+def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
     omega, alpha0, stiffness, base = lever[0], lever[1], lever[2], lever[3]
-    amplitude, z0 = orbit.value[A], orbit.value[Z0]
+    head = orbit.head
+    amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
     mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0
-    x = orbit.value[P] + amplitude * (1 - omega**2)
-    y = 2 * alpha0 * omega * amplitude - orbit.value[S]
-    for e in range(orbit.count[ELEMENTS]):
-        n, h = orbit.table[e], orbit.scale[e]
+    x = head[VALUE, P] + amplitude * (1 - omega**2)
+    y = 2 * alpha0 * omega * amplitude - head[VALUE, S]
+    for e in range(int(head[COUNT, ELEMENTS])):
+        one = orbit.elements[e]
+        h, table = one[PLACE, SCALE], tables[int(one[PLACE, TABLE])]
         for j in range(NODES):
-            weight = h * tables.e1[n, j]
-            c, s = orbit.cos[e, j], orbit.sin[e, j]
-            z = amplitude * c + orbit.w[e, j]
-            v = omega * (orbit.u[e, j] - amplitude * s)
+            weight = h * table[T_END1, j]
+            c, s = one[COS, j], one[SIN, j]
+            z = amplitude * c + one[W, j]
+            v = omega * (one[U, j] - amplitude * s)
             d = z - z0
-            g, _, gv = surface_force(law, p, 1.0 / stiffness, orbit.side[e], d, v)
+            g, _, gv = surface_force(law, p, 1.0 / stiffness, one[PLACE, SIDE], d, v)
             deepest = max(deepest, d)
-            mean += weight * orbit.w[e, j]
+            mean += weight * one[W, j]
             air += weight * 2.0 * alpha0 * v * v / omega
             surface += weight * gv * v * v / omega
             drive += weight * (x * c - y * s) * v / omega
@@ -137,6 +159,17 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: O
     row[col.INDENTATION] = deepest
     row[col.DISSIPATION] = stiffness * surface
     row[col.VIRIAL] = stiffness * virial / (2 * math.pi)
-    row[col.FLOQUET] = floquet(orbit.transfer)
-    row[col.STIFFENING] = orbit.value[P] / amplitude
+    row[col.FLOQUET] = floquet(head[TRANSFER])
+    row[col.STIFFENING] = head[VALUE, P] / amplitude
     row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
+
+
+@njit(**OPTIONS)
+def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+    """Linearise about a converged orbit and fill its row; returns a status."""
+    if not linearise(law, p, lever, tables, orbit):
+        return col.NOT_CONVERGED
+    observe(law, p, lever, tables, orbit, row)
+    if along(lever, orbit, 0.0, 1.0):
+        row[col.SLOPE] = 1.0 / orbit.head[SYSTEM + RZ, RIGHT]
+    return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED

@@ -6,46 +6,26 @@ occurs analytic in xi, so that eight Gauss nodes an element suffice:
 * contact: S = sin(psi), psi uniform over [-pi/2, pi/2]; d^(1/2) and d^(3/2) vanish like powers of cos(psi);
 * graded: S = sinh(x), x uniform from 0; the long-range force has its pole next to the point where grading starts,
   and elements grow geometrically away from it. A mirrored copy runs towards that point.
+
+`TABLES` holds them all, shape (n, ROWS, NODES); its rows are numbered below.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 NODES = 8
-CONTACT_COUNTS = (2, 3, 4, 6, 8, 12, 16)
-GRADED_WIDTHS = (1.2, 0.8, 0.5, 0.3)
+CONTACT_COUNTS = np.array([2, 3, 4, 6, 8, 12, 16])  # elements that a contact may be split into
+GRADED_WIDTHS = np.array([1.2, 0.8, 0.5])  # of a graded element in x, by level of refinement
 GRADED_REACH = 14.0  # graded elements run to x = 14: lengths over five decades
 
-
-class Tables(NamedTuple):
-    """Elements, stacked; the first index is the element's number.
-
-    s, t : nodes S and dS/dxi, shape (n, NODES). first, last : S at xi = 0 and 1, shape (n,).
-    m1, m2 : integration once and twice from the element's start to its nodes, shape (n, NODES, NODES).
-    e1, e2 : the same to the element's end, shape (n, NODES). r1, f1 : sums over the last axis of m1 and e1.
-    contact_start : number of the first contact element of each count in `CONTACT_COUNTS`.
-    graded_start : number of the first outgoing and of the first incoming element of each width, shape (widths, 2).
-    bary_x, bary_w : interpolation nodes in S (both ends and the Gauss nodes) and barycentric weights, (n, NODES + 2).
-    """
-
-    s: np.ndarray
-    t: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
-    m1: np.ndarray
-    m2: np.ndarray
-    e1: np.ndarray
-    e2: np.ndarray
-    r1: np.ndarray
-    f1: np.ndarray
-    contact_start: np.ndarray
-    graded_start: np.ndarray
-    bary_x: np.ndarray
-    bary_w: np.ndarray
+# Rows of an element. At the nodes: S, the weights that integrate once and twice to the element's end, the row sums of
+# M1, barycentric weights in S. NUMBERS: S at xi = 0 and 1, sum of END1, barycentric weights of both ends.
+# M1, M2: eight rows each, integration once and twice from the element's start to the nodes.
+T_S, T_END1, T_END2, T_SUM1, T_BARY, T_NUMBERS, T_M1, T_M2, T_ROWS = 0, 1, 2, 3, 4, 5, 6, 14, 22
+T_FIRST, T_LAST, T_TOTAL, T_BARY_FIRST, T_BARY_LAST = 0, 1, 2, 3, 4
 
 
 def gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -69,7 +49,7 @@ def _barycentric(x: np.ndarray) -> np.ndarray:
     return 1 / difference.prod(axis=1)
 
 
-def _build() -> Tables:
+def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x, weight = gauss(NODES)
     matrix = integration_matrix(x)
     elements: list[tuple[np.ndarray, np.ndarray, float, float]] = []
@@ -99,19 +79,16 @@ def _build() -> Tables:
             add(-np.sinh(at), (-np.sinh(width * (e + 1)), -np.sinh(width * e)), width * np.cosh(at))
         graded_start.append((outgoing, incoming))
 
-    s = np.array([e[0] for e in elements])
-    t = np.array([e[1] for e in elements])
-    m1 = matrix[None] * t[:, None, :]
-    m2 = m1 @ m1
-    e1 = weight * t
-    e2 = np.einsum("nk,nkj->nj", e1, m1)
-    first, last = np.array([e[2] for e in elements]), np.array([e[3] for e in elements])
-    every = np.concatenate([first[:, None], s, last[:, None]], axis=1)
-    weights = np.array([_barycentric(row / (row[-1] - row[0])) for row in every])
-    return Tables(
-        s, t, first, last, m1, m2, e1, e2,
-        m1.sum(axis=2), e1.sum(axis=1), np.array(contact_start), np.array(graded_start), every, weights,
-    )  # fmt: skip
+    table = np.zeros((len(elements), T_ROWS, NODES))
+    for row, (s, t, first, last) in zip(table, elements, strict=True):
+        m1 = matrix * t
+        row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, weight * t, (weight * t) @ m1, m1.sum(axis=1)
+        every = np.concatenate([[first], s, [last]])
+        bary = _barycentric(every / (last - first))
+        row[T_BARY] = bary[1:-1]
+        row[T_NUMBERS, :5] = first, last, row[T_END1].sum(), bary[0], bary[-1]
+        row[T_M1 : T_M1 + NODES], row[T_M2 : T_M2 + NODES] = m1, m1 @ m1
+    return table, np.array(contact_start), np.array(graded_start)
 
 
-TABLES = _build()
+TABLES, CONTACT_START, GRADED_START = _build()

@@ -15,25 +15,33 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.approach import far_start
 from phasemap._kernels.collocation import (
-    A,
     CONTACTS,
+    COUNT,
     ELEMENTS,
     HOLD_AMPLITUDE,
     HOLD_ARC,
     HOLD_OFFSET,
     LEVEL,
+    RA,
+    RIGHT,
+    RP,
+    RS,
+    RZ,
+    SYSTEM,
+    TRANSFER,
+    VALUE,
+    Z0,
+    A,
     Orbit,
     P,
     S,
-    Z0,
     along,
     linearise,
     new_orbit,
 )
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
-from phasemap._kernels.orbit import begin, floquet, newton
-from phasemap._kernels.tables import Tables
+from phasemap._kernels.orbit import begin, finish, floquet, newton
 
 MOST_POINTS = 1500
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
@@ -44,30 +52,16 @@ ZP, AP, FP, TG, TA, DZ, DA, DP, DS, POINT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 
 @njit(**OPTIONS)
 def copy_orbit(source: Orbit, to: Orbit) -> None:
-    """Copy what defines an orbit."""
-    n = source.count[ELEMENTS]
-    to.count[:] = source.count
-    to.value[:] = source.value
-    to.contact[:] = source.contact
-    to.transfer[:] = source.transfer
-    to.table[:n] = source.table[:n]
-    to.side[:n] = source.side[:n]
-    to.origin[:n] = source.origin[:n]
-    to.scale[:n] = source.scale[:n]
-    to.theta[:n] = source.theta[:n]
-    to.cos[:n] = source.cos[:n]
-    to.sin[:n] = source.sin[:n]
-    to.w[:n] = source.w[:n]
-    to.u[:n] = source.u[:n]
-    to.edge[: n + 1] = source.edge[: n + 1]
-    to.edge_w[: n + 1] = source.edge_w[: n + 1]
-    to.edge_u[: n + 1] = source.edge_u[: n + 1]
+    """Copy an orbit."""
+    count = int(source.head[COUNT, ELEMENTS]) + 1
+    to.elements[:count] = source.elements[:count]
+    to.head[:] = source.head
 
 
 @njit(**OPTIONS)
-def relay(law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, spare: Orbit) -> bool:
+def relay(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
-    if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, orbit.count[LEVEL]):
+    if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, int(orbit.head[COUNT, LEVEL])):
         return False
     carry_over(tables, orbit, spare)
     return True
@@ -75,7 +69,7 @@ def relay(law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orb
 
 @njit(**OPTIONS)
 def start_far(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, spare: Orbit, amplitude: float, level: int
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
 ) -> tuple[int, Orbit, Orbit]:
     """Find the orbit far from the surface, where the lever swings almost freely."""
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
@@ -104,22 +98,22 @@ def scales(reach: float, z0: float, amplitude: float) -> tuple[float, float]:
 
 @njit(**OPTIONS)
 def mark(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: Tables, orbit: Orbit, reach: float, point: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, reach: float, point: np.ndarray
 ) -> bool:
     """Fill a point of the curve at a converged orbit; point holds the tangent of the point before, which gives the sense."""
-    z0, amplitude = orbit.value[Z0], orbit.value[A]
+    z0, amplitude = orbit.head[VALUE, Z0], orbit.head[VALUE, A]
     point[ZP], point[AP] = z0, amplitude
     r_z, r_a = row_of(reach, point)
     if not linearise(law, p, lever, tables, orbit) or not along(lever, orbit, r_z, r_a):
         return False
     gap_scale, a_scale = scales(reach, z0, amplitude)
-    t_gap = (orbit.system[4, 6] - orbit.system[5, 6]) / gap_scale
-    t_a = orbit.system[5, 6] / a_scale
+    t_gap = (orbit.head[SYSTEM + RZ, RIGHT] - orbit.head[SYSTEM + RA, RIGHT]) / gap_scale
+    t_a = orbit.head[SYSTEM + RA, RIGHT] / a_scale
     length = math.hypot(t_gap, t_a)
-    point[FP] = floquet(orbit.transfer)
+    point[FP] = floquet(orbit.head[TRANSFER])
     point[TG], point[TA] = t_gap / length, t_a / length
-    point[DZ], point[DA] = orbit.system[4, 6] / length, orbit.system[5, 6] / length
-    point[DP], point[DS] = orbit.system[2, 6] / length, orbit.system[3, 6] / length
+    point[DZ], point[DA] = orbit.head[SYSTEM + RZ, RIGHT] / length, orbit.head[SYSTEM + RA, RIGHT] / length
+    point[DP], point[DS] = orbit.head[SYSTEM + RP, RIGHT] / length, orbit.head[SYSTEM + RS, RIGHT] / length
     return math.isfinite(length)
 
 
@@ -128,7 +122,7 @@ def advance(
     law: Law,
     p: np.ndarray,
     lever: np.ndarray,
-    tables: Tables,
+    tables: np.ndarray,
     reach: float,
     point: np.ndarray,
     step: float,
@@ -140,15 +134,15 @@ def advance(
 
     `saved` and `point` receive the orbit and the point that were left.
     """
-    level = orbit.count[LEVEL]
+    level = int(orbit.head[COUNT, LEVEL])
     copy_orbit(orbit, saved)
     before = point.copy()
     gap_scale = scales(reach, point[ZP], point[AP])[0]
     while step > SMALLEST_STEP:
         z0, amplitude = before[ZP] + step * before[DZ], before[AP] + step * before[DA]
-        orbit.value[Z0], orbit.value[A] = z0, amplitude
-        orbit.value[P] += step * before[DP]
-        orbit.value[S] += step * before[DS]
+        orbit.head[VALUE, Z0], orbit.head[VALUE, A] = z0, amplitude
+        orbit.head[VALUE, P] += step * before[DP]
+        orbit.head[VALUE, S] += step * before[DS]
         if amplitude > 0.0 and relay(law, p, lever, tables, orbit, spare):
             orbit, spare = spare, orbit
             r_z, r_a = row_of(reach, before)
@@ -174,7 +168,7 @@ def cross(
     law: Law,
     p: np.ndarray,
     lever: np.ndarray,
-    tables: Tables,
+    tables: np.ndarray,
     hold: int,
     value: float,
     before: np.ndarray,
@@ -186,22 +180,22 @@ def cross(
     """From the orbit at `after`, find the one between `before` and `after` with this amplitude or tip offset."""
     index = AP if hold == HOLD_AMPLITUDE else ZP
     share = (value - after[index]) / (before[index] - after[index])
-    orbit.value[Z0] += share * (before[ZP] - after[ZP])
-    orbit.value[A] += share * (before[AP] - after[AP])
+    orbit.head[VALUE, Z0] += share * (before[ZP] - after[ZP])
+    orbit.head[VALUE, A] += share * (before[AP] - after[AP])
     if hold == HOLD_AMPLITUDE:
-        orbit.value[A] = value
+        orbit.head[VALUE, A] = value
     target = np.array([value, 0.0, 0.0, 0.0])
     if not relay(law, p, lever, tables, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit
     status, _, orbit, spare = newton(
-        law, p, lever, tables, orbit, spare, hold, target, orbit.count[LEVEL], tolerance, 20
+        law, p, lever, tables, orbit, spare, hold, target, int(orbit.head[COUNT, LEVEL]), tolerance, 20
     )
     if status != col.GOOD:
         return False, orbit, spare
     # The crossing must lie between its neighbours, not on another piece of the curve.
     other = ZP if hold == HOLD_AMPLITUDE else AP
-    found = orbit.value[Z0] if hold == HOLD_AMPLITUDE else orbit.value[A]
+    found = orbit.head[VALUE, Z0] if hold == HOLD_AMPLITUDE else orbit.head[VALUE, A]
     low, high = min(before[other], after[other]), max(before[other], after[other])
     slack = 0.5 * (high - low) + 1e-3 * abs(before[index] - after[index])
     return low - slack <= found <= high + slack, orbit, spare
@@ -212,7 +206,7 @@ def engage(
     law: Law,
     p: np.ndarray,
     lever: np.ndarray,
-    tables: Tables,
+    tables: np.ndarray,
     amplitude: float,
     level: int,
     tolerance: float,
@@ -249,7 +243,7 @@ def engage(
         if have and z0 < lowest:
             return col.GOOD, orbit, spare, found
         lowest = min(lowest, z0)
-        if orbit.count[CONTACTS] == PERMANENT and a < 0.3 * amplitude:
+        if orbit.head[COUNT, CONTACTS] == PERMANENT and a < 0.3 * amplitude:
             break
     return col.NO_STABLE_ORBIT, orbit, spare, found
 
@@ -259,17 +253,18 @@ def collect(
     law: Law,
     p: np.ndarray,
     lever: np.ndarray,
-    tables: Tables,
+    tables: np.ndarray,
     hold: int,
     value: float,
     level: int,
     tolerance: float,
-    out: list[Orbit],
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-) -> int:
-    """Append every orbit of the curve with this amplitude or tip offset; returns a status."""
+    rows: np.ndarray,
+) -> tuple[int, int]:
+    """Fill rows with every orbit of this amplitude or tip offset that the curve from far passes; returns a status and how many.
+
+    The curve is left where the tip stays in contact, or is caught at less than a hundredth of the amplitude.
+    """
+    orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
     index = AP if hold == HOLD_AMPLITUDE else ZP
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
     free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
@@ -279,22 +274,58 @@ def collect(
     point = np.zeros(POINT)
     point[TG] = -1.0
     if status != col.GOOD or not mark(law, p, lever, tables, orbit, reach, point):
-        return col.NOT_CONVERGED
-    step = FIRST_STEP
+        return col.NOT_CONVERGED, 0
+    step, count, one = FIRST_STEP, 0, new_orbit()
     for _ in range(MOST_POINTS):
         before = point.copy()
         status, step, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
         if status != col.GOOD:
-            return status
+            return status, count
         if (before[index] > value) != (point[index] > value):
-            found = new_orbit()
-            copy_orbit(orbit, found)
-            good, found, saved = cross(law, p, lever, tables, hold, value, before, point, found, saved, tolerance)
-            if not good:
-                return col.NOT_CONVERGED
-            out.append(found)
-        if orbit.count[CONTACTS] == PERMANENT:
+            copy_orbit(orbit, one)
+            good, one, saved = cross(law, p, lever, tables, hold, value, before, point, one, saved, tolerance)
+            if not good or count == len(rows):
+                return col.NOT_CONVERGED, count
+            finish(law, p, lever, tables, one, rows[count])
+            count += 1
+        if point[AP] < 0.01 * (value if hold == HOLD_AMPLITUDE else free):
+            break
+        if orbit.head[COUNT, CONTACTS] == PERMANENT:
             deep = point[AP] < 0.3 * value if hold == HOLD_AMPLITUDE else point[ZP] < value - free
             if deep or point[AP] > 0.9999 * free:
                 break
-    return col.GOOD
+    return col.GOOD, count
+
+
+@njit(**OPTIONS)
+def seed(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    hold: int,
+    value: float,
+    level: int,
+    tolerance: float,
+    guesses: np.ndarray,
+    rows: np.ndarray,
+    count: int,
+) -> int:
+    """Add the orbits that Newton's method finds from averaged ones and that are not there yet; returns how many there are."""
+    orbit, spare, target = new_orbit(), new_orbit(), np.array([value, 0.0, 0.0, 0.0])
+    for i in range(len(guesses)):
+        if count == len(rows) or not begin(law, p, lever, tables, orbit, guesses[i], level):
+            continue
+        status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, hold, target, level, tolerance, 30)
+        if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
+            continue
+        finish(law, p, lever, tables, orbit, rows[count])
+        known = False
+        for row in rows[:count]:
+            apart = abs(row[col.TIP_OFFSET] - rows[count, col.TIP_OFFSET])
+            apart += abs(row[col.AMPLITUDE] - rows[count, col.AMPLITUDE])
+            turned = abs(row[col.PHASE] - rows[count, col.PHASE])
+            known = known or (apart < 1e-6 * orbit.head[VALUE, A] and turned < 1e-5)
+        if not known:
+            count += 1
+    return count

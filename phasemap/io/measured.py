@@ -198,10 +198,11 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
     y, x = np.indices(height.shape)
     plane = np.stack([np.ones(height.shape), x, y], axis=-1)
     coefficients = np.linalg.lstsq(plane[reference], height[reference], rcond=None)[0]
-    levelled = height - plane @ coefficients
+    levelled: np.ndarray = height - plane @ coefficients
     rows = np.flatnonzero(reference.any(axis=1))
     offsets = [np.median(levelled[row, reference[row]]) for row in rows]
-    return levelled - np.interp(np.arange(len(height)), rows, offsets)[:, None]
+    levelled -= np.interp(np.arange(len(height)), rows, offsets)[:, None]
+    return levelled
 
 
 def _align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -246,7 +247,8 @@ def _thresholds(otsu: Callable[..., np.ndarray], phase: np.ndarray, n: int) -> n
     try:
         return otsu(np.clip(phase, low, high), classes=n)
     except ValueError as error:
-        raise InputError("number of different phases", len(np.unique(phase)), f"enough to tell {n} materials apart") from error
+        values = len(np.unique(phase))
+        raise InputError("number of different phases", values, f"enough to tell {n} materials apart") from error
 
 
 def _finite_map(name: str, values: np.ndarray) -> np.ndarray:

@@ -1,0 +1,55 @@
+"""Synthetic phase images for tapping-mode atomic force microscopy.
+
+Names are imported when they are first used, so that ``import phasemap`` costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from phasemap import generate
+    from phasemap.accuracy import Accuracy
+    from phasemap.control import Engage
+    from phasemap.dataset import phase_lag
+    from phasemap.errors import FileError, InputError, PhasemapError, SolveError
+    from phasemap.interaction import Interaction
+    from phasemap.material import Material
+    from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+    from phasemap.pixel import Pixel, orbits, solve_pixel
+    from phasemap.scan import simulate
+    from phasemap.scene import load_scene
+    from phasemap.status import Status
+    from phasemap.surface import Surface
+
+_HOME = {
+    "Accuracy": "accuracy", "Cantilever": "microscope", "Drive": "microscope", "Engage": "control",
+    "FileError": "errors", "InputError": "errors", "Interaction": "interaction", "Material": "material",
+    "Microscope": "microscope", "PhasemapError": "errors", "Pixel": "pixel", "SolveError": "errors",
+    "Status": "status", "Surface": "surface", "Tip": "microscope", "load_scene": "scene", "orbits": "pixel",
+    "phase_lag": "dataset", "simulate": "scan", "solve_pixel": "pixel",
+}  # fmt: skip
+_MODULES = ("generate",)
+
+__all__ = [
+    "Accuracy", "Cantilever", "Drive", "Engage", "FileError", "InputError", "Interaction", "Material", "Microscope",
+    "PhasemapError", "Pixel", "SolveError", "Status", "Surface", "Tip", "generate", "load_scene", "orbits",
+    "phase_lag", "simulate", "solve_pixel",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return importlib.import_module(f"phasemap.{name}")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("afm-phasemap")
+    if name not in _HOME:
+        raise AttributeError(f"module 'phasemap' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"phasemap.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

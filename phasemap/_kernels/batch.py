@@ -1,0 +1,218 @@
+"""Loops over pixels: parameter rows in, result rows and status codes out.
+
+Each loop works on a slice and can run in a thread of its own (nogil). `selection` is shared by all solvers: it says which
+orbit the controller finds, from the averaged curve where that is safe and from the curve of exact orbits elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import SURE, averaged_orbits
+from phasemap._kernels.approach import engage as engage_averaged
+from phasemap._kernels.collocation import HOLD_AMPLITUDE, RIGHT, RP, RS, RZ, SYSTEM, Orbit, close, linearise, new_orbit
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.mesh import carry_over, find_contacts, lay
+from phasemap._kernels.orbit import MOST_STEPS, begin, finish, newton
+from phasemap._kernels.trace import collect, seed
+from phasemap._kernels.trace import engage as engage_exact
+
+LOWEST_Q = 25.0  # below this averaging does not choose the branch
+TOLERANCE = 2e-13  # [m], last change of an orbit; the error left is its square over the depth of the contact
+FINEST = 2  # level of refinement
+MOST_ORBITS = 40
+CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
+
+
+@njit(**OPTIONS)
+def judge(row: np.ndarray) -> int:
+    """Whether the controller can hold this orbit: it must be stable, and the feedback must have the right sign."""
+    if not row[col.FLOQUET] < 1.0:
+        return col.UNSTABLE
+    return col.GOOD if row[col.SLOPE] > 0.0 else col.NO_STABLE_ORBIT
+
+
+@njit(**OPTIONS)
+def polish(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
+) -> tuple[int, Orbit, Orbit]:
+    """Fill the row of a converged orbit, on finer elements if the energy does not close."""
+    status = finish(law, p, lever, tables, orbit, row)
+    level, target = 0, np.zeros(4)
+    while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
+        level += 1
+        if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+            break
+        carry_over(tables, orbit, spare)
+        orbit, spare = spare, orbit
+        fine, _, orbit, spare = newton(
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, TOLERANCE, MOST_STEPS
+        )
+        if fine != col.GOOD:
+            break
+        status = finish(law, p, lever, tables, orbit, row)
+    return status, orbit, spare
+
+
+@njit(**OPTIONS)
+def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
+    """Fill a result row from an averaged orbit, guess = (z0, mean deflection, A, P, S)."""
+    omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
+    z0, mean, amplitude, push, drag = guess[0], guess[1], guess[2], guess[3], guess[4]
+    row[:] = math.nan
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE] = z0, mean, amplitude
+    row[col.PHASE] = phase_of(lever, guess)
+    row[col.INDENTATION] = amplitude + mean - z0
+    row[col.DISSIPATION] = -math.pi * stiffness * amplitude * drag
+    row[col.VIRIAL] = stiffness * (mean * mean - 0.5 * amplitude * push)
+    row[col.STIFFENING] = push / amplitude
+
+
+@njit(**OPTIONS)
+def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
+    """Phase [rad] from (z0, mean deflection, A, P, S)."""
+    omega = lever[col.OMEGA]
+    return math.atan2(
+        guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
+    )
+
+
+@njit(**OPTIONS)
+def averaging_suffices(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, limits: np.ndarray,
+    row: np.ndarray,
+) -> bool:  # fmt: skip
+    """Whether one Newton step from the averaged orbit is within `limits` (phase [rad], height [m]); fills its row then.
+
+    The step is the averaged orbit's error, up to a part of the order of the step itself.
+    """
+    if not linearise(law, p, lever, tables, orbit) or not close(lever, orbit, HOLD_AMPLITUDE, limits):
+        return False
+    head = orbit.head
+    better = np.array([head[SYSTEM + RZ, RIGHT], 0.0, guess[2], head[SYSTEM + RP, RIGHT], head[SYSTEM + RS, RIGHT]])
+    phase_error = 1.5 * abs(phase_of(lever, better) - phase_of(lever, guess))
+    height_error = 1.5 * abs(better[0] - guess[0])
+    if not (phase_error < limits[0] and height_error < limits[1]):
+        return False
+    averaged_row(lever, guess, row)
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
+    return True
+
+
+@njit(**OPTIONS)
+def orbit_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitudes: np.ndarray,
+    limits: np.ndarray,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> None:
+    """Orbit of every row in [first, last) after engagement.
+
+    limits = (phase [rad], height [m]) lets the averaged orbit stand where its error is smaller; zeros ask for the exact
+    orbit. `solver` receives col.AVERAGING or col.ORBIT.
+    """
+    orbit, spare, saved, found = new_orbit(), new_orbit(), new_orbit(), new_orbit()
+    guess, target = np.zeros(5), np.zeros(4)
+    high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
+    for i in range(first, last):
+        p, amplitude, row = rows[i], amplitudes[i], out[i]
+        row[:] = math.nan
+        done = col.NOT_CONVERGED
+        solver[i] = col.ORBIT
+        if high_q:
+            averaged, surety = engage_averaged(law, p, lever, amplitude, guess)
+            if averaged == col.GOOD and surety == SURE and begin(law, p, lever, tables, orbit, guess, 0):
+                if limits[0] > 0.0 and averaging_suffices(law, p, lever, tables, orbit, guess, limits, row):
+                    status[i], solver[i] = col.GOOD, col.AVERAGING
+                    continue
+                done, _, orbit, spare = newton(
+                    law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, TOLERANCE, 12
+                )
+                if done == col.GOOD:
+                    done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+                same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
+                if done == col.GOOD and not (same and judge(row) == col.GOOD):
+                    done = col.NOT_CONVERGED
+        if done != col.GOOD:
+            done, orbit, spare, found = engage_exact(
+                law, p, lever, tables, amplitude, 0, TOLERANCE, orbit, spare, saved, found
+            )
+            if done == col.GOOD:
+                done, found, spare = polish(law, p, lever, tables, found, spare, row)
+            if done == col.GOOD:
+                done = judge(row)
+        if done != col.GOOD:
+            row[:] = math.nan
+        status[i] = done
+
+
+@njit(**OPTIONS)
+def averaging_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitudes: np.ndarray,
+    limits: np.ndarray,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> None:
+    """First-order averaged orbit of every row in [first, last), on the branch that engagement finds."""
+    guess, exact = np.zeros(5), np.zeros(4)
+    one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
+    high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
+    for i in range(first, last):
+        p, amplitude = rows[i], amplitudes[i]
+        out[i] = math.nan
+        solver[i] = col.AVERAGING
+        done, surety = engage_averaged(law, p, lever, amplitude, guess)
+        if not high_q or done != col.GOOD or surety != SURE:
+            orbit_rows(
+                law, rows[i : i + 1], lever, tables, amplitudes[i : i + 1], exact, 0, 1, one, one_status, one_solver
+            )
+            done = one_status[0]
+            if done == col.GOOD:
+                done = nearest(averaged_orbits(law, p, lever, amplitude), one[0], guess)
+        status[i] = done
+        if done == col.GOOD:
+            averaged_row(lever, guess, out[i])
+
+
+@njit(**OPTIONS)
+def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
+    """Fill `guess` with the averaged orbit nearest to the exact one of `row`, on the same side of free stiffness."""
+    best = math.inf
+    for i in range(len(candidates)):
+        apart = abs(candidates[i, 0] - row[col.TIP_OFFSET])
+        if (candidates[i, 3] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
+            best = apart
+            guess[:] = candidates[i]
+    return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT
+
+
+@njit(**OPTIONS)
+def every_orbit(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, hold: int, value: float
+) -> tuple[int, np.ndarray]:
+    """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
+    found = np.zeros((MOST_ORBITS, col.COLUMNS))
+    level, tolerance = 1, 1e-3 * TOLERANCE
+    status, count = collect(law, p, lever, tables, hold, value, level, tolerance, found)
+    if hold == HOLD_AMPLITUDE:
+        guesses = averaged_orbits(law, p, lever, value)
+        count = seed(law, p, lever, tables, hold, value, level, tolerance, guesses, found, count)
+    return status, found[:count]

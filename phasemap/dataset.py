@@ -1,0 +1,151 @@
+"""What the variables of an image are called, what they mean, and in which units; one table for every Dataset."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.errors import InputError
+from phasemap.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = np.ndarray
+T = TypeVar("T", float, Array, "xr.DataArray")
+
+CONVENTIONS = "CF-1.11"
+SOLVER_NAMES = ("averaging", "orbit", "march")  # in the order of their codes
+
+
+class Variable(NamedTuple):
+    """A float variable of a result: how it comes from the kernel's columns, its long name and its unit."""
+
+    long_name: str
+    units: str
+    value: Callable[[Array], Array]  # of result rows, shape (..., COLUMNS)
+
+
+def _column(index: int, scale: float = 1.0) -> Callable[[Array], Array]:
+    return lambda rows: rows[..., index] * scale if scale != 1.0 else rows[..., index]
+
+
+FLOATS: dict[str, Variable] = {
+    "height": Variable(
+        "height (topography + tip offset - setpoint amplitude)", "m",
+        lambda rows: rows[..., col.TIP_OFFSET] - rows[..., col.AMPLITUDE],
+    ),
+    "phase": Variable("phase, 0 at free resonance, positive repulsive", "degree", _column(col.PHASE, 180 / np.pi)),
+    "amplitude": Variable("amplitude of the first harmonic", "m", _column(col.AMPLITUDE)),
+    "tip_offset": Variable("tip offset (rest position of the tip above the surface)", "m", _column(col.TIP_OFFSET)),
+    "mean_deflection": Variable("mean deflection, positive towards the surface", "m", _column(col.MEAN)),
+    "indentation": Variable("largest indentation, negative without contact", "m", _column(col.INDENTATION)),
+    "dissipation": Variable("energy dissipated in the surface per cycle", "J", _column(col.DISSIPATION)),
+    "virial": Variable("virial of the tip-surface force, positive attractive", "J", _column(col.VIRIAL)),
+    "error_phase": Variable("estimated error of the phase", "degree", _column(col.ERROR_PHASE, 180 / np.pi)),
+    "error_height": Variable("estimated error of the height", "m", _column(col.ERROR_HEIGHT)),
+    "energy_closure": Variable("energy in less energy out, over energy in", "1", _column(col.CLOSURE)),
+    "floquet": Variable("largest modulus of the Floquet multipliers", "1", _column(col.FLOQUET)),
+    "feedback_slope": Variable("change of amplitude with tip offset", "1", _column(col.SLOPE)),
+}  # fmt: skip
+FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
+    "branch": ("sign of the mean interaction", (-1, 0, 1), ("none", "attractive", "repulsive")),
+    "status": ("status of the solution", tuple(s.code for s in Status), tuple(s.name for s in Status)),
+    "solver": ("solver used", tuple(range(len(SOLVER_NAMES))), SOLVER_NAMES),
+}
+IMAGE_VARIABLES = (
+    "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
+    "branch", "status", "solver", "error_phase", "error_height", "energy_closure",
+)  # fmt: skip
+
+
+def phase_lag(phase: T) -> T:
+    """Turn phase into the lag of the tip behind the drive, the other common convention.
+
+    Parameters
+    ----------
+    phase : float, ndarray or DataArray
+        [degree], 0 at free resonance, positive repulsive.
+
+    Returns
+    -------
+    same type
+        [degree], 90 at free resonance, below 90 repulsive.
+
+    Examples
+    --------
+    >>> phase_lag(20.0)
+    70.0
+    """
+    return 90.0 - phase
+
+
+def flag_attributes(name: str) -> dict[str, Any]:
+    """CF attributes of a flag variable."""
+    long_name, values, meanings = FLAGS[name]
+    return {
+        "long_name": long_name,
+        "flag_values": np.array(values, np.int8),
+        "flag_meanings": " ".join(meanings),
+    }
+
+
+def float_attributes(name: str) -> dict[str, str]:
+    """Long name and units of a float variable."""
+    return {"long_name": FLOATS[name].long_name, "units": FLOATS[name].units}
+
+
+def branch_of(rows: Array) -> Array:
+    """Branch codes: 0 attractive, 1 repulsive, -1 where there is no orbit."""
+    stiffening = rows[..., col.STIFFENING]
+    return np.where(np.isnan(stiffening), -1, stiffening > 0).astype(np.int8)
+
+
+def check_variables(variables: object) -> tuple[str, ...]:
+    """Return the names of image variables asked for, all of them for None.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown.
+    """
+    if variables is None:
+        return IMAGE_VARIABLES
+    names = (variables,) if isinstance(variables, str) else tuple(variables)  # type: ignore[arg-type, var-annotated]
+    for name in names:
+        if name not in IMAGE_VARIABLES:
+            raise InputError("variables", name, "names out of " + ", ".join(IMAGE_VARIABLES))
+    return tuple(name for name in IMAGE_VARIABLES if name in names or name == "status")
+
+
+def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
+    """Global attributes that say where a Dataset comes from."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        release = version("afm-phasemap")
+    except PackageNotFoundError:
+        release = "not installed"
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return {
+        "Conventions": CONVENTIONS,
+        "source": f"phasemap {release}",
+        "phasemap_version": release,
+        "configuration": json.dumps(configuration, sort_keys=True),
+        "history": f"{now} {action} by phasemap {release}",
+    }
+
+
+def describe(thing: Any) -> Any:
+    """A configuration object as plain JSON values."""
+    import dataclasses
+
+    if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
+        fields = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
+        return {"kind": type(thing).__name__.lower(), **fields}
+    return thing if thing is None or isinstance(thing, (bool, int, float, str)) else getattr(thing, "name", str(thing))

@@ -1,0 +1,114 @@
+"""From materials and microscope to the arrays that kernels read. Units, None and names stop here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._check import number
+from phasemap.errors import InputError
+from phasemap.material import Material
+from phasemap.microscope import Microscope, Tip
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """Distinct pixels, ready for a solver.
+
+    Parameters
+    ----------
+    law : Law
+        The formulas of the interaction.
+    rows : ndarray, shape (n, 12)
+        Their parameters, one row a pixel.
+    lever : ndarray, shape (4,)
+        omega [1], alpha0 [1], stiffness [N/m], base amplitude [m].
+    amplitudes : ndarray, shape (n,)
+        Setpoint amplitude of each pixel [m].
+    """
+
+    law: Law
+    rows: Array
+    lever: Array
+    amplitudes: Array
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def check_setpoint(setpoint: object) -> float:
+    """Return the setpoint as a float.
+
+    Raises
+    ------
+    InputError
+        If it is no number between 0 and 1.
+    """
+    try:
+        return number("setpoint", setpoint, "1", above=0, below=1)
+    except InputError:
+        allowed = "a number above 0 and below 1 (the amplitude over the free amplitude at the drive frequency)"
+        raise InputError("setpoint", setpoint, allowed) from None
+
+
+def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
+    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (Wang 1999, below Eq. 2).
+
+    Examples
+    --------
+    >>> contact_stiffness(np.array([0.0, 0.75e9]), np.array([0.0, 0.0]), Tip(1e-8)).tolist()
+    [0.0, 1000000000.0]
+    """
+    tip_compliance = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
+    stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * tip_compliance)
+    return stiffness
+
+
+def damping_of(viscosity: Array, scope: Microscope) -> Array:
+    """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta R omega_c / (2 k).
+
+    Raises
+    ------
+    InputError
+        If the damping exponent is not 1/2, the one of Kelvin-Voigt Hertz contact.
+    """
+    if scope.interaction.damping_exponent != 0.5:
+        raise InputError("damping_exponent", scope.interaction.damping_exponent, "0.5 where materials have a viscosity")
+    omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
+    return np.asarray(viscosity * (scope.tip.radius * omega_c / (2 * scope.cantilever.stiffness)))
+
+
+def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: Array) -> Work:
+    """Turn materials into work.
+
+    Parameters
+    ----------
+    materials : ndarray, shape (n, 4)
+        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1].
+    viscous : bool
+    scope : Microscope
+    amplitudes : ndarray, shape (n,)
+        Setpoint amplitudes [m].
+    """
+    modulus, adhesion, loss, poisson_ratio = materials.T
+    stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
+    damping = damping_of(loss, scope) if viscous else loss
+    rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius)
+    lever = np.array(
+        [scope.frequency_ratio, scope.cantilever.damping, scope.cantilever.stiffness, scope.base_amplitude]
+    )
+    return Work(scope.interaction.token(), rows, lever, np.ascontiguousarray(amplitudes, dtype=np.float64))
+
+
+def material_row(material: Material) -> tuple[Array, bool]:
+    """The row of one material for `make_work`, and whether it is viscous."""
+    viscous = material.viscosity is not None
+    loss = material.viscosity if material.viscosity is not None else material.damping
+    return np.array([[material.modulus, material.adhesion, loss, material.poisson_ratio]], dtype=np.float64), viscous

@@ -1,0 +1,207 @@
+"""The command line: one command gives an image, and what is wrong is said in one sentence."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap.scene
+from phasemap.cli import main
+from phasemap.io.netcdf import load
+
+SAMPLES = Path(__file__).parents[1] / "samples"
+STEP = str(SAMPLES / "step.toml")
+SMALL = "surface.shape=[6, 8]"
+
+
+def fails(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """The sentence on stderr of a command that must fail with exit code 2."""
+    try:
+        code = main(arguments)
+    except SystemExit as stopped:
+        code = int(stopped.code or 0)
+    said = capsys.readouterr()
+    assert code == 2 and said.out == ""
+    assert said.err.startswith("phasemap: ") and said.err.count("\n") == 1 and "Traceback" not in said.err
+    return said.err
+
+
+def test_run_writes_the_image_that_python_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "step.nc"
+    assert main(["run", STEP, SMALL, "-o", str(output), "scan.setpoint=0.6"]) == 0
+    said = capsys.readouterr()
+    for line in ("image       8 x 6 pixels, 16 x 12 nm", "materials   2 distinct", "setpoint    0.6 of 40 nm",
+                 "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
+                 "failed      none", f"written to  {output}"):
+        assert line in said.out.splitlines()
+    assert re.search(r"^phase +\S+ to \S+ degrees$", said.out, re.MULTILINE) and said.err == ""
+    image = load(output)
+    python = phasemap.scene.load_scene(STEP, [SMALL, "scan.setpoint=0.6"]).simulate()
+    for name, variable in python.variables.items():
+        assert image[name].values.tobytes() == variable.values.tobytes(), name
+    assert json.loads(image.attrs["scene"])["scan"]["setpoint"] == 0.6
+
+
+def test_the_number_of_threads_does_not_change_a_bit(tmp_path: Path) -> None:
+    for threads in ("1", "2"):
+        assert main(["run", STEP, SMALL, "-o", str(tmp_path / f"{threads}.nc"), "--threads", threads, "--quiet"]) == 0
+    one, two = (load(tmp_path / f"{threads}.nc") for threads in ("1", "2"))
+    for name in one.data_vars:
+        assert one[name].values.tobytes() == two[name].values.tobytes(), name
+
+
+def test_quiet_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", STEP, SMALL, "--quiet", "-o", str(tmp_path / "step.nc")]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_the_output_may_be_named_in_the_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(Path(STEP).read_text() + '[output]\nfile = "from_scene.nc"\n')
+    assert main(["run", str(scene), SMALL, "--quiet"]) == 0
+    assert (tmp_path / "from_scene.nc").exists()
+    assert "give -o OUT.nc, or file under [output]" in fails(capsys, "run", STEP)
+
+
+def test_an_existing_output_is_refused_before_anything_is_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = tmp_path / "step.nc"
+    output.write_text("precious")
+    with monkeypatch.context() as patch:
+        patch.setattr(phasemap.scene.Scene, "simulate", None)
+        assert "exists already; overwrite it (--overwrite)" in fails(capsys, "run", STEP, SMALL, "-o", str(output))
+        missing = str(tmp_path / "no" / "step.nc")
+        assert "the folder" in fails(capsys, "run", STEP, SMALL, "-o", missing)
+    assert output.read_text() == "precious"
+    assert main(["run", STEP, SMALL, "-o", str(output), "--overwrite", "--quiet"]) == 0
+    assert load(output).sizes == {"y": 6, "x": 8}
+
+
+def image_with_failures(*_: Any, **__: Any) -> xr.Dataset:
+    status = np.zeros((6, 8), np.int8)
+    status[0, :3], status[1, 0] = 1, 2
+    values = np.where(status == 0, 1.0, np.nan)
+    axes = {"y": 2e-9 * np.arange(6), "x": 2e-9 * np.arange(8)}
+    return xr.Dataset({"height": (("y", "x"), values), "phase": (("y", "x"), values),
+                       "status": (("y", "x"), status)}, axes, {"modelled": "dmt contact"})
+
+
+def test_failed_pixels_are_counted_with_advice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(phasemap.scene.Scene, "simulate", image_with_failures)
+    assert main(["run", STEP, SMALL, "-o", str(tmp_path / "step.nc")]) == 0
+    out = capsys.readouterr().out
+    assert "failed      3 of 48 pixels (6.25 %): No stable orbit holds this setpoint" in out
+    assert "failed      1 of 48 pixels (2.08 %): The solver did not converge" in out
+
+
+def test_an_interrupt_leaves_nothing_and_ends_with_130(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(phasemap.scene.Scene, "simulate", interrupted)
+    assert main(["run", STEP, "-o", str(tmp_path / "step.nc")]) == 130
+    assert capsys.readouterr().err == "phasemap: interrupted; nothing was written.\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (MemoryError(), "not enough memory"),
+        (OSError(28, "No space left on device", "step.nc"), "No space left on device: step.nc."),
+        (OSError("odd"), "odd."),
+    ],
+)
+def test_what_goes_wrong_outside_is_said_in_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: Exception, sentence: str
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(phasemap.scene.Scene, "simulate", broken)
+    assert sentence in fails(capsys, "run", STEP, "-o", str(tmp_path / "step.nc"))
+
+
+def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", STEP, "drive.free_amplitude=20e-9"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "image       256 x 128 pixels, 512 x 256 nm",
+        "materials   2 distinct",
+        "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
+        "setpoint    0.7 of 20 nm",
+        "solver      auto",
+        "output      to be named with -o",
+        "The scene is valid.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["validate", "nowhere.toml"], "cannot read the scene nowhere.toml: No such file or directory."),
+        (["validate", STEP, "drive.frequncy=1"], "[drive] frequncy is unknown; allowed: free_amplitude, frequency."),
+        (["validate", STEP, "scan.setpoint=1.2"], "[scan] setpoint is 1.2; allowed: a number above 0 and below 1 (the"),
+        (["validate", STEP, "setpoint"], "override is 'setpoint'; allowed: table.key=value"),
+        (["validate", STEP, "--fast"], "unknown argument '--fast'"),
+        (["run", STEP, "-o", "x.nc", "--threads", "0"], "'0' is not a whole number of at least 1"),
+        (["run", STEP, "-o", "x.nc", "--threads", "-2"], "--threads"),
+        (["plot", "nowhere.nc", "-o", "x.png"], "cannot read nowhere.nc: there is no such file."),
+        (["plot", STEP, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
+        (["plot", "image.nc", "a=b"], "unknown argument 'a=b'"),
+        (["draw", "image.nc"], "invalid choice: 'draw'"),
+        ([], "required: COMMAND; see phasemap --help"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_sentence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: list[str],
+    sentence: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert sentence in fails(capsys, *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_plot_draws_beside_the_image_and_does_not_overwrite_unasked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image_with_failures().to_netcdf(tmp_path / "image.nc")
+    assert main(["plot", str(tmp_path / "image.nc")]) == 0
+    assert (tmp_path / "image.png").read_bytes().startswith(b"\x89PNG")
+    assert capsys.readouterr().out == f"written to  {tmp_path / 'image.png'}\n"
+    assert "exists already" in fails(capsys, "plot", str(tmp_path / "image.nc"))
+    assert main(["plot", str(tmp_path / "image.nc"), "--overwrite", "-o", str(tmp_path / "image.png")]) == 0
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    code = """
+import sys
+from phasemap.cli import main
+try:
+    main([{!r}])
+except SystemExit as stopped:
+    heavy = {{"numpy", "xarray", "numba", "matplotlib", "scipy", "tqdm"}} & set(sys.modules)
+    sys.exit(f"{{heavy}}" if heavy else stopped.code)
+"""
+    for option, said in {"--help": "phasemap run samples/blend.toml -o blend.nc", "--version": "phasemap"}.items():
+        done = subprocess.run([sys.executable, "-c", code.format(option)], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert said in done.stdout
+
+
+def test_python_m_phasemap_is_the_command() -> None:
+    command = [sys.executable, "-m", "phasemap", "validate", STEP]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("The scene is valid.\n")

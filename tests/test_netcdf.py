@@ -1,0 +1,113 @@
+"""Images in netCDF files: whole or not at all, identical on the way back."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from phasemap.errors import FileError
+from phasemap.io import netcdf
+
+
+@pytest.fixture
+def image() -> xr.Dataset:
+    rng = np.random.default_rng(1)
+    phase = rng.normal(size=(31, 17))
+    phase[3, 4] = np.nan
+    status = np.zeros((31, 17), np.int8)
+    status[3, 4] = 1
+    flags = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "good no_stable_orbit"}
+    return xr.Dataset(
+        {"phase": (("y", "x"), phase, {"units": "degree"}), "status": (("y", "x"), status, flags)},
+        {"y": ("y", 4e-9 * np.arange(31), {"units": "m"}), "x": ("x", 4e-9 * np.arange(17), {"units": "m"})},
+        {"Conventions": "CF-1.11", "setpoint": 0.7},
+    )
+
+
+def test_what_is_read_is_identical_to_what_was_written(image: xr.Dataset, tmp_path: Path) -> None:
+    read = netcdf.load(netcdf.save(image, tmp_path / "image.nc"))
+    xr.testing.assert_identical(read, image)
+    assert {name: variable.dtype for name, variable in read.variables.items()} == {
+        name: variable.dtype for name, variable in image.variables.items()
+    }
+
+
+def test_a_file_that_was_read_can_be_written_again(image: xr.Dataset, tmp_path: Path) -> None:
+    once = netcdf.load(netcdf.save(image, tmp_path / "once.nc"))
+    twice = netcdf.load(netcdf.save(once.isel(x=slice(5)), tmp_path / "twice.nc"))
+    xr.testing.assert_identical(twice, image.isel(x=slice(5)))
+
+
+def test_maps_are_compressed(tmp_path: Path) -> None:
+    flat = xr.Dataset({"phase": (("y", "x"), np.ones((300, 300)))})
+    assert netcdf.save(flat, tmp_path / "flat.nc").stat().st_size < flat.nbytes / 10
+
+
+def test_an_existing_file_is_refused_and_left_as_it_was(image: xr.Dataset, tmp_path: Path) -> None:
+    path = tmp_path / "image.nc"
+    path.write_bytes(b"precious")
+    with pytest.raises(FileError, match=r"exists already; overwrite it \(--overwrite\)"):
+        netcdf.save(image, path)
+    assert path.read_bytes() == b"precious"
+    netcdf.save(image, path, overwrite=True)
+    xr.testing.assert_identical(netcdf.load(path), image)
+
+
+@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), RuntimeError("NetCDF: HDF error")])
+def test_a_write_that_fails_leaves_nothing_and_keeps_the_old_file(
+    image: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
+) -> None:
+    path = netcdf.save(image, tmp_path / "image.nc")
+    before = path.read_bytes()
+
+    def half(self: xr.Dataset, target: Path, **_: object) -> None:
+        target.write_bytes(b"half a file")
+        raise failure
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", half)
+    with pytest.raises(FileError, match="cannot write .*image.nc: (No space left|NetCDF: HDF error)"):
+        netcdf.save(image, path, overwrite=True)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["image.nc"]
+
+
+def test_an_interrupt_while_writing_leaves_nothing(
+    image: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(self: xr.Dataset, target: Path, **_: object) -> None:
+        target.write_bytes(b"half a file")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        netcdf.save(image, tmp_path / "image.nc")
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_target_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(FileError, match="the folder '.*missing' does not exist"):
+        netcdf.check_target(tmp_path / "missing" / "image.nc")
+    with pytest.raises(FileError, match="is a folder or a device, not a file"):
+        netcdf.check_target(tmp_path, overwrite=True)
+    with pytest.raises(FileError, match="is a folder or a device, not a file"):
+        netcdf.check_target("/dev/null", overwrite=True)
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write anywhere
+    with pytest.raises(FileError, match="no permission to write in the folder"):
+        netcdf.check_target(tmp_path / "image.nc")
+
+
+def test_a_damaged_or_foreign_file_is_refused_in_one_sentence(image: xr.Dataset, tmp_path: Path) -> None:
+    whole = netcdf.save(image, tmp_path / "image.nc").read_bytes()
+    for name, content in {"cut": whole[: len(whole) // 2], "text": b"height,phase\n", "empty": b""}.items():
+        path = tmp_path / f"{name}.nc"
+        path.write_bytes(content)
+        with pytest.raises(FileError, match=f"cannot read .*{name}.nc: it is not a netCDF file, or it is damaged"):
+            netcdf.load(path)
+    with pytest.raises(FileError, match="there is no such file"):
+        netcdf.load(tmp_path / "nowhere.nc")
+    with pytest.raises(FileError, match="it is not a file"):
+        netcdf.load(tmp_path)

@@ -1,0 +1,141 @@
+"""The picture of an image."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+from phasemap.errors import FileError, InputError
+from phasemap.plot import FAILED, describe_failures, describe_flags, plot
+
+
+def image(
+    phase_low: float = 20.0, phase_high: float = 35.0, failed: int = 0, shape: tuple[int, int] = (48, 64)
+) -> xr.Dataset:
+    """An image of two materials with the columns that `simulate` gives."""
+    hard = np.add.outer(np.arange(shape[0]), np.arange(shape[1])) // 12 % 2 == 1
+    status = np.zeros(shape, np.int8)
+    status.flat[:failed] = 1
+    phase = np.where(status == 0, np.where(hard, phase_high, phase_low), np.nan)
+    height = np.where(status == 0, 2e-9 * hard, np.nan)
+    solver = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "averaging orbit"}
+    return xr.Dataset(
+        {
+            "height": (("y", "x"), height, {"units": "m"}),
+            "phase": (("y", "x"), phase, {"units": "degree"}),
+            "status": (("y", "x"), status),
+            "solver": (("y", "x"), hard.astype(np.int8), solver),
+        },
+        {"y": 4e-9 * (np.arange(shape[0]) + 0.5), "x": 4e-9 * (np.arange(shape[1]) + 0.5)},
+        {"configuration": '{"setpoint": 0.7}'},
+    )
+
+
+def words(figure: Figure) -> str:
+    owners: list[Any] = [figure, *figure.axes]
+    return " | ".join(text.get_text() for owner in owners for text in owner.texts)
+
+
+def test_height_and_phase_have_units_scale_bars_and_a_title() -> None:
+    figure = plot(image())
+    labels = {axes.get_ylabel() or axes.get_xlabel() for axes in figure.axes}
+    assert {"height (nm)", "phase (degrees)"} <= labels
+    said = words(figure)
+    assert said.count("50 nm") == 2  # of 256 nm
+    assert "setpoint 0.7" in said and "averaging 50 %, orbit 50 %" in said and "64 × 48 pixels" in said
+
+
+def test_row_0_is_drawn_at_the_top() -> None:
+    picture = plot(image()).axes[0]
+    assert picture.images[0].get_extent() == pytest.approx([0, 256e-9, 192e-9, 0])
+    assert picture.get_ylim() == pytest.approx((192e-9, 0))
+
+
+def test_pixels_that_are_not_square_keep_their_proportions() -> None:
+    wide = image(shape=(32, 64)).assign_coords(y=8e-9 * (np.arange(32) + 0.5))
+    box = plot(wide).axes[0].get_window_extent()
+    assert box.width == pytest.approx(box.height, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "cmap"), [(20, 35, "cividis"), (-35, -20, "cividis"), (-30, 38, "coolwarm"), (-0.5, 38, "cividis")]
+)
+def test_the_phase_is_diverging_only_where_both_regimes_occur(low: float, high: float, cmap: str) -> None:
+    shown = plot(image(low, high)).axes[3].images[0]
+    assert shown.get_cmap().name == cmap
+    if cmap == "coolwarm":
+        assert shown.get_clim() == pytest.approx((-1.08 * 38, 1.08 * 38))
+
+
+def test_a_few_outliers_do_not_cost_the_contrast() -> None:
+    ds = image()
+    ds["phase"][3, 3] = 4000.0
+    assert plot(ds).axes[3].images[0].norm.vmax == pytest.approx(35.6)  # 4 % of the range above the highest
+
+
+def test_failed_pixels_are_marked_counted_and_given_advice() -> None:
+    figure = plot(image(failed=6))
+    for picture in (figure.axes[0], figure.axes[3]):
+        overlay = picture.images[1]
+        shown = overlay.get_array()
+        assert shown is not None
+        assert np.ma.count(shown) == 6
+        assert overlay.get_cmap()(0.0)[:3] == pytest.approx([int(FAILED[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    assert "6 of 3072 pixels (0.195 %): No stable orbit holds this setpoint" in words(figure)
+    assert len(plot(image()).axes[0].images) == 1
+
+
+def test_an_image_without_any_solution_is_still_drawn(tmp_path: Path) -> None:
+    plot(image(failed=48 * 64), tmp_path / "nothing.png")
+    assert "3072 of 3072 pixels (100 %)" in words(plot(image(failed=48 * 64)))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 64), (300, 2)])
+def test_odd_shapes_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
+    assert plot(image(shape=shape), tmp_path / "odd.png").axes
+
+
+def test_trace_and_retrace_take_a_row_each_with_common_colours() -> None:
+    both = xr.concat([image(20, 35), image(25, 30)], "direction").assign_coords(direction=["trace", "retrace"])
+    figure = plot(both)
+    assert len(figure.axes) == 12
+    assert [figure.axes[i].get_title(loc="left") for i in (3, 9)] == ["Phase, trace", "Phase, retrace"]
+    assert figure.axes[3].images[0].norm.vmax == figure.axes[9].images[0].norm.vmax
+
+
+def test_a_picture_is_written_and_not_overwritten_unasked(tmp_path: Path) -> None:
+    for name in ("image.png", "image.pdf", "image.svg"):
+        plot(image(), tmp_path / name)
+        assert (tmp_path / name).stat().st_size > 1000
+    with pytest.raises(FileError, match="exists already"):
+        plot(image(), tmp_path / "image.png")
+    plot(image(), tmp_path / "image.png", overwrite=True)
+    with pytest.raises(InputError, match=r"suffix is '\.bild'; allowed: one of .*\.pdf, .*\.png"):
+        plot(image(), tmp_path / "image.bild")
+
+
+def test_what_is_no_image_is_refused() -> None:
+    with pytest.raises(InputError, match=r"the dataset is \['height'.*\]; allowed: an image with height and phase"):
+        plot(image().drop_vars("phase"))
+    with pytest.raises(InputError, match=r"dims of height is \('x',\); allowed: \('y', 'x'\)"):
+        plot(image().isel(y=0))
+    with pytest.raises(InputError, match=r"an image with a coordinate x \[m\]"):
+        plot(image().drop_vars("x"))
+
+
+def test_flags_and_failures_are_said_in_words() -> None:
+    assert describe_flags(image()["solver"]) == "averaging 50 %, orbit 50 %"
+    assert describe_failures(image()) == []
+    assert describe_failures(image().drop_vars("status")) == []
+
+
+def test_drawing_does_not_import_pyplot() -> None:
+    code = "import sys, phasemap.plot, matplotlib.figure; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
