@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import phasemap as pm
 from phasemap.errors import FileError
 from phasemap.io import netcdf
 
@@ -34,6 +35,16 @@ def test_what_is_read_is_identical_to_what_was_written(image: xr.Dataset, tmp_pa
     assert {name: variable.dtype for name, variable in read.variables.items()} == {
         name: variable.dtype for name, variable in image.variables.items()
     }
+
+
+def test_a_simulated_image_survives_with_every_attribute(tmp_path: Path) -> None:
+    surface = pm.Surface(modulus=[[1e9, 3e9]], adhesion=0.05, damping=0.01, pixel_size=4e-9)
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    simulated = pm.simulate(surface, scope, setpoint=0.7)
+    path = netcdf.save(simulated, tmp_path / "image.nc")
+    xr.testing.assert_identical(netcdf.load(path), simulated)
+    with xr.open_dataset(path) as opened:
+        xr.testing.assert_identical(opened.load(), simulated)
 
 
 def test_a_file_that_was_read_can_be_written_again(image: xr.Dataset, tmp_path: Path) -> None:

@@ -161,26 +161,49 @@ def engage(
 
 
 @njit(**OPTIONS)
+def in_phase(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> float:
+    """P + A (1 - omega^2), the part of the drive that acts against stiffness; it passes zero between two branches."""
+    return harmonics(law, p, lever, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
+
+
+@njit(**OPTIONS)
 def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> np.ndarray:
-    """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S)."""
+    """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S).
+
+    Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
+    """
     reach = reach_of(law, p)
     epsilon = max(reach / amplitude, 1e-3)
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
     free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
     start = max(far_start(law, p, lever, reach, free, amplitude), 1.5)
-    zeta, end = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon)
-    rows = np.zeros((32, 5))
-    count, samples = 0, 600
-    c_before, h_before = 0.0, math.nan
+    zeta, end, samples = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon), 400
+    at = np.empty(2 * samples + 2)
+    count = 0
+    x_before = 0.0
     for i in range(samples + 1):
         c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
-        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
-        h = mismatch(lever, amplitude, push, drag)
-        if i > 0 and (h > 0.0) != (h_before > 0.0) and count < len(rows):
-            root = crossing(law, p, lever, reach, amplitude, c, c_before)
-            push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)
-            rows[count, 0], rows[count, 1], rows[count, 2] = amplitude * root + mean, mean, amplitude
-            rows[count, 3], rows[count, 4] = push, drag
+        x = in_phase(law, p, lever, reach, amplitude, c)
+        if i > 0 and (x > 0.0) != (x_before > 0.0):
+            near, far = c, at[count - 1]
+            for _ in range(60):
+                middle = 0.5 * (near + far)
+                if (in_phase(law, p, lever, reach, amplitude, middle) > 0.0) == (x > 0.0):
+                    near = middle
+                else:
+                    far = middle
+            at[count] = 0.5 * (near + far)
             count += 1
-        c_before, h_before = c, h
-    return rows[:count]
+        at[count] = c
+        count += 1
+        x_before = x
+    rows = np.zeros((32, 5))
+    found = 0
+    for i in range(1, count):
+        root = crossing(law, p, lever, reach, amplitude, at[i], at[i - 1])
+        if not math.isnan(root) and found < len(rows):
+            push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)
+            rows[found, 0], rows[found, 1], rows[found, 2] = amplitude * root + mean, mean, amplitude
+            rows[found, 3], rows[found, 4] = push, drag
+            found += 1
+    return rows[:found]

@@ -213,6 +213,8 @@ def every_orbit(
     level, tolerance = 1, 1e-3 * TOLERANCE
     status, count = collect(law, p, lever, tables, hold, value, level, tolerance, found)
     if hold == HOLD_AMPLITUDE:
-        guesses = averaged_orbits(law, p, lever, value)
-        count = seed(law, p, lever, tables, hold, value, level, tolerance, guesses, found, count)
+        for amplitude in (value, 0.97 * value, 1.03 * value):
+            guesses = averaged_orbits(law, p, lever, amplitude)
+            if amplitude == value or len(guesses) > count:
+                count = seed(law, p, lever, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]

@@ -44,10 +44,13 @@ from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, re
 from phasemap._kernels.orbit import begin, finish, floquet, newton
 
 MOST_POINTS = 1500
+CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative to the setpoint
+FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many free amplitudes
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
+CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner of the curve
 # Entries of a point of the curve: tip offset, amplitude, largest Floquet multiplier, the unit tangent in scaled gap and
-# amplitude, and the derivatives of z0, A, P and S along it.
-ZP, AP, FP, TG, TA, DZ, DA, DP, DS, POINT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+# amplitude, the derivatives of z0, A, P and S along it, and the length of the step that led there.
+ZP, AP, FP, TG, TA, DZ, DA, DP, DS, LENGTH, POINT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 
 
 @njit(**OPTIONS)
@@ -154,13 +157,70 @@ def advance(
                 point[:] = before
                 good = mark(law, p, lever, tables, orbit, reach, point)
                 turn = point[TG] * before[TG] + point[TA] * before[TA]
-                if good and turn > 0.7:
+                if good and (turn > 0.7 or step < CORNER):
+                    point[LENGTH] = step
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
                     return col.GOOD, min(step * growth, LARGEST_STEP), orbit, spare
         copy_orbit(saved, orbit)
         step *= 0.4
     point[:] = before
     return col.NOT_CONVERGED, step, orbit, spare
+
+
+@njit(**OPTIONS)
+def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: float) -> float:
+    """Where to step instead if z0 or A (`index`) may just reach `value` and turn between two points; 0 if not.
+
+    The extreme is that of the cubic through both points and slopes. It asks for a point there when `value` lies beyond
+    both ends, on the side of the extreme and not far outside it, so that a pair of crossings is not stepped over.
+    """
+    slope = DA if index == AP else DZ
+    one, two, length = before[slope], point[slope], point[LENGTH]
+    if one * two >= 0.0 or length < 1e-5:
+        return 0.0
+    rise = (point[index] - before[index]) / length
+    cubic, square = one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
+    # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
+    root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
+    t = -one / (square + root) if square > 0.0 else -one / (square - root)
+    if not 0.02 < t < 0.98:
+        return 0.0
+    extreme = before[index] + length * t * (one + t * (square + t * cubic))
+    end = min(before[index], point[index]) if one < 0.0 else max(before[index], point[index])
+    beyond, reached = value - end, extreme - end
+    if beyond * reached <= 0.0 or abs(beyond) > 1.5 * abs(reached) + 1e-3 * abs(point[index]) * length:
+        return 0.0
+    return t * length
+
+
+@njit(**OPTIONS)
+def advance_watching(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    reach: float,
+    point: np.ndarray,
+    step: float,
+    index: int,
+    value: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+) -> tuple[int, float, Orbit, Orbit]:
+    """`advance`, with a point set on an extreme of z0 or A that may just reach `value`."""
+    before = point.copy()
+    status, following, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
+    for _ in range(6):
+        if status != col.GOOD:
+            break
+        instead = extreme_between(before, point, index, value)
+        if instead == 0.0:
+            break
+        copy_orbit(saved, orbit)
+        point[:] = before
+        status, following, orbit, spare = advance(law, p, lever, tables, reach, point, instead, orbit, spare, saved)
+    return status, following, orbit, spare
 
 
 @njit(**OPTIONS)
@@ -227,7 +287,9 @@ def engage(
     step, lowest, have = FIRST_STEP, 1e300, False
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(
+            law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved
+        )
         if status != col.GOOD:
             return status, orbit, spare, found
         z0, a = point[ZP], point[AP]
@@ -262,7 +324,7 @@ def collect(
 ) -> tuple[int, int]:
     """Fill rows with every orbit of this amplitude or tip offset that the curve from far passes; returns a status and how many.
 
-    The curve is left where the tip stays in contact, or is caught at less than a hundredth of the amplitude.
+    The curve is left where the tip stays in contact, or hardly moves any more.
     """
     orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
     index = AP if hold == HOLD_AMPLITUDE else ZP
@@ -278,7 +340,9 @@ def collect(
     step, count, one = FIRST_STEP, 0, new_orbit()
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(
+            law, p, lever, tables, reach, point, step, index, value, orbit, spare, saved
+        )
         if status != col.GOOD:
             return status, count
         if (before[index] > value) != (point[index] > value):
@@ -287,14 +351,25 @@ def collect(
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
             finish(law, p, lever, tables, one, rows[count])
-            count += 1
-        if point[AP] < 0.01 * (value if hold == HOLD_AMPLITUDE else free):
-            break
+            count = insert(rows, count)
+        if point[AP] < CAUGHT * (value if hold == HOLD_AMPLITUDE else free):
+            return col.GOOD, count
         if orbit.head[COUNT, CONTACTS] == PERMANENT:
             deep = point[AP] < 0.3 * value if hold == HOLD_AMPLITUDE else point[ZP] < value - free
-            if deep or point[AP] > 0.9999 * free:
-                break
-    return col.GOOD, count
+            if deep or point[ZP] < -FARTHEST * free:
+                return col.GOOD, count
+    return col.NOT_CONVERGED, count
+
+
+@njit(**OPTIONS)
+def insert(rows: np.ndarray, count: int) -> int:
+    """Keep row `count` if it is none of the rows before it; returns how many rows there are."""
+    new = rows[count]
+    for row in rows[:count]:
+        apart = abs(row[col.TIP_OFFSET] - new[col.TIP_OFFSET]) + abs(row[col.AMPLITUDE] - new[col.AMPLITUDE])
+        if apart < 1e-7 * new[col.AMPLITUDE] and abs(row[col.PHASE] - new[col.PHASE]) < 1e-6:
+            return count
+    return count + 1
 
 
 @njit(**OPTIONS)
@@ -303,29 +378,48 @@ def seed(
     p: np.ndarray,
     lever: np.ndarray,
     tables: np.ndarray,
-    hold: int,
-    value: float,
+    amplitude: float,
+    guesses: np.ndarray,
     level: int,
     tolerance: float,
-    guesses: np.ndarray,
     rows: np.ndarray,
     count: int,
 ) -> int:
-    """Add the orbits that Newton's method finds from averaged ones and that are not there yet; returns how many there are."""
-    orbit, spare, target = new_orbit(), new_orbit(), np.array([value, 0.0, 0.0, 0.0])
-    for i in range(len(guesses)):
-        if count == len(rows) or not begin(law, p, lever, tables, orbit, guesses[i], level):
+    """Add the orbits of this amplitude to which averaged ones lead; returns how many rows there are.
+
+    An averaged orbit of another amplitude is followed to this one, along its own piece of the curve.
+    """
+    orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
+    target, point = np.zeros(4), np.zeros(POINT)
+    reach = reach_of(law, p)
+    for guess in guesses:
+        if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
             continue
-        status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, hold, target, level, tolerance, 30)
+        status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 30)
         if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
             continue
-        finish(law, p, lever, tables, orbit, rows[count])
-        known = False
-        for row in rows[:count]:
-            apart = abs(row[col.TIP_OFFSET] - rows[count, col.TIP_OFFSET])
-            apart += abs(row[col.AMPLITUDE] - rows[count, col.AMPLITUDE])
-            turned = abs(row[col.PHASE] - rows[count, col.PHASE])
-            known = known or (apart < 1e-6 * orbit.head[VALUE, A] and turned < 1e-5)
-        if not known:
-            count += 1
+        if guess[2] == amplitude:
+            finish(law, p, lever, tables, orbit, rows[count])
+            count = insert(rows, count)
+            continue
+        point[:] = 0.0
+        point[TA] = 1.0 if amplitude > guess[2] else -1.0
+        if not mark(law, p, lever, tables, orbit, reach, point):
+            continue
+        step = 0.1
+        for _ in range(40):
+            before = point.copy()
+            status, step, orbit, spare = advance_watching(
+                law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved
+            )
+            if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[2] - amplitude):
+                break
+            if (before[AP] > amplitude) != (point[AP] > amplitude) and count < len(rows):
+                copy_orbit(orbit, one)
+                good, one, saved = cross(
+                    law, p, lever, tables, HOLD_AMPLITUDE, amplitude, before, point, one, saved, tolerance
+                )
+                if good:
+                    finish(law, p, lever, tables, one, rows[count])
+                    count = insert(rows, count)
     return count

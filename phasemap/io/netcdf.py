@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_target", "load", "replacing", "save"]
 
-COMPRESSION_LEVEL = 4  # of zlib; higher gains under 1 % on phase images and doubles the time
+COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % smaller and took a quarter longer
 
 
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:

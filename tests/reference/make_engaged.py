@@ -27,7 +27,7 @@ from make_orbits import DEFAULTS, FIG7, LIQUID
 from shooting import AL0, AL1, D0, EX, FA, KC, RT, W, Oscillator
 
 OUT = pathlib.Path(__file__).parent.parent / "data" / "engaged.json"
-SMALL = dict(free_amplitude=6e-9, quality_factor=300.0, adhesion=0.04)  # attractive orbits of setpoint > 0.76136 or < 0.32237
+SMALL = dict(free_amplitude=6e-9, quality_factor=300.0, adhesion=0.04)  # no attractive orbit at setpoints from about 0.32 to 0.761
 STICKY = LIQUID | dict(quality_factor=8.0, adhesion=0.05, stiffness=1.0, modulus=1e9)
 CASES = [
     *[(f"Fig. 7, setpoint {s}", "Fig. 7", FIG7 | dict(adhesion=0.1, setpoint=s)) for s in (0.97, 0.95, 0.93, 0.9, 0.7, 0.4, 0.2)],

@@ -1,0 +1,45 @@
+"""Which orbit the controller finds, against brute-force engagement in time (tests/reference/make_engaged.py)."""
+
+from __future__ import annotations
+
+import pytest
+from cases import Case, label, load, material_of, scope_of
+
+import phasemap as pm
+
+CASES = load("engaged")
+HELD = [case for case in CASES if case["engaged"]["branch"] != "none"]
+IN_AIR = [case for case in HELD if case["quality_factor"] >= 10]
+
+
+@pytest.mark.parametrize("case", HELD, ids=label)
+def test_the_tip_ends_on_the_orbit_that_engaging_in_time_ends_on(case: Case) -> None:
+    # The reference is a fixed-step integration that settled to about 1 pm and 1e-3 degree; orbits that could be mixed
+    # up are tens of picometres and degrees apart.
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
+    assert pixel.branch == case["engaged"]["branch"]
+    assert abs(pixel.tip_offset - case["engaged"]["tip_offset"]) < 2e-12
+    assert abs(pixel.phase - case["engaged"]["phase"]) < 0.01
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case not in HELD], ids=label)
+def test_where_the_orbit_is_period_doubled_the_pixel_says_so(case: Case) -> None:
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
+    assert pixel.status is pm.Status.unstable
+    assert pixel.branch == "none"
+
+
+@pytest.mark.parametrize("case", IN_AIR, ids=label)
+@pytest.mark.parametrize("solver", ["auto", "averaging", "orbit"])
+def test_the_branch_does_not_depend_on_the_solver(case: Case, solver: str) -> None:
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver=solver)
+    assert pixel.branch == case["engaged"]["branch"]
+
+
+def test_the_branch_does_not_depend_on_the_neighbours() -> None:
+    # Bistable at this setpoint: one alone, and in a map between pixels of other branches.
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 250.0), pm.Tip(30e-9), pm.Drive(40e-9))
+    surface = pm.Surface([[1e8, 1e9, 5e9, 1e9, 1e11]], [[0.3, 0.1, 0.0, 0.1, 0.5]], pixel_size=1e-9)
+    image = pm.simulate(surface, scope, 0.93, solver="orbit")
+    alone = pm.solve_pixel(pm.Material(1e9, adhesion=0.1), scope, 0.93, solver="orbit")
+    assert image.phase.values[0, 1] == image.phase.values[0, 3] == alone.phase

@@ -1,0 +1,123 @@
+"""Exact orbits against orbits computed by other means, and against laws that every orbit obeys."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+from cases import Case, label, load, material_of, scope_of
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import phasemap as pm
+
+CASES = [(name, case) for name in ("orbits", "orbits_unseen") for case in load(name)]
+BISTABLE = load("engaged")
+
+# The references are good to 1e-6 degree and 1e-4 pm; the issue asks for 1e-4 degree, 0.1 pm and 1e-5 in the multiplier.
+# The solver is held to ten times the references' own error.
+PHASE, LENGTH, FLOQUET = 1e-5, 1e-15, 1e-5
+# Multipliers of tests/data/orbits.json come from finite differences and are up to 7e-5 off where this is proved by
+# det(monodromy) = exp(-2 pi / Q) of a conservative surface: its modulus cannot be below exp(-pi / Q).
+LOOSE_FLOQUET = {"soft lever k=2.6 Q=206.9": 1e-4, "stiff k=49 Q=231.7": 2e-5}
+
+
+def found_of(case: Case) -> xr.Dataset:
+    return pm.orbits(material_of(case), scope_of(case), setpoint=case["setpoint"])
+
+
+@pytest.mark.parametrize(("name", "case"), CASES, ids=[label(case) for _, case in CASES])
+def test_every_reference_orbit_is_found(name: str, case: Case) -> None:
+    found = found_of(case)
+    for orbit in case["orbits"]:
+        apart = abs(found.tip_offset.values - orbit["tip_offset"]) / 1e-12 + abs(found.phase.values - orbit["phase"])
+        one = found.isel(orbit=int(np.argmin(apart)))
+        assert abs(float(one.tip_offset) - orbit["tip_offset"]) < LENGTH
+        assert abs(float(one.phase) - orbit["phase"]) < PHASE
+        assert abs(float(one.mean_deflection) - orbit["mean_deflection"]) < LENGTH
+        assert abs(float(one.floquet) - orbit["floquet"]) < LOOSE_FLOQUET.get(label(case), FLOQUET)
+        if "dissipation" in orbit:
+            assert float(one.dissipation) == pytest.approx(orbit["dissipation"], rel=1e-6, abs=1e-24)
+            # The kernel reports the deepest of its nodes, not the apex between them.
+            assert float(one.indentation) == pytest.approx(orbit["peak_indentation"], rel=0.05, abs=2e-12)
+    assert len(found.orbit) >= len(case["orbits"])
+    assert np.all(np.diff(found.tip_offset) <= 0)
+
+
+@pytest.mark.parametrize(("name", "case"), CASES, ids=[label(case) for _, case in CASES])
+def test_energy_that_goes_in_comes_out(name: str, case: Case) -> None:
+    assert np.all(abs(found_of(case).energy_closure) < 1e-6)
+
+
+@pytest.mark.parametrize("case", [c for _, c in CASES if c["damping"] == 0], ids=label)
+def test_a_conservative_surface_contracts_phase_space_as_the_free_lever_does(case: Case) -> None:
+    # Product of the multipliers = exp(-2 pi alpha0 2 / omega): no multiplier can be below its square root in modulus
+    # unless the other is above it.
+    least = math.exp(-math.pi / (case["quality_factor"] * case.get("frequency_ratio", 1.0)))
+    assert np.all(found_of(case).floquet >= least * (1 - 1e-9))
+
+
+@pytest.mark.parametrize("case", [c for c in BISTABLE if c["engaged"]["branch"] != "none"], ids=label)
+def test_orbits_at_a_tip_offset_contain_the_orbit_at_the_setpoint(case: Case) -> None:
+    if case["quality_factor"] < 10:
+        pytest.skip("several orbits share a tip offset to within rounding")
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
+    found = pm.orbits(material_of(case), scope_of(case), tip_offset=pixel.tip_offset)
+    assert np.min(abs(found.amplitude.values - pixel.amplitude) + 1e-9 * abs(found.phase.values - pixel.phase)) < 1e-14
+
+
+@pytest.mark.parametrize("setpoint", [0.2, 0.5, 0.7071, 0.9, 0.99])
+@pytest.mark.parametrize("quality_factor", [50.0, 400.0, 5e4])
+def test_undamped_phase_is_arccos_of_setpoint(setpoint: float, quality_factor: float) -> None:
+    # Wang (1999), Fig. 7: without damping only F+ and F- exist, whatever the forces. Harmonics above the first lose
+    # energy to the air, which shifts the phase by an angle of the order of (delta / A)^2.
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, quality_factor), pm.Tip(10e-9), pm.Drive(60e-9))
+    for material in (pm.Material(2e9), pm.Material(5e9, adhesion=0.05), pm.Material(0.5e9, adhesion=0.2)):
+        phase = pm.solve_pixel(material, scope, setpoint, solver="orbit").phase
+        assert abs(abs(phase) - math.degrees(math.acos(setpoint))) < 0.02
+
+
+def test_a_setpoint_and_a_tip_offset_together_are_refused() -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    with pytest.raises(pm.InputError, match="exactly one of the two"):
+        pm.orbits(pm.Material(1e9), scope, setpoint=0.7, tip_offset=1e-8)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+@given(
+    modulus=st.floats(3, 12).map(lambda x: 10**x),
+    adhesion=st.one_of(st.just(0.0), st.floats(-4, 0).map(lambda x: 10**x)),
+    damping=st.one_of(st.just(0.0), st.floats(-4, 0.7).map(lambda x: 10**x)),
+    quality_factor=st.floats(0.2, 5).map(lambda x: 10**x),
+    free_amplitude=st.floats(-9.3, -6.5).map(lambda x: 10**x),
+    stiffness=st.floats(-1, 2).map(lambda x: 10**x),
+    radius=st.floats(2e-9, 100e-9),
+    decay_length=st.one_of(st.none(), st.floats(0.05e-9, 1e-9)),
+    setpoint=st.floats(0.02, 0.99),
+)
+def test_anywhere_in_the_valid_box_a_pixel_is_an_orbit_or_says_why_not(
+    modulus: float,
+    adhesion: float,
+    damping: float,
+    quality_factor: float,
+    free_amplitude: float,
+    stiffness: float,
+    radius: float,
+    decay_length: float | None,
+    setpoint: float,
+) -> None:
+    scope = pm.Microscope(
+        pm.Cantilever(stiffness, 300e3, quality_factor),
+        pm.Tip(radius),
+        pm.Drive(free_amplitude),
+        pm.Interaction(decay_length=decay_length),
+    )
+    pixel = pm.solve_pixel(pm.Material(modulus, adhesion=adhesion, damping=damping), scope, setpoint, solver="orbit")
+    assert pixel.stable == (pixel.status is pm.Status.good) == math.isfinite(pixel.phase)
+    if pixel.stable:
+        assert abs(pixel.energy_closure) < 1e-6
+        assert pixel.floquet < 1
+        assert pixel.feedback_slope > 0
+        assert pixel.amplitude == pytest.approx(setpoint * scope.free_amplitude, rel=1e-12)
