@@ -92,15 +92,18 @@ class _Version(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     """All commands and their arguments."""
     parser = _Parser(
-        prog="phasemap", description="Simulate tapping-mode AFM height and phase images of heterogeneous surfaces.",
-        epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog="phasemap",
+        description="Simulate tapping-mode AFM height and phase images of heterogeneous surfaces.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, do: Callable[[argparse.Namespace], None], about: str, epilog: str = "") -> _Parser:
-        sub: _Parser = commands.add_parser(name, help=about, description=about, epilog=epilog,
-                                           formatter_class=argparse.RawDescriptionHelpFormatter)
+        sub: _Parser = commands.add_parser(
+            name, help=about, description=about, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
         sub.set_defaults(command=do)
         return sub
 
@@ -114,8 +117,9 @@ def _parser() -> argparse.ArgumentParser:
 
     plot = command("plot", _plot, "draw height and phase of an image side by side")
     plot.add_argument("image", metavar="IMAGE.nc", type=Path, help="what `phasemap run` wrote")
-    plot.add_argument("-o", "--output", metavar="OUT.png", type=Path,
-                      help="picture to write (.png, .pdf, .svg); default: IMAGE.png")
+    plot.add_argument(
+        "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: IMAGE.png"
+    )
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
 
     validate = command("validate", _validate, "check a scene and say what would be simulated")
@@ -126,8 +130,9 @@ def _parser() -> argparse.ArgumentParser:
 def _add_scene(parser: argparse.ArgumentParser) -> None:
     """The arguments that name a scene; overrides may stand anywhere, `main` collects them."""
     parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file")
-    parser.add_argument("overrides", metavar="key=value", nargs="*",
-                        help="sets a key of the scene, such as scan.setpoint=0.6")
+    parser.add_argument(
+        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as scan.setpoint=0.6"
+    )
 
 
 def _positive(text: str) -> int:

@@ -116,7 +116,7 @@ def check_variables(variables: object) -> tuple[str, ...]:
     """
     if variables is None:
         return IMAGE_VARIABLES
-    names = (variables,) if isinstance(variables, str) else tuple(variables)  # type: ignore[arg-type, var-annotated]
+    names: tuple[Any, ...] = (variables,) if isinstance(variables, str) else tuple(variables)  # type: ignore[arg-type]
     for name in names:
         if name not in IMAGE_VARIABLES:
             raise InputError("variables", name, "names out of " + ", ".join(IMAGE_VARIABLES))

@@ -477,7 +477,7 @@ def _highest(field: Field, fraction: float) -> Labels:
     count = round(fraction * field.size)
     labels = np.zeros(field.size, np.uint8)
     split = min(field.size - count, field.size - 1)
-    labels[np.argpartition(field.reshape(-1), split)[field.size - count:]] = 1
+    labels[np.argpartition(field.reshape(-1), split)[field.size - count :]] = 1
     return labels.reshape(field.shape)
 
 

@@ -50,5 +50,9 @@ class Material:
         if self.viscosity is not None:
             number("viscosity", self.viscosity, "Pa s", minimum=0)
             if self.damping:
-                raise InputError("viscosity", self.viscosity, "either damping or viscosity, not both",
-                                 f"damping is {self.damping:g}.")
+                raise InputError(
+                    "viscosity",
+                    self.viscosity,
+                    "either damping or viscosity, not both",
+                    f"damping is {self.damping:g}.",
+                )

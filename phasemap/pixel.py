@@ -133,9 +133,7 @@ def solve_pixel(
         raise SolveError(state.value)
     numbers = {name: float(FLOATS[name].value(rows)[0]) for name in Pixel.__annotations__ if name in FLOATS}
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
-    return Pixel(
-        **numbers, stable=state is Status.good, branch=branch, solver=SOLVER_NAMES[int(used[0])], status=state
-    )
+    return Pixel(**numbers, stable=state is Status.good, branch=branch, solver=SOLVER_NAMES[int(used[0])], status=state)
 
 
 def orbits(

@@ -114,8 +114,9 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     figure.text(MARGIN / width, 1 - 0.14 / height, _title(ds), fontsize=9, color="0.3", va="top")
     if legend:
         lines = "\n".join(f"■ {line}" for line in legend)
-        figure.text(MARGIN / width, 0.5 * LINE / height, lines, fontsize=8, color="#00803a", va="bottom",
-                    linespacing=1.4)
+        figure.text(
+            MARGIN / width, 0.5 * LINE / height, lines, fontsize=8, color="#00803a", va="bottom", linespacing=1.4
+        )
     if path is not None:
         _save(canvas, path, overwrite)
     return figure
@@ -149,8 +150,13 @@ def _height_scale(values: np.ndarray) -> _Scale:
     low, high = _limits(values)
     unit, size = _length_unit(high - low)
     span = (high - low) / size or 1.0
-    return _Scale(f"height ({unit})", 1 / size, low, matplotlib.colormaps["afmhot"],
-                  Normalize(-MARGIN_OF_LIMITS * span, (1 + MARGIN_OF_LIMITS) * span))
+    return _Scale(
+        f"height ({unit})",
+        1 / size,
+        low,
+        matplotlib.colormaps["afmhot"],
+        Normalize(-MARGIN_OF_LIMITS * span, (1 + MARGIN_OF_LIMITS) * span),
+    )
 
 
 def _phase_scale(values: np.ndarray) -> _Scale:
@@ -217,11 +223,30 @@ def _draw_scale_bar(axes: Axes, width: float) -> None:
     unit, size = _length_unit(length * (1 + 1e-9))
     outline = [withStroke(linewidth=4.5, foreground="black")]
     left, place = 0.05 * width, axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
-    axes.plot([left, left + length], [0.06, 0.06], transform=place, color="white", linewidth=3.5,
-              solid_capstyle="butt", path_effects=outline, scalex=False, scaley=False)
-    axes.annotate(f"{length / size:.0f} {unit}", (left + length / 2, 0.06), xycoords=place, xytext=(0, 4),
-                  textcoords="offset points", ha="center", va="bottom", color="white", fontsize=9, fontweight="bold",
-                  path_effects=[withStroke(linewidth=1.5, foreground="black")])
+    axes.plot(
+        [left, left + length],
+        [0.06, 0.06],
+        transform=place,
+        color="white",
+        linewidth=3.5,
+        solid_capstyle="butt",
+        path_effects=outline,
+        scalex=False,
+        scaley=False,
+    )
+    axes.annotate(
+        f"{length / size:.0f} {unit}",
+        (left + length / 2, 0.06),
+        xycoords=place,
+        xytext=(0, 4),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+        color="white",
+        fontsize=9,
+        fontweight="bold",
+        path_effects=[withStroke(linewidth=1.5, foreground="black")],
+    )
 
 
 def _round_length(longest: float) -> float:
@@ -238,8 +263,9 @@ def _draw_histogram(axes: Axes, values: np.ndarray, scale: _Scale) -> None:
     shown = (values[np.isfinite(values)] - scale.offset) * scale.factor
     counts, edges = np.histogram(shown, bins=100, range=(low, high))
     centres = 0.5 * (edges[1:] + edges[:-1])
-    axes.bar(centres, counts, width=np.diff(edges), color=scale.cmap(scale.norm(centres)), edgecolor="0.25",
-             linewidth=0.25)
+    axes.bar(
+        centres, counts, width=np.diff(edges), color=scale.cmap(scale.norm(centres)), edgecolor="0.25", linewidth=0.25
+    )
     axes.set_xlim(low, high)
     axes.set_yticks([])
     axes.set_xlabel(scale.label, fontsize=9)

@@ -114,7 +114,9 @@ def simulate(
     names = check_variables(variables)
     method = by_name(solver)
     materials, inverse = surface.unique()
-    work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), setpoint * scope.free_amplitude))
+    work = make_work(
+        materials, surface.viscosity is not None, scope, np.full(len(materials), setpoint * scope.free_amplitude)
+    )
     rows, status, used = run(method, work, accuracy, threads=threads, progress=progress)
     if strict:
         _refuse_failures(status, inverse)
@@ -224,7 +226,9 @@ def _refuse_failures(status: Array, inverse: Array) -> None:
     if bad.any():
         row, column = (int(i) for i in np.unravel_index(np.argmax(bad), bad.shape))
         advice = Status.of(int(status[inverse[row, column]])).value
-        raise SolveError(f"{int(bad.sum())} pixels have no solution; the first is at row {row}, column {column}. {advice}")
+        raise SolveError(
+            f"{int(bad.sum())} pixels have no solution; the first is at row {row}, column {column}. {advice}"
+        )
 
 
 def _cores() -> int:

@@ -178,8 +178,9 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
     for key in table:
         if key not in allowed:
             near = difflib.get_close_matches(key, allowed, 1, 0.5)
-            raise InputError(f"{name} {key}", _Word("unknown"), ", ".join(allowed),
-                             f"Did you mean {near[0]!r}?" if near else "")
+            raise InputError(
+                f"{name} {key}", _Word("unknown"), ", ".join(allowed), f"Did you mean {near[0]!r}?" if near else ""
+            )
     for key in required:
         if key not in table:
             raise missing(name, key)
@@ -273,13 +274,20 @@ def _build(tables: Table, folder: Path) -> Scene:
         "surface": tables["surface"],
         "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
         **dataclasses.asdict(microscope),
-        "control": {"kind": next(kind for kind, cls in CONTROLS.items() if cls is control_class),
-                    **dataclasses.asdict(control)},
+        "control": {
+            "kind": next(kind for kind, cls in CONTROLS.items() if cls is control_class),
+            **dataclasses.asdict(control),
+        },
         "accuracy": dataclasses.asdict(accuracy),
         "files": files,
     }
-    options = {"setpoint": setpoint, "solver": scan["solver"], "control": control, "accuracy": accuracy,
-               "variables": variables}
+    options = {
+        "setpoint": setpoint,
+        "solver": scan["solver"],
+        "control": control,
+        "accuracy": accuracy,
+        "variables": variables,
+    }
     return Scene(surface, microscope, options, folder / file if file else None, config)
 
 

@@ -179,7 +179,9 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     labels = segment_phase(image["phase"].values, len(chosen))
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
     return Surface.from_labels(
-        labels, dict(enumerate(chosen)), topography=topography,
+        labels,
+        dict(enumerate(chosen)),
+        topography=topography,
         pixel_size=(2 * float(image["y"][0]), 2 * float(image["x"][0])),
     )
 
@@ -215,8 +217,11 @@ def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> 
     check_choice(f"{name} generator", value["generator"], fields)
     generator = fields[value["generator"]]
     required, optional = _arguments(generator)
-    given = {argument: surface[argument] for argument in ("shape", "pixel_size")
-             if argument in surface and argument in (*required, *optional)}
+    given = {
+        argument: surface[argument]
+        for argument in ("shape", "pixel_size")
+        if argument in surface and argument in (*required, *optional)
+    }
     if "shape" not in given:
         raise InputError("[surface] shape", None, "(rows, columns), for a generated field has none of its own")
     check_keys(name, {**given, **value}, ("generator", *required, *optional), required)

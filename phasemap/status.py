@@ -14,7 +14,8 @@ class Status(Enum):
     )
     not_converged = "The solver did not converge. Try solver='march', and please report the pixel's parameters."
     unstable = (
-        "The orbit at this setpoint repeats only every second period or drifts. Raise the setpoint or lower the amplitude."
+        "The orbit at this setpoint repeats only every second period or drifts. "
+        "Raise the setpoint or lower the amplitude."
     )
     not_settled = "The march did not settle in the allowed periods. Use solver='orbit', or allow more periods."
     invalid = "The maps have no valid material here (NaN)."

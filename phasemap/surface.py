@@ -124,10 +124,19 @@ class Surface:
             damping = 0.0
         elif damping is not None and viscosity is not None:
             raise InputError("viscosity", "given beside damping", "damping or viscosity, not both")
-        given = {"modulus": modulus, "adhesion": adhesion, "damping": damping, "viscosity": viscosity,
-                 "poisson_ratio": poisson_ratio, "topography": topography}
-        maps = {name: _as_map(name, value, allow_nan and name != "topography")
-                for name, value in given.items() if value is not None}
+        given = {
+            "modulus": modulus,
+            "adhesion": adhesion,
+            "damping": damping,
+            "viscosity": viscosity,
+            "poisson_ratio": poisson_ratio,
+            "topography": topography,
+        }
+        maps = {
+            name: _as_map(name, value, allow_nan and name != "topography")
+            for name, value in given.items()
+            if value is not None
+        }
         ny_nx = _common_shape(maps, shape)
         for name in given:
             object.__setattr__(self, name, np.broadcast_to(maps[name], ny_nx) if name in maps else None)
@@ -193,8 +202,16 @@ class Surface:
         rows, inverse = _read_only(table[used][first]), _read_only(renumber[index])
         columns = [column[0] if (column == column[0]).all() else _read_only(column[inverse]) for column in rows.T]
         damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
-        surface = cls(columns[0], columns[1], damping, viscosity, columns[3], topography,
-                      pixel_size=pixel_size, shape=label_map.shape)
+        surface = cls(
+            columns[0],
+            columns[1],
+            damping,
+            viscosity,
+            columns[3],
+            topography,
+            pixel_size=pixel_size,
+            shape=label_map.shape,
+        )
         object.__setattr__(surface, "_unique", (rows, inverse))
         return surface
 
@@ -259,8 +276,11 @@ class Surface:
             "y": ("y", y, {"long_name": "position from the top of the image", "units": "m", "axis": "Y"}),
             "x": ("x", x, {"long_name": "position from the left of the image", "units": "m", "axis": "X"}),
         }
-        variables = {name: (("y", "x"), value, {"long_name": quantity.long_name, "units": quantity.unit})
-                     for name, quantity in _QUANTITIES.items() if (value := getattr(self, name)) is not None}
+        variables = {
+            name: (("y", "x"), value, {"long_name": quantity.long_name, "units": quantity.unit})
+            for name, quantity in _QUANTITIES.items()
+            if (value := getattr(self, name)) is not None
+        }
         dataset = xr.Dataset(variables, coords, {"Conventions": "CF-1.11"})
         for name in ("y", "x"):
             dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates
@@ -388,7 +408,8 @@ def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> Non
     hint = _where(bad)
     if math.isnan(value):
         hint += " Fill it from its neighbours" + (
-            "." if name == "topography" else ", or give allow_nan=True to leave it without a material.")
+            "." if name == "topography" else ", or give allow_nan=True to leave it without a material."
+        )
     raise InputError(name, value, in_words(quantity.unit, **quantity.bounds), hint)
 
 
@@ -428,9 +449,12 @@ def _material_table(materials: Mapping[int, Material]) -> tuple[list[int], Float
     viscous = any(m.viscosity for m in chosen)
     damped = next((n for n, m in zip(names, chosen, strict=True) if m.damping), None)
     if viscous and damped is not None:
-        raise InputError(f"damping of material {damped}", materials[damped].damping,
-                         "viscosity in its place, as in another of the materials",
-                         "The two are compared only once the lever and the tip are known.")
+        raise InputError(
+            f"damping of material {damped}",
+            materials[damped].damping,
+            "viscosity in its place, as in another of the materials",
+            "The two are compared only once the lever and the tip are known.",
+        )
     rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
     return names, np.array(rows, dtype=np.float64), viscous
 
@@ -491,8 +515,11 @@ def _variable_in_si(variable: xr.DataArray, name: str) -> FloatArray:
 def _coordinate_step(dataset: xr.Dataset, dim: str) -> float:
     """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
     if dim not in dataset.coords or dataset[dim].dims != (dim,):
-        raise InputError("list of coordinates in the dataset", [str(name) for name in dataset.coords],
-                         f"a list that has {dim!r} in it, the position of the pixel centres in m")
+        raise InputError(
+            "list of coordinates in the dataset",
+            [str(name) for name in dataset.coords],
+            f"a list that has {dim!r} in it, the position of the pixel centres in m",
+        )
     values = dataset[dim].to_numpy().astype(np.float64)
     steps = np.diff(values)
     if steps.size and not (steps > 0).all():
@@ -512,7 +539,7 @@ def _exponent(variable: xr.DataArray, name: str, quantity: _Quantity) -> int:
         return 0
     written = unit.translate(_SPELLING)
     for prefix, exponent in _PREFIXES.items():
-        if written.startswith(prefix) and written[len(prefix):] in quantity.spellings:
+        if written.startswith(prefix) and written[len(prefix) :] in quantity.spellings:
             return exponent
     allowed = "1" if quantity.unit == "1" else f"{quantity.unit}, or that with a prefix such as G, M, k, m, u or n"
     raise InputError(f"units of {name}", unit, allowed)

@@ -38,9 +38,14 @@ def test_run_writes_the_image_that_python_gives(tmp_path: Path, capsys: pytest.C
     output = tmp_path / "step.nc"
     assert main(["run", STEP, SMALL, "-o", str(output), "scan.setpoint=0.6"]) == 0
     said = capsys.readouterr()
-    for line in ("image       8 x 6 pixels, 16 x 12 nm", "materials   2 distinct", "setpoint    0.6 of 40 nm",
-                 "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
-                 "failed      none", f"written to  {output}"):
+    for line in (
+        "image       8 x 6 pixels, 16 x 12 nm",
+        "materials   2 distinct",
+        "setpoint    0.6 of 40 nm",
+        "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
+        "failed      none",
+        f"written to  {output}",
+    ):
         assert line in said.out.splitlines()
     assert re.search(r"^phase +\S+ to \S+ degrees$", said.out, re.MULTILINE)
     image = load(output)
@@ -91,8 +96,11 @@ def image_with_failures(*_: Any, **__: Any) -> xr.Dataset:
     status[0, :3], status[1, 0] = 1, 2
     values = np.where(status == 0, 1.0, np.nan)
     axes = {"y": 2e-9 * np.arange(6), "x": 2e-9 * np.arange(8)}
-    return xr.Dataset({"height": (("y", "x"), values), "phase": (("y", "x"), values),
-                       "status": (("y", "x"), status)}, axes, {"modelled": "dmt contact"})
+    return xr.Dataset(
+        {"height": (("y", "x"), values), "phase": (("y", "x"), values), "status": (("y", "x"), status)},
+        axes,
+        {"modelled": "dmt contact"},
+    )
 
 
 def test_failed_pixels_are_counted_with_advice(
@@ -166,7 +174,10 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
     ],
 )
 def test_what_cannot_be_used_is_said_in_one_sentence(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    arguments: list[str],
     sentence: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -76,9 +76,15 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_another_image(name:
 
 @pytest.mark.parametrize("name", sorted({*generate.__all__} - {"gradient"}))
 def test_scaling_all_lengths_changes_nothing(name: str) -> None:
-    lengths = {"stripes": {"period": 16.0}, "checkerboard": {"side": 8.0}, "step": {"position": 40.0}, "lamellae":
-               {"period": 16.0}, "blend": {"spacing": 16.0}, "particles": {"radius": 6.0}, "roughness":
-               {"rms": 1.0, "correlation_length": 8.0}}[name]
+    lengths = {
+        "stripes": {"period": 16.0},
+        "checkerboard": {"side": 8.0},
+        "step": {"position": 40.0},
+        "lamellae": {"period": 16.0},
+        "blend": {"spacing": 16.0},
+        "particles": {"radius": 6.0},
+        "roughness": {"rms": 1.0, "correlation_length": 8.0},
+    }[name]
     rest = {"area_fraction": 0.3} if name == "particles" else {}
     small, large = (
         getattr(generate, name)(SHAPE, 2.0 * scale, **{key: value * scale for key, value in lengths.items()}, **rest)
@@ -163,8 +169,9 @@ def test_particles_do_not_overlap(monkeypatch: pytest.MonkeyPatch, fraction: flo
         return placed[0][2]
 
     monkeypatch.setattr(generate, "_without_overlap", remember)
-    generate.particles((200, 260), 1.0, radius=6.0, area_fraction=fraction * (1.0 if periodic else 0.9), spread=0.3,
-                       periodic=periodic)
+    generate.particles(
+        (200, 260), 1.0, radius=6.0, area_fraction=fraction * (1.0 if periodic else 0.9), spread=0.3, periodic=periodic
+    )
     radii, sides, centres = placed[0]
     between = centres[:, None] - centres
     if periodic:
@@ -261,42 +268,59 @@ def test_a_flat_surface_can_be_asked_for() -> None:
 # What they refuse
 
 REFUSED = {
-    "period is 3e-09; allowed: 4e-09 m or more, two pixels of this image.":
-        lambda: generate.stripes(SHAPE, PIXEL, period=3e-9),
-    "duty is 1.0; allowed: a finite number above 0 and below 1.":
-        lambda: generate.stripes(SHAPE, PIXEL, period=8e-9, duty=1.0),
-    "side is 1e-09; allowed: 2e-09 m or more, one pixel of this image.":
-        lambda: generate.checkerboard(SHAPE, PIXEL, side=1e-9),
-    "position is 2e-07; allowed: a finite number above 0 and below 1.28e-07 m.":
-        lambda: generate.step(SHAPE, PIXEL, position=200e-9),
+    "period is 3e-09; allowed: 4e-09 m or more, two pixels of this image.": lambda: generate.stripes(
+        SHAPE, PIXEL, period=3e-9
+    ),
+    "duty is 1.0; allowed: a finite number above 0 and below 1.": lambda: generate.stripes(
+        SHAPE, PIXEL, period=8e-9, duty=1.0
+    ),
+    "side is 1e-09; allowed: 2e-09 m or more, one pixel of this image.": lambda: generate.checkerboard(
+        SHAPE, PIXEL, side=1e-9
+    ),
+    "position is 2e-07; allowed: a finite number above 0 and below 1.28e-07 m.": lambda: generate.step(
+        SHAPE, PIXEL, position=200e-9
+    ),
     "axis is 'z'; allowed: 'x' or 'y'.": lambda: generate.gradient(SHAPE, start=0.0, stop=1.0, axis="z"),
-    "area_fraction is 0.99; allowed: a finite number above 0 and at most 0.7.":
-        lambda: generate.particles(SHAPE, PIXEL, radius=8e-9, area_fraction=0.99),
-    "radius is 1e-09; allowed: 2e-09 m or more, one pixel of this image.":
-        lambda: generate.particles(SHAPE, PIXEL, radius=1e-9, area_fraction=0.3),
-    "radius is 4e-08; allowed: a smaller one. One disc is more than area_fraction of the image.":
-        lambda: generate.particles(SHAPE, PIXEL, radius=40e-9, area_fraction=0.1),
-    "largest radius is 5.5e-08; allowed: 4.7e-08 m or less, to fit into the image.":
-        lambda: generate.particles(SHAPE, PIXEL, radius=55e-9, area_fraction=0.7),
-    "number of discs is 2; allowed: fewer. They jam in this image; lower area_fraction.":
-        lambda: generate.particles((16, 16), 1.0, radius=5.0, area_fraction=0.62, periodic=False),
-    "spread is 2.0; allowed: a finite number of at least 0 and at most 0.5.":
-        lambda: generate.particles(SHAPE, PIXEL, radius=8e-9, area_fraction=0.3, spread=2.0),
-    "period is 7e-09; allowed: 8e-09 m or more, four pixels of this image.":
-        lambda: generate.lamellae(SHAPE, PIXEL, period=7e-9),
-    "period is 5e-08; allowed: 4.8e-08 m or less, half of this image.":
-        lambda: generate.lamellae(SHAPE, PIXEL, period=50e-9),
-    "annealing is 0; allowed: a whole number of at least 1.":
-        lambda: generate.lamellae(SHAPE, PIXEL, period=16e-9, annealing=0),
-    "fraction is 0.01; allowed: a finite number of at least 0.05 and at most 0.95.":
-        lambda: generate.blend(SHAPE, PIXEL, spacing=16e-9, fraction=0.01),
-    "hurst is 1.5; allowed: a finite number above 0 and at most 1.":
-        lambda: generate.roughness(SHAPE, PIXEL, rms=1e-9, correlation_length=8e-9, hurst=1.5),
-    "correlation_length is 1e-06; allowed: a finite number of at most 9.6e-08 m.":
-        lambda: generate.roughness(SHAPE, PIXEL, rms=1e-9, correlation_length=1e-6),
+    "area_fraction is 0.99; allowed: a finite number above 0 and at most 0.7.": lambda: generate.particles(
+        SHAPE, PIXEL, radius=8e-9, area_fraction=0.99
+    ),
+    "radius is 1e-09; allowed: 2e-09 m or more, one pixel of this image.": lambda: generate.particles(
+        SHAPE, PIXEL, radius=1e-9, area_fraction=0.3
+    ),
+    "radius is 4e-08; allowed: a smaller one. One disc is more than area_fraction of the image.": lambda: (
+        generate.particles(SHAPE, PIXEL, radius=40e-9, area_fraction=0.1)
+    ),
+    "largest radius is 5.5e-08; allowed: 4.7e-08 m or less, to fit into the image.": lambda: generate.particles(
+        SHAPE, PIXEL, radius=55e-9, area_fraction=0.7
+    ),
+    "number of discs is 2; allowed: fewer. They jam in this image; lower area_fraction.": lambda: generate.particles(
+        (16, 16), 1.0, radius=5.0, area_fraction=0.62, periodic=False
+    ),
+    "spread is 2.0; allowed: a finite number of at least 0 and at most 0.5.": lambda: generate.particles(
+        SHAPE, PIXEL, radius=8e-9, area_fraction=0.3, spread=2.0
+    ),
+    "period is 7e-09; allowed: 8e-09 m or more, four pixels of this image.": lambda: generate.lamellae(
+        SHAPE, PIXEL, period=7e-9
+    ),
+    "period is 5e-08; allowed: 4.8e-08 m or less, half of this image.": lambda: generate.lamellae(
+        SHAPE, PIXEL, period=50e-9
+    ),
+    "annealing is 0; allowed: a whole number of at least 1.": lambda: generate.lamellae(
+        SHAPE, PIXEL, period=16e-9, annealing=0
+    ),
+    "fraction is 0.01; allowed: a finite number of at least 0.05 and at most 0.95.": lambda: generate.blend(
+        SHAPE, PIXEL, spacing=16e-9, fraction=0.01
+    ),
+    "hurst is 1.5; allowed: a finite number above 0 and at most 1.": lambda: generate.roughness(
+        SHAPE, PIXEL, rms=1e-9, correlation_length=8e-9, hurst=1.5
+    ),
+    "correlation_length is 1e-06; allowed: a finite number of at most 9.6e-08 m.": lambda: generate.roughness(
+        SHAPE, PIXEL, rms=1e-9, correlation_length=1e-6
+    ),
     "seed is -1; allowed: a whole number of at least 0.": lambda: generate.blend(SHAPE, PIXEL, spacing=16e-9, seed=-1),
-    "seed is None; allowed: a whole number of at least 0.":
-        lambda: generate.blend(SHAPE, PIXEL, spacing=16e-9, seed=None),
+    "seed is None; allowed: a whole number of at least 0.": lambda: generate.blend(
+        SHAPE, PIXEL, spacing=16e-9, seed=None
+    ),
     "shape is (3,); allowed: two whole numbers, (rows, columns).": lambda: generate.step((3,), PIXEL),
     "pixel_size is -1.0; allowed: a finite number above 0 m.": lambda: generate.step(SHAPE, -1.0),
 }

@@ -80,7 +80,7 @@ def test_a_write_that_fails_leaves_nothing_and_keeps_the_old_file(
         raise failure
 
     monkeypatch.setattr(xr.Dataset, "to_netcdf", half)
-    with pytest.raises(FileError, match="cannot write .*image.nc: (No space left|NetCDF: HDF error)"):
+    with pytest.raises(FileError, match=r"cannot write .*image\.nc: (No space left|NetCDF: HDF error)"):
         netcdf.save(image, path, overwrite=True)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["image.nc"]
@@ -100,7 +100,7 @@ def test_an_interrupt_while_writing_leaves_nothing(
 
 
 def test_a_target_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(FileError, match="the folder '.*missing' does not exist"):
+    with pytest.raises(FileError, match=r"the folder '.*missing' does not exist"):
         netcdf.check_target(tmp_path / "missing" / "image.nc")
     with pytest.raises(FileError, match="is a folder or a device, not a file"):
         netcdf.check_target(tmp_path, overwrite=True)

@@ -65,18 +65,19 @@ def test_orbits_at_a_tip_offset_contain_the_orbit_at_the_setpoint(case: Case) ->
         pytest.skip("several orbits share a tip offset to within rounding")
     pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
     found = pm.orbits(material_of(case), scope_of(case), tip_offset=pixel.tip_offset)
-    assert np.min(abs(found.amplitude.values - pixel.amplitude) + 1e-9 * abs(found.phase.values - pixel.phase)) < 1e-14
+    apart = abs(found.amplitude.values - pixel.amplitude) / 1e-14 + abs(found.phase.values - pixel.phase) / 1e-4
+    assert np.min(apart) < 1
 
 
 @pytest.mark.parametrize("setpoint", [0.2, 0.5, 0.7071, 0.9, 0.99])
-@pytest.mark.parametrize("quality_factor", [50.0, 400.0, 5e4])
+@pytest.mark.parametrize("quality_factor", [400.0, 5e4])
 def test_undamped_phase_is_arccos_of_setpoint(setpoint: float, quality_factor: float) -> None:
     # Wang (1999), Fig. 7: without damping only F+ and F- exist, whatever the forces. Harmonics above the first lose
-    # energy to the air, which shifts the phase by an angle of the order of (delta / A)^2.
+    # energy to the air; their amplitude goes with 1/Q, so the shift with 1/Q^2 (0.035 degree at Q = 50).
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, quality_factor), pm.Tip(10e-9), pm.Drive(60e-9))
     for material in (pm.Material(2e9), pm.Material(5e9, adhesion=0.05), pm.Material(0.5e9, adhesion=0.2)):
         phase = pm.solve_pixel(material, scope, setpoint, solver="orbit").phase
-        assert abs(abs(phase) - math.degrees(math.acos(setpoint))) < 0.02
+        assert abs(abs(phase) - math.degrees(math.acos(setpoint))) < 2e-3
 
 
 def test_a_setpoint_and_a_tip_offset_together_are_refused() -> None:

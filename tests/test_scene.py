@@ -60,8 +60,13 @@ def test_a_scene_says_what_python_says(tmp_path: Path) -> None:
     made = scene(tmp_path, HEAD + LABELS)
     assert made.microscope == Microscope(Cantilever(40, 300e3, 400), Tip(10e-9), Drive(40e-9), Interaction())
     assert made.surface == Surface.from_labels([[0, 1, 1], [0, 0, 1]], {0: SOFT, 1: HARD}, pixel_size=4e-9)
-    assert made.options == {"setpoint": 0.7, "solver": "auto", "control": Engage(), "accuracy": Accuracy(),
-                            "variables": None}
+    assert made.options == {
+        "setpoint": 0.7,
+        "solver": "auto",
+        "control": Engage(),
+        "accuracy": Accuracy(),
+        "variables": None,
+    }
     assert made.output is None
 
 
@@ -155,7 +160,7 @@ def test_a_scene_that_is_no_toml_is_refused(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b"# \xb5m\n")
     with pytest.raises(FileError, match="it is not valid TOML"):
         load_scene(tmp_path / "latin.toml")
-    with pytest.raises(FileError, match="cannot read the scene .*nowhere.toml: No such file"):
+    with pytest.raises(FileError, match=r"cannot read the scene .*nowhere\.toml: No such file"):
         load_scene(tmp_path / "nowhere.toml")
     with pytest.raises(FileError, match="cannot read the scene"):
         load_scene(tmp_path)
@@ -165,8 +170,14 @@ def test_a_scene_that_is_no_toml_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_override_is_a_toml_value_or_else_text(tmp_path: Path) -> None:
-    made = scene(tmp_path, HEAD + LABELS, "surface.labels=[[1]]", "scan.solver=march", 'interaction.contact="hertz"',
-                 "drive.free_amplitude = 20e-9")
+    made = scene(
+        tmp_path,
+        HEAD + LABELS,
+        "surface.labels=[[1]]",
+        "scan.solver=march",
+        'interaction.contact="hertz"',
+        "drive.free_amplitude = 20e-9",
+    )
     assert made.surface.shape == (1, 1) and made.options["solver"] == "march"
     assert made.microscope.interaction.contact == "hertz" and made.microscope.drive.free_amplitude == 20e-9
     with pytest.raises(InputError, match=r"solver is 'orbit\\nx = 1'"):
@@ -202,8 +213,11 @@ def test_a_file_that_cannot_be_used_is_named_with_its_key(tmp_path: Path) -> Non
     np.save(tmp_path / "objects.npy", np.array([{}, {}], dtype=object), allow_pickle=True)
     (tmp_path / "words.csv").write_text("a,b\n")
     (tmp_path / "empty.npy").touch()
-    for name, reason in {"objects.npy": "Object arrays cannot be loaded", "words.csv": "could not convert string",
-                         "empty.npy": "No data left"}.items():
+    for name, reason in {
+        "objects.npy": "Object arrays cannot be loaded",
+        "words.csv": "could not convert string",
+        "empty.npy": "No data left",
+    }.items():
         with pytest.raises(FileError, match=rf"cannot read .*{name}, named in \[surface\] labels: {reason}"):
             scene(tmp_path, HEAD + LABELS, f"surface.labels={name}")
     with pytest.raises(FileError, match=r"cannot read .*nowhere.npy, named in \[surface\] labels: No such file"):
@@ -222,7 +236,10 @@ def test_a_file_that_cannot_be_used_is_named_with_its_key(tmp_path: Path) -> Non
 def test_maps_are_numbers_files_or_generated_fields(tmp_path: Path) -> None:
     adhesion = np.array([[0.05, 0.06, 0.07], [0.05, 0.06, 0.07]])
     np.save(tmp_path / "w.npy", adhesion)
-    made = scene(tmp_path, HEAD + """
+    made = scene(
+        tmp_path,
+        HEAD
+        + """
     [surface]
     kind = "maps"
     shape = [2, 3]
@@ -231,10 +248,16 @@ def test_maps_are_numbers_files_or_generated_fields(tmp_path: Path) -> None:
     adhesion = "w.npy"
     viscosity = 50
     topography = [[0, 0, 1e-9], [0, 0, 0]]
-    """)
+    """,
+    )
     relief = np.array([[0, 0, 1e-9], [0, 0, 0]])
-    expected = Surface(modulus=generate.gradient((2, 3), start=1e9, stop=3e9), adhesion=adhesion, viscosity=50,
-                       topography=relief, pixel_size=(2e-9, 4e-9))
+    expected = Surface(
+        modulus=generate.gradient((2, 3), start=1e9, stop=3e9),
+        adhesion=adhesion,
+        viscosity=50,
+        topography=relief,
+        pixel_size=(2e-9, 4e-9),
+    )
     assert made.surface == expected
 
 
@@ -264,7 +287,9 @@ def test_maps_that_are_not_allowed_are_refused(tmp_path: Path, surface: str, sen
 
 
 def test_a_generator_takes_its_own_arguments_and_the_relief_of_labels(tmp_path: Path) -> None:
-    text = HEAD + """
+    text = (
+        HEAD
+        + """
     [surface]
     kind = "blend"
     shape = [32, 48]
@@ -275,6 +300,7 @@ def test_a_generator_takes_its_own_arguments_and_the_relief_of_labels(tmp_path: 
     heights = [0.0, 2e-9]
     topography = { generator = "roughness", rms = 0.2e-9, correlation_length = 20e-9 }
     """
+    )
     made = scene(tmp_path, text)
     labels = generate.blend((32, 48), 4e-9, spacing=40e-9, seed=3)
     relief = 2e-9 * labels + generate.roughness((32, 48), 4e-9, rms=0.2e-9, correlation_length=20e-9)

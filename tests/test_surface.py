@@ -38,9 +38,12 @@ def surfaces(draw: st.DrawFn) -> Surface:
     loss = draw(st.sampled_from(["damping", "viscosity"]))
     return Surface(
         **{loss: draw(maps(shape, 0.0, 1e3))},
-        modulus=draw(maps(shape, 0.0, 1e12)), adhesion=draw(maps(shape, 0.0, 10.0)),
-        poisson_ratio=draw(maps(shape, -0.99, 0.5)), topography=draw(st.none() | maps(shape, -1e-6, 1e-6)),
-        pixel_size=draw(st.tuples(SIDES, SIDES)), shape=shape,
+        modulus=draw(maps(shape, 0.0, 1e12)),
+        adhesion=draw(maps(shape, 0.0, 10.0)),
+        poisson_ratio=draw(maps(shape, -0.99, 0.5)),
+        topography=draw(st.none() | maps(shape, -1e-6, 1e-6)),
+        pixel_size=draw(st.tuples(SIDES, SIDES)),
+        shape=shape,
     )
 
 
@@ -134,30 +137,40 @@ NAN, INF = float("nan"), float("inf")
 REFUSED = {
     "modulus is nan; allowed: a finite number of at least 0 Pa. It is at row 1, column 0; 2 such pixels. Fill it from "
     "its neighbours, or give allow_nan=True to leave it without a material.": {"modulus": [[1.0, 2.0], [NAN, NAN]]},
-    "topography is nan; allowed: a finite number, in m. It is at row 0, column 1. Fill it from its neighbours.":
-        {"topography": [[0.0, NAN]], "allow_nan": True},
+    "topography is nan; allowed: a finite number, in m. It is at row 0, column 1. Fill it from its neighbours.": {
+        "topography": [[0.0, NAN]],
+        "allow_nan": True,
+    },
     "topography is inf; allowed: a finite number, in m. It is at row 0, column 0.": {"topography": [[INF, 0.0]]},
     "modulus is -2.0; allowed: a finite number of at least 0 Pa. It is at row 0, column 1.": {"modulus": [[1.0, -2.0]]},
     "modulus is -1; allowed: a finite number of at least 0 Pa.": {"modulus": -1},
     "modulus is '1 GPa'; allowed: a finite number of at least 0 Pa.": {"modulus": "1 GPa"},
-    "modulus is inf; allowed: a finite number of at least 0 Pa. It is at row 0, column 1.":
-        {"modulus": [[NAN, INF]], "allow_nan": True},
+    "modulus is inf; allowed: a finite number of at least 0 Pa. It is at row 0, column 1.": {
+        "modulus": [[NAN, INF]],
+        "allow_nan": True,
+    },
     "adhesion is -0.1; allowed: a finite number of at least 0 J m-2.": {"adhesion": -0.1},
     "damping is -1.0; allowed: a finite number of at least 0. It is at row 0, column 0.": {"damping": [[-1.0, 0.0]]},
     "viscosity is -1.0; allowed: a finite number of at least 0 Pa s.": {"viscosity": -1.0},
     "poisson_ratio is 0.6; allowed: a finite number above -1 and at most 0.5.": {"poisson_ratio": 0.6},
-    "poisson_ratio is -1.0; allowed: a finite number above -1 and at most 0.5. It is at row 0, column 0.":
-        {"poisson_ratio": [[-1.0, 0.0]]},
+    "poisson_ratio is -1.0; allowed: a finite number above -1 and at most 0.5. It is at row 0, column 0.": {
+        "poisson_ratio": [[-1.0, 0.0]]
+    },
     "viscosity is 'given beside damping'; allowed: damping or viscosity, not both.": {"damping": 0.1, "viscosity": 1.0},
-    "shape of adhesion is (2, 1); allowed: (1, 2), that of modulus.":
-        {"modulus": [[1.0, 2.0]], "adhesion": [[1.0], [2.0]]},
+    "shape of adhesion is (2, 1); allowed: (1, 2), that of modulus.": {
+        "modulus": [[1.0, 2.0]],
+        "adhesion": [[1.0], [2.0]],
+    },
     "shape of modulus is (1, 2); allowed: (3, 3), the one asked for.": {"modulus": [[1.0, 1.0]], "shape": (3, 3)},
-    "shape of modulus is (3,); allowed: (rows, columns) of a 2-D map. One number will do too.":
-        {"modulus": [1.0, 2.0, 3.0]},
-    "shape of modulus is (0, 3); allowed: (rows, columns) of a 2-D map. One number will do too.":
-        {"modulus": np.ones((0, 3))},
-    "modulus is 'a list of rows of unequal length'; allowed: one number or a 2-D map.":
-        {"modulus": [[1.0], [1.0, 2.0]]},
+    "shape of modulus is (3,); allowed: (rows, columns) of a 2-D map. One number will do too.": {
+        "modulus": [1.0, 2.0, 3.0]
+    },
+    "shape of modulus is (0, 3); allowed: (rows, columns) of a 2-D map. One number will do too.": {
+        "modulus": np.ones((0, 3))
+    },
+    "modulus is 'a list of rows of unequal length'; allowed: one number or a 2-D map.": {
+        "modulus": [[1.0], [1.0, 2.0]]
+    },
     "type of modulus is 'complex128'; allowed: real numbers.": {"modulus": [[1j, 2.0]]},
     "shape is None; allowed: (rows, columns), where no map is given.": {"shape": None},
     "shape is 5; allowed: two whole numbers, (rows, columns).": {"shape": 5},
@@ -237,12 +250,16 @@ def test_viscous_materials_give_a_viscosity_map() -> None:
 
 
 LABELS_REFUSED = {
-    "label without a material is '1, 7'; allowed: labels 0, 2. It is at row 0, column 1; 3 such pixels.":
-        ([[0, 1, 7], [2, 0, 1]], {0: SOFT, 2: HARD}),
+    "label without a material is '1, 7'; allowed: labels 0, 2. It is at row 0, column 1; 3 such pixels.": (
+        [[0, 1, 7], [2, 0, 1]],
+        {0: SOFT, 2: HARD},
+    ),
     "label without a material is '0, 1, 2, 3, 4 and more'; allowed: labels 9. It is at row 0, column 0; 6 such "
     "pixels.": ([[0, 1, 2, 3, 4, 5]], {9: SOFT}),
-    "label without a material is '200'; allowed: labels -1, 300. It is at row 0, column 0.":
-        (np.array([[200]], np.uint8), {-1: SOFT, 300: SOFT}),
+    "label without a material is '200'; allowed: labels -1, 300. It is at row 0, column 0.": (
+        np.array([[200]], np.uint8),
+        {-1: SOFT, 300: SOFT},
+    ),
     "type of labels is 'float64'; allowed: whole numbers. Try labels.astype(int).": ([[0.0, 1.0]], {0: SOFT, 1: HARD}),
     "shape of labels is (2,); allowed: (rows, columns) of a 2-D map.": ([0, 1], {0: SOFT, 1: HARD}),
     "labels is 'a list of rows of unequal length'; allowed: a 2-D map of whole numbers.": ([[0], [0, 1]], {0: SOFT}),
@@ -308,8 +325,13 @@ def test_a_dataset_round_trip_is_exact(s: Surface) -> None:
 
 def test_a_netcdf_round_trip_is_exact(tmp_path: object) -> None:
     rng = np.random.default_rng(0)
-    s = Surface(rng.random((3, 5)), 0.1, viscosity=rng.random((3, 5)), topography=rng.random((3, 5)) * 1e-9,
-                pixel_size=(0.1e-9, 0.3e-9))
+    s = Surface(
+        rng.random((3, 5)),
+        0.1,
+        viscosity=rng.random((3, 5)),
+        topography=rng.random((3, 5)) * 1e-9,
+        pixel_size=(0.1e-9, 0.3e-9),
+    )
     written = s.to_dataset()
     written.to_netcdf(f"{tmp_path}/surface.nc")
     with xr.open_dataset(f"{tmp_path}/surface.nc") as read:
@@ -339,11 +361,21 @@ def dataset(**changes: tuple[object, str]) -> xr.Dataset:
 
 @pytest.mark.parametrize(
     ("name", "value", "units", "si"),
-    [("modulus", 2.0, "GPa", 2e9), ("modulus", 2.0, "MPa", 2e6), ("modulus", 2.0, "kPa", 2e3),
-     ("modulus", 2.0, "N/m^2", 2.0), ("adhesion", 50.0, "mJ m-2", 0.05),
-     ("adhesion", 50.0, "mJ/m²", 0.05), ("adhesion", 50.0, "mN/m", 0.05),
-     ("topography", 7.0, "nm", 7e-9), ("topography", 7.0, "µm", 7e-6), ("topography", 7.0, "um", 7e-6),
-     ("topography", np.float32(7.0), "pm", 7e-12), ("damping", 0.5, "dimensionless", 0.5), ("damping", 0.5, "", 0.5)],
+    [
+        ("modulus", 2.0, "GPa", 2e9),
+        ("modulus", 2.0, "MPa", 2e6),
+        ("modulus", 2.0, "kPa", 2e3),
+        ("modulus", 2.0, "N/m^2", 2.0),
+        ("adhesion", 50.0, "mJ m-2", 0.05),
+        ("adhesion", 50.0, "mJ/m²", 0.05),
+        ("adhesion", 50.0, "mN/m", 0.05),
+        ("topography", 7.0, "nm", 7e-9),
+        ("topography", 7.0, "µm", 7e-6),
+        ("topography", 7.0, "um", 7e-6),
+        ("topography", np.float32(7.0), "pm", 7e-12),
+        ("damping", 0.5, "dimensionless", 0.5),
+        ("damping", 0.5, "", 0.5),
+    ],
 )
 def test_common_units_are_converted(name: str, value: float, units: str, si: float) -> None:
     assert getattr(Surface.from_dataset(dataset(**{name: (value, units)})), name)[0, 0] == si
@@ -376,15 +408,19 @@ DATASETS_REFUSED = {
     "has 'adhesion' in it.": dataset().drop_vars("adhesion"),
     "list of coordinates in the dataset is ['x']; allowed: a list that has 'y' in it, the position of the pixel "
     "centres in m.": dataset().drop_vars("y"),
-    "units of modulus is 'psi'; allowed: Pa, or that with a prefix such as G, M, k, m, u or n.":
-        dataset(modulus=(1.0, "psi")),
+    "units of modulus is 'psi'; allowed: Pa, or that with a prefix such as G, M, k, m, u or n.": dataset(
+        modulus=(1.0, "psi")
+    ),
     "units of damping is 'm'; allowed: 1.": dataset(damping=(1.0, "m")),
-    "units of coordinate x is 'pixel'; allowed: m, or that with a prefix such as G, M, k, m, u or n.":
-        dataset(x=(np.arange(3.0), "pixel")),
-    "coordinate y is 'not increasing'; allowed: positions that increase from the image's top left.":
-        dataset().isel(y=[1, 0]),
-    "spacing of x is '1e-09 to 3e-09'; allowed: the same between all pixels.":
-        dataset(x=(np.array([0, 1e-9, 4e-9]), "m")),
+    "units of coordinate x is 'pixel'; allowed: m, or that with a prefix such as G, M, k, m, u or n.": dataset(
+        x=(np.arange(3.0), "pixel")
+    ),
+    "coordinate y is 'not increasing'; allowed: positions that increase from the image's top left.": dataset().isel(
+        y=[1, 0]
+    ),
+    "spacing of x is '1e-09 to 3e-09'; allowed: the same between all pixels.": dataset(
+        x=(np.array([0, 1e-9, 4e-9]), "m")
+    ),
     "dims of modulus is ('time', 'y', 'x'); allowed: ('y', 'x') or none.": dataset().expand_dims("time"),
     "viscosity is 'given beside damping'; allowed: damping or viscosity, not both.": dataset(viscosity=(1.0, "Pa s")),
 }

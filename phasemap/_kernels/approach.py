@@ -17,7 +17,7 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.averaging import harmonics, mismatch
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
@@ -27,6 +27,28 @@ WEIGHT = 4.0
 MOST_STEPS = 400
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
 SURE, DOUBTFUL = 0, 1
+
+
+@njit(**OPTIONS)
+def free_amplitude(lever: np.ndarray) -> float:
+    """Amplitude [m] of the free lever at the drive frequency."""
+    omega = lever[col.OMEGA]
+    return lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
+
+
+@njit(**OPTIONS)
+def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
+    """Length [m] on which orbits change as the tip comes near: the reach of the long-range force.
+
+    Without one, the indentation at which a force that sets in with contact takes up a third of the drive.
+    """
+    if p[4] != 0.0:
+        return max(reach_of(law, p), 1e-3 * free)
+    pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
+    if not pull > 0.0:
+        return 1e-3 * free
+    half = min(0.15 * math.pi * lever[col.BASE] / pull, 0.05)
+    return 0.5 * free * half * half
 
 
 @njit(**OPTIONS)
@@ -74,7 +96,7 @@ def far_start(
 ) -> float:
     """Return c so large that the surface hardly matters at this setpoint."""
     allowed = 0.02 * (1.0 - amplitude / free) * lever[col.BASE]
-    away = max(reach / free, 1e-4)
+    away = scale_of(law, p, lever, free) / free
     for _ in range(60):
         if p[4] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:
             break
@@ -90,10 +112,9 @@ def engage(
 
     Fills guess = (z0, mean deflection, A, P, S) and returns a status code and how sure the decision is.
     """
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    free = free_amplitude(lever)
     reach = reach_of(law, p)
-    epsilon = max(reach, 1e-3 * free)
+    epsilon = scale_of(law, p, lever, free)
     start = far_start(law, p, lever, reach, free, amplitude)
     zeta, eta = math.asinh((start - 1.0) * free / epsilon), WEIGHT * math.log(free)
     step, t_zeta, t_eta = 0.3, -1.0, 0.0
@@ -173,9 +194,8 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
     reach = reach_of(law, p)
-    epsilon = max(reach / amplitude, 1e-3)
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    free = free_amplitude(lever)
+    epsilon = scale_of(law, p, lever, free) / amplitude
     start = max(far_start(law, p, lever, reach, free, amplitude), 1.5)
     zeta, end, samples = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon), 400
     at = np.empty(2 * samples + 2)

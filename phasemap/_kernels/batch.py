@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE, averaged_orbits
+from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
 from phasemap._kernels.approach import engage as engage_averaged
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, RIGHT, RP, RS, RZ, SYSTEM, Orbit, close, linearise, new_orbit
 from phasemap._kernels.law import OPTIONS, Law
@@ -29,6 +29,12 @@ CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 
 
 @njit(**OPTIONS)
+def tolerance_of(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """Last change [m] of an orbit that is converged."""
+    return min(TOLERANCE, 1e-3 * scale_of(law, p, lever, free_amplitude(lever)))
+
+
+@njit(**OPTIONS)
 def judge(row: np.ndarray) -> int:
     """Whether the controller can hold this orbit: it must be stable, and the feedback must have the right sign."""
     if not row[col.FLOQUET] < 1.0:
@@ -42,7 +48,7 @@ def polish(
 ) -> tuple[int, Orbit, Orbit]:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
     status = finish(law, p, lever, tables, orbit, row)
-    level, target = 0, np.zeros(4)
+    level, target, tolerance = 0, np.zeros(4), tolerance_of(law, p, lever)
     while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
         level += 1
         if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
@@ -50,7 +56,7 @@ def polish(
         carry_over(tables, orbit, spare)
         orbit, spare = spare, orbit
         fine, _, orbit, spare = newton(
-            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, TOLERANCE, MOST_STEPS
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
         )
         if fine != col.GOOD:
             break
@@ -128,6 +134,7 @@ def orbit_rows(
     for i in range(first, last):
         p, amplitude, row = rows[i], amplitudes[i], out[i]
         row[:] = math.nan
+        tolerance = tolerance_of(law, p, lever)
         done = col.NOT_CONVERGED
         solver[i] = col.ORBIT
         if high_q:
@@ -137,7 +144,7 @@ def orbit_rows(
                     status[i], solver[i] = col.GOOD, col.AVERAGING
                     continue
                 done, _, orbit, spare = newton(
-                    law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, TOLERANCE, 12
+                    law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12
                 )
                 if done == col.GOOD:
                     done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
@@ -146,7 +153,7 @@ def orbit_rows(
                     done = col.NOT_CONVERGED
         if done != col.GOOD:
             done, orbit, spare, found = engage_exact(
-                law, p, lever, tables, amplitude, 0, TOLERANCE, orbit, spare, saved, found
+                law, p, lever, tables, amplitude, 0, tolerance, orbit, spare, saved, found
             )
             if done == col.GOOD:
                 done, found, spare = polish(law, p, lever, tables, found, spare, row)
@@ -210,7 +217,7 @@ def every_orbit(
 ) -> tuple[int, np.ndarray]:
     """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
     found = np.zeros((MOST_ORBITS, col.COLUMNS))
-    level, tolerance = 1, 1e-3 * TOLERANCE
+    level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
     status, count = collect(law, p, lever, tables, hold, value, level, tolerance, found)
     if hold == HOLD_AMPLITUDE:
         for amplitude in (value, 0.97 * value, 1.03 * value):

@@ -13,14 +13,13 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import far_start
+from phasemap._kernels.approach import far_start, free_amplitude, scale_of
 from phasemap._kernels.collocation import (
     CONTACTS,
     COUNT,
     ELEMENTS,
     HOLD_AMPLITUDE,
     HOLD_ARC,
-    HOLD_OFFSET,
     LEVEL,
     RA,
     RIGHT,
@@ -75,14 +74,13 @@ def start_far(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
 ) -> tuple[int, Orbit, Orbit]:
     """Find the orbit far from the surface, where the lever swings almost freely."""
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
-    z0 = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
-    guess = np.array([z0, 0.0, free, 0.0, 0.0])
+    free = free_amplitude(lever)
+    guess = np.array([free * far_start(law, p, lever, reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0])
+    target = np.array([1.0, -1.0, guess[0], free])
     if not begin(law, p, lever, tables, orbit, guess, level):
         return col.NOT_CONVERGED, orbit, spare
-    target = np.array([z0, 0.0, 0.0, 0.0])
-    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, 1e-6 * free, 30)
+    tolerance = 1e-3 * scale_of(law, p, lever, free)
+    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, tolerance, 30)
     return status, orbit, spare
 
 
@@ -96,7 +94,7 @@ def row_of(reach: float, point: np.ndarray) -> tuple[float, float]:
 @njit(**OPTIONS)
 def scales(reach: float, z0: float, amplitude: float) -> tuple[float, float]:
     """Natural lengths at a point of the curve: of the gap z0 - A, and of A."""
-    return 0.5 * reach + 0.25 * abs(z0 - amplitude) + 1e-3 * amplitude, 0.2 * amplitude
+    return 0.5 * reach + 0.25 * abs(z0 - amplitude), 0.2 * amplitude
 
 
 @njit(**OPTIONS)
@@ -276,7 +274,7 @@ def engage(
     found: Orbit,
 ) -> tuple[int, Orbit, Orbit, Orbit]:
     """Approach from far along exact orbits to the one that holds `amplitude`; it is returned last."""
-    reach = reach_of(law, p)
+    reach = scale_of(law, p, lever, free_amplitude(lever))
     status, orbit, spare = start_far(law, p, lever, tables, orbit, spare, amplitude, level)
     if status != col.GOOD:
         return status, orbit, spare, found
@@ -328,9 +326,8 @@ def collect(
     """
     orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
     index = AP if hold == HOLD_AMPLITUDE else ZP
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    free = lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * alpha0 * omega)
-    reach = reach_of(law, p)
+    free = free_amplitude(lever)
+    reach = scale_of(law, p, lever, free_amplitude(lever))
     engaged = value if hold == HOLD_AMPLITUDE else 0.999 * free
     status, orbit, spare = start_far(law, p, lever, tables, orbit, spare, engaged, level)
     point = np.zeros(POINT)
@@ -391,7 +388,7 @@ def seed(
     """
     orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
     target, point = np.zeros(4), np.zeros(POINT)
-    reach = reach_of(law, p)
+    reach = scale_of(law, p, lever, free_amplitude(lever))
     for guess in guesses:
         if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
             continue

@@ -55,7 +55,9 @@ class Interaction:
     def __post_init__(self) -> None:
         if isinstance(self.contact, str):
             if self.contact not in contact_laws.LAWS:
-                raise InputError("contact", self.contact, "one of " + ", ".join(contact_laws.LAWS) + ", or a ContactLaw")
+                raise InputError(
+                    "contact", self.contact, "one of " + ", ".join(contact_laws.LAWS) + ", or a ContactLaw"
+                )
         elif not isinstance(self.contact, ContactLaw):
             raise InputError("contact", self.contact, "one of " + ", ".join(contact_laws.LAWS) + ", or a ContactLaw")
         if self.decay_length is not None:
@@ -92,6 +94,7 @@ class Interaction:
 
         rows = np.zeros((len(contact_stiffness), 12))
         law = self.law
+        column: np.ndarray | float
         for j, column in enumerate(law.columns(contact_stiffness, adhesion, radius)):
             rows[:, j] = column
         if self.decay_length is not None:
@@ -106,5 +109,11 @@ class Interaction:
         """Return the compiled formulas as one argument for the kernels."""
         from phasemap._kernels.law import Law
 
-        return Law(self.law.force, self.law.slope, InverseSquare.force, InverseSquare.slope,
-                   PowerLawDamping.damping, PowerLawDamping.slope)
+        return Law(
+            self.law.force,
+            self.law.slope,
+            InverseSquare.force,
+            InverseSquare.slope,
+            PowerLawDamping.damping,
+            PowerLawDamping.slope,
+        )

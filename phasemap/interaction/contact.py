@@ -38,20 +38,16 @@ class ContactLaw(Protocol):
         ...
 
 
-def _three_halves(d: float, p: np.ndarray) -> float:
-    return p[0] * d * math.sqrt(d) - p[1]
+class _ThreeHalves:
+    """F = p[0] d^(3/2) - p[1]: a sphere pressed into an elastic half-space."""
 
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return p[0] * d * math.sqrt(d) - p[1]
 
-def _three_halves_slope(d: float, p: np.ndarray) -> float:
-    return 1.5 * p[0] * math.sqrt(d)
-
-
-class DMT:
-    """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2)."""
-
-    name = "dmt"
-    force = staticmethod(_three_halves)
-    slope = staticmethod(_three_halves_slope)
+    @staticmethod
+    def slope(d: float, p: np.ndarray) -> float:
+        return 1.5 * p[0] * math.sqrt(d)
 
     def columns(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
         return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
@@ -60,15 +56,16 @@ class DMT:
         return 2 * math.pi * radius * adhesion
 
 
-class Hertz:
+class DMT(_ThreeHalves):
+    """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2)."""
+
+    name = "dmt"
+
+
+class Hertz(_ThreeHalves):
     """F = K sqrt(R) d^(3/2) (Hertz 1881): no adhesion, in contact or before it."""
 
     name = "hertz"
-    force = staticmethod(_three_halves)
-    slope = staticmethod(_three_halves_slope)
-
-    def columns(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
-        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
 
     def pull(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> np.ndarray:
         return 0.0 * adhesion

@@ -30,9 +30,7 @@ TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "t
 DEGREES = {"deg": 1.0, "rad": 57.29577951308232}
 
 
-def read_height_phase(
-    path: str | os.PathLike[str], height: str | None = None, phase: str | None = None
-) -> xr.Dataset:
+def read_height_phase(path: str | os.PathLike[str], height: str | None = None, phase: str | None = None) -> xr.Dataset:
     """Read the height and the phase image of a tapping-mode file.
 
     Parameters
@@ -74,8 +72,10 @@ def read_height_phase(
         units = f"{of_height.si_unit_z!r} over {of_height.si_unit_xy!r}"
         raise FileError(f"cannot use {path}: channel {of_height.name!r} is in {units}, not calibrated in metres.")
     if of_height.data.shape != of_phase.data.shape:
-        raise FileError(f"cannot use {path}: {of_height.name!r} has {of_height.data.shape} pixels "
-                        f"but {of_phase.name!r} has {of_phase.data.shape}.")
+        raise FileError(
+            f"cannot use {path}: {of_height.name!r} has {of_height.data.shape} pixels "
+            f"but {of_phase.name!r} has {of_phase.data.shape}."
+        )
     import numpy as np
     import xarray as xr
 
@@ -84,7 +84,8 @@ def read_height_phase(
         {
             "height": (("y", "x"), of_height.data, {"long_name": "recorded height", "units": "m"}),
             "phase": (
-                ("y", "x"), of_phase.data * DEGREES[of_phase.si_unit_z],
+                ("y", "x"),
+                of_phase.data * DEGREES[of_phase.si_unit_z],
                 {"long_name": "recorded phase, zero and sign as the instrument has them", "units": "degree"},
             ),
         },
@@ -193,8 +194,11 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
     if reference is None:
         reference = np.ones(height.shape, bool)
     elif reference.shape != height.shape or reference.sum() < 3:
-        raise InputError("shape and number of pixels in reference", (reference.shape, int(reference.sum())),
-                         f"{height.shape}, at least 3")
+        raise InputError(
+            "shape and number of pixels in reference",
+            (reference.shape, int(reference.sum())),
+            f"{height.shape}, at least 3",
+        )
     y, x = np.indices(height.shape)
     plane = np.stack([np.ones(height.shape), x, y], axis=-1)
     coefficients = np.linalg.lstsq(plane[reference], height[reference], rcond=None)[0]

@@ -12,8 +12,8 @@ import numpy as np
 
 from phasemap.accuracy import Accuracy
 from phasemap.errors import InputError
-from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.auto import Auto
+from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.march import March
 from phasemap.solvers.orbit import Orbit
 from phasemap.work import Work

@@ -15,22 +15,27 @@ end of the lowering of z0, jumps (tip offset; amplitude and phase before and aft
 apart), unsteady (tip offsets at which the oscillation had not settled after 25 Q + 200 periods: next to a fold, or for good).
 orbits: all exact orbits (shooting.py), of which the engaged one is orbits[engaged.orbit].
 """
+
 import json
 import pathlib
 import sys
 import time
 
 import numpy as np
-from numba import njit
-
 from make_orbits import DEFAULTS, FIG7, LIQUID
-from shooting import AL0, AL1, D0, EX, FA, KC, RT, W, Oscillator
+from numba import njit
+from shooting import AL0, AL1, D0, EX, FA, KC, RT, Oscillator, W
 
 OUT = pathlib.Path(__file__).parent.parent / "data" / "engaged.json"
-SMALL = dict(free_amplitude=6e-9, quality_factor=300.0, adhesion=0.04)  # no attractive orbit at setpoints from about 0.32 to 0.761
+SMALL = dict(
+    free_amplitude=6e-9, quality_factor=300.0, adhesion=0.04
+)  # no attractive orbit at setpoints from about 0.32 to 0.761
 STICKY = LIQUID | dict(quality_factor=8.0, adhesion=0.05, stiffness=1.0, modulus=1e9)
 CASES = [
-    *[(f"Fig. 7, setpoint {s}", "Fig. 7", FIG7 | dict(adhesion=0.1, setpoint=s)) for s in (0.97, 0.95, 0.93, 0.9, 0.7, 0.4, 0.2)],
+    *[
+        (f"Fig. 7, setpoint {s}", "Fig. 7", FIG7 | dict(adhesion=0.1, setpoint=s))
+        for s in (0.97, 0.95, 0.93, 0.9, 0.7, 0.4, 0.2)
+    ],
     ("stays attractive", "bistable", FIG7),
     ("stays attractive, undamped", "bistable", FIG7 | dict(damping=0.0, setpoint=0.6)),
     ("small amplitude, stays attractive", "bistable", SMALL | dict(setpoint=0.85)),
@@ -38,11 +43,23 @@ CASES = [
     ("small amplitude, just below it", "near fold", SMALL | dict(setpoint=0.755)),
     ("small amplitude, undamped, below it", "near fold", SMALL | dict(damping=0.0, setpoint=0.74)),
     ("small amplitude, attractive orbit exists but was left", "bistable", SMALL | dict(setpoint=0.25)),
-    ("no repulsive orbit left", "bistable", FIG7 | dict(adhesion=0.3, damping=0.05, setpoint=0.92, quality_factor=200.0)),
-    ("strong damping, bistable", "bistable", FIG7 | dict(adhesion=0.3, damping=0.05, setpoint=0.6, quality_factor=200.0)),
+    (
+        "no repulsive orbit left",
+        "bistable",
+        FIG7 | dict(adhesion=0.3, damping=0.05, setpoint=0.92, quality_factor=200.0),
+    ),
+    (
+        "strong damping, bistable",
+        "bistable",
+        FIG7 | dict(adhesion=0.3, damping=0.05, setpoint=0.6, quality_factor=200.0),
+    ),
     ("soft lever", "bistable", dict(stiffness=3.0, quality_factor=150.0, modulus=5e8, adhesion=0.05, setpoint=0.8)),
     ("above resonance", "off resonance", dict(frequency_ratio=1.002, adhesion=0.1, setpoint=0.8, quality_factor=300.0)),
-    ("above resonance, just above the smallest attractive amplitude", "off resonance", dict(frequency_ratio=1.003, quality_factor=300.0, setpoint=0.92)),
+    (
+        "above resonance, just above the smallest attractive amplitude",
+        "off resonance",
+        dict(frequency_ratio=1.003, quality_factor=300.0, setpoint=0.92),
+    ),
     ("above resonance, below it", "off resonance", dict(frequency_ratio=1.003, quality_factor=300.0, setpoint=0.8)),
     ("below resonance", "off resonance", dict(frequency_ratio=0.998, adhesion=0.1, setpoint=0.8, quality_factor=300.0)),
     ("liquid", "low Q", LIQUID),
@@ -155,15 +172,30 @@ def engage(case, step_max=0.2, step_min=1e-3):
         if not steady:
             unsteady.append(z0 - step)
         if jump:
-            jumps.append(dict(tip_offset=(z0 - step) * 1e-9, amplitude_before=amplitude * 1e-9, phase_before=phase,
-                              amplitude_after=new_amplitude * 1e-9, phase_after=new_phase, steady=bool(steady)))
+            jumps.append(
+                dict(
+                    tip_offset=(z0 - step) * 1e-9,
+                    amplitude_before=amplitude * 1e-9,
+                    phase_before=phase,
+                    amplitude_after=new_amplitude * 1e-9,
+                    phase_after=new_phase,
+                    steady=bool(steady),
+                )
+            )
         z0 -= step
         amplitude, phase = new_amplitude, new_phase
         step = min(step * 1.6, step_max)
         if amplitude <= o.amp:
             break
         if z0 < -3 * o.amp - 30 or len(unsteady) > 600:
-            return None, dict(branch="none", periods=b.periods, start=start * 1e-9, end=z0 * 1e-9, jumps=jumps, unsteady=[float(u) * 1e-9 for u in unsteady])
+            return None, dict(
+                branch="none",
+                periods=b.periods,
+                start=start * 1e-9,
+                end=z0 * 1e-9,
+                jumps=jumps,
+                unsteady=[float(u) * 1e-9 for u in unsteady],
+            )
     end = z0
     # hold the setpoint: secant, slope near one to begin with
     last = (z0, amplitude)
@@ -181,8 +213,17 @@ def engage(case, step_max=0.2, step_min=1e-3):
     lag = np.radians(90 - phase)
     in_phase = o.u0 * np.cos(lag) - amplitude * (1 - o.w**2)
     branch = ("repulsive" if in_phase > 0 else "attractive") if held else "none"
-    return z0, dict(tip_offset=z0 * 1e-9, phase=phase, amplitude=amplitude * 1e-9, branch=branch, periods=b.periods,
-                    start=start * 1e-9, end=end * 1e-9, jumps=jumps, unsteady=[float(u) * 1e-9 for u in unsteady])
+    return z0, dict(
+        tip_offset=z0 * 1e-9,
+        phase=phase,
+        amplitude=amplitude * 1e-9,
+        branch=branch,
+        periods=b.periods,
+        start=start * 1e-9,
+        end=end * 1e-9,
+        jumps=jumps,
+        unsteady=[float(u) * 1e-9 for u in unsteady],
+    )
 
 
 def main():
@@ -195,9 +236,15 @@ def main():
         case = DEFAULTS | change
         found, complete = Oscillator(case).orbits()
         z0, engaged = engage(case)
-        print(f"{name}: {engaged['branch']}, {engaged['periods']} periods, {len(engaged['jumps'])} jumps, {len(engaged['unsteady'])} unsteady {np.round(np.array(engaged['unsteady'])[[0, -1]] * 1e9, 4) if engaged['unsteady'] else ''}, {time.time() - started:.0f} s", flush=True)
+        print(
+            f"{name}: {engaged['branch']}, {engaged['periods']} periods, {len(engaged['jumps'])} jumps, {len(engaged['unsteady'])} unsteady {np.round(np.array(engaged['unsteady'])[[0, -1]] * 1e9, 4) if engaged['unsteady'] else ''}, {time.time() - started:.0f} s",
+            flush=True,
+        )
         for j in engaged["jumps"]:
-            print("   jump", {k: v if k in ("steady",) else round(v * (1e9 if abs(v) < 1e-5 else 1), 4) for k, v in j.items()})
+            print(
+                "   jump",
+                {k: v if k in ("steady",) else round(v * (1e9 if abs(v) < 1e-5 else 1), 4) for k, v in j.items()},
+            )
         engaged["orbit"] = None
         if z0 is not None:
             i = int(np.argmin([abs(f["tip_offset"] - engaged["tip_offset"]) for f in found])) if found else None
@@ -205,8 +252,11 @@ def main():
                 dz, dphase = engaged["tip_offset"] - found[i]["tip_offset"], engaged["phase"] - found[i]["phase"]
                 if abs(dz) < 5e-12 and abs(dphase) < 0.05:
                     engaged["orbit"] = i
-                print(f"   z0 {z0:.5f} phase {engaged['phase']:.5f}; exact orbit {i} of {len(found)}: dz0 {dz * 1e12:.4f} pm, dphase {dphase:.5f}"
-                      f" floquet {found[i]['floquet']:.4f}", flush=True)
+                print(
+                    f"   z0 {z0:.5f} phase {engaged['phase']:.5f}; exact orbit {i} of {len(found)}: dz0 {dz * 1e12:.4f} pm, dphase {dphase:.5f}"
+                    f" floquet {found[i]['floquet']:.4f}",
+                    flush=True,
+                )
         for f in found:
             for key in ("x", "closure", "det_error", "z0_error_pm", "phase_error"):
                 del f[key]
@@ -216,7 +266,9 @@ def main():
             engaged |= dict(tip_offset=None, phase=None, amplitude=None, orbit=None)
         engaged = {key: float(v) if isinstance(v, np.floating) else v for key, v in engaged.items()}
         engaged["jumps"] = [{k: v if k == "steady" else float(v) for k, v in j.items()} for j in engaged["jumps"]]
-        data.append({"name": name, "regime": regime} | case | {"engaged": engaged, "orbits": found, "complete": complete})
+        data.append(
+            {"name": name, "regime": regime} | case | {"engaged": engaged, "orbits": found, "complete": complete}
+        )
     if not only:
         OUT.write_text(json.dumps(data, indent=1) + "\n")
 

@@ -7,6 +7,7 @@ variables kept as a reference plus a small change, so that nothing is lost to ro
 d = q^2 and the independent variable is sigma, d(theta) = 2 q d(sigma), so dq/d(sigma) = z' and every power of d is smooth:
 no kink and no square root is left.  Contact and loss of contact are roots of the step size.  8th-order Dormand-Prince.
 """
+
 import numpy as np
 from numba import njit
 from scipy.integrate._ivp import dop853_coefficients as _c
@@ -189,7 +190,13 @@ class Oscillator:
     theta = -pi, drive in the frame of the first harmonic, tip offset."""
 
     def __init__(self, case):
-        c = {"frequency_ratio": 1.0, "tip_modulus": None, "tip_poisson_ratio": 0.0, "damping_exponent": 0.5, "contact": "dmt"} | case
+        c = {
+            "frequency_ratio": 1.0,
+            "tip_modulus": None,
+            "tip_poisson_ratio": 0.0,
+            "damping_exponent": 0.5,
+            "contact": "dmt",
+        } | case
         k, rt = c["stiffness"], c["tip_radius"]
         if c["modulus"] > 0:
             soft = (1 - c["poisson_ratio"] ** 2) / c["modulus"]
@@ -206,7 +213,12 @@ class Oscillator:
         self.far = c["decay_length"] is not None and f0 > 0
         self.p = np.zeros(14)
         self.p[[W, AL0, KC, FA]] = self.w, 0.5 / self.q, stiff * np.sqrt(rt * 1e-9) / k, f0 / k * 1e9
-        self.p[[D0, AL1, RT, EX]] = c["decay_length"] * 1e9 if self.far else -1.0, c["damping"], rt * 1e9, c["damping_exponent"]
+        self.p[[D0, AL1, RT, EX]] = (
+            c["decay_length"] * 1e9 if self.far else -1.0,
+            c["damping"],
+            rt * 1e9,
+            c["damping_exponent"],
+        )
         self.p[SC] = self.amp * min(0.3, 3 / self.q)
         if round(2 * c["damping_exponent"]) != 2 * c["damping_exponent"]:
             raise ValueError("damping exponents in halves only")
@@ -273,7 +285,9 @@ class Oscillator:
             up, _ = self.trace(x, 1.0, wiggle)
             down, whole = self.trace(x, -1.0, wiggle)
             last = up[-1]
-            grazed = self.run(last)[3] < 1e-5 and np.hypot(last[2], last[3]) < 0.5 * (1 + self.amp / self.free) * self.u0
+            grazed = (
+                self.run(last)[3] < 1e-5 and np.hypot(last[2], last[3]) < 0.5 * (1 + self.amp / self.free) * self.u0
+            )
             return np.vstack([up[:0:-1], down]), whole and grazed
         gap = 300.0 if self.far else 0.5
         return self.trace(self.at(self.amp + gap), -1.0, wiggle)
@@ -298,13 +312,22 @@ class Oscillator:
             # longest step allowed: a share of the gap or depth in z0, a share of u0 in the drive
             room = (0.01 if h == 1e-6 else 0.0) + 0.12 * abs(peak) + (0.05 * abs(x[4]) if x[4] < 0 else 0)
             u = np.hypot(x[2], x[3])
-            limit = wiggle * min(room / (abs(tangent[4]) + 1e-30), 0.5 * room / (np.hypot(*tangent[:2]) + 1e-30),
-                                 0.1 * max(1, u / self.u0) / (np.hypot(*tangent[2:4]) + 1e-30))
+            limit = wiggle * min(
+                room / (abs(tangent[4]) + 1e-30),
+                0.5 * room / (np.hypot(*tangent[:2]) + 1e-30),
+                0.1 * max(1, u / self.u0) / (np.hypot(*tangent[2:4]) + 1e-30),
+            )
             ds = min(limit, size)
             while ds > 1e-9:
                 guess = x + ds * tangent * scale
                 try:
-                    new, its = self.newton(guess, lambda y: (tangent @ ((y - guess) / scale), tangent / scale), goal=1e-7, iterations=6, h=h)
+                    new, its = self.newton(
+                        guess,
+                        lambda y: (tangent @ ((y - guess) / scale), tangent / scale),
+                        goal=1e-7,
+                        iterations=6,
+                        h=h,
+                    )
                     if np.linalg.norm((new - guess) / scale) > 0.5 * ds + 1e-9:
                         raise ArithmeticError("far from prediction")
                     break
@@ -316,7 +339,12 @@ class Oscillator:
                 whole = False
                 for hop in (0.002, 0.01, 0.05, 0.2):
                     try:
-                        new, its = self.newton(x - hop * np.eye(5)[4], lambda y: (y[4] - x[4] + hop, np.eye(5)[4]), goal=1e-7, iterations=20)
+                        new, its = self.newton(
+                            x - hop * np.eye(5)[4],
+                            lambda y: (y[4] - x[4] + hop, np.eye(5)[4]),
+                            goal=1e-7,
+                            iterations=20,
+                        )
                         break
                     except (ArithmeticError, np.linalg.LinAlgError):
                         continue
@@ -342,11 +370,15 @@ class Oscillator:
         for i in range(len(points) - 1):
             step = points[i + 1] - points[i]
             crossing = level[i] * level[i + 1] < 0
-            if crossing:  # next to a fold the neighbour may catch Newton: other starts until one ends between the points
-                guesses = [points[i] + t * step for t in (level[i] / (level[i] - level[i + 1]), 0.5, 0.2, 0.8, 0.0, 1.0)]
+            if (
+                crossing
+            ):  # next to a fold the neighbour may catch Newton: other starts until one ends between the points
+                guesses = [
+                    points[i] + t * step for t in (level[i] / (level[i] - level[i + 1]), 0.5, 0.2, 0.8, 0.0, 1.0)
+                ]
                 ends = sorted(points[i : i + 2, 4])
                 room = 0.05 * (ends[1] - ends[0]) + 1e-6
-            elif 0 < i and (level[i] - level[i - 1]) * (level[i + 1] - level[i]) < 0 and abs(level[i]) < 0.03:
+            elif i > 0 and (level[i] - level[i - 1]) * (level[i + 1] - level[i]) < 0 and abs(level[i]) < 0.03:
                 # an extremum close to u0: try both sides of it
                 guesses = [points[i] + t * (points[j] - points[i]) for j in (i - 1, i + 1) for t in (0.3, 0.6)]
             else:
@@ -394,12 +426,20 @@ class Oscillator:
         jac = np.vstack([self.jacobian(x, None, 1e-13), self.drive_equation(x)[1]])
         sens = np.linalg.solve(jac, np.append(r, self.drive_equation(x)[0]))  # what one more Newton step would change
         return {
-            "x": x, "det_error": abs(det - expected), "closure": closure, "multipliers": multipliers,
-            "z0_error_pm": abs(sens[4]) * 1e3, "phase_error": np.degrees(np.hypot(sens[2], sens[3]) / self.u0),
-            "tip_offset": x[4] * 1e-9, "mean_deflection": y[6] * 1e-9,
-            "phase": 90.0 - np.degrees(np.arctan2(-x[3], x[2])), "amplitude": self.amp * 1e-9,
+            "x": x,
+            "det_error": abs(det - expected),
+            "closure": closure,
+            "multipliers": multipliers,
+            "z0_error_pm": abs(sens[4]) * 1e3,
+            "phase_error": np.degrees(np.hypot(sens[2], sens[3]) / self.u0),
+            "tip_offset": x[4] * 1e-9,
+            "mean_deflection": y[6] * 1e-9,
+            "phase": 90.0 - np.degrees(np.arctan2(-x[3], x[2])),
+            "amplitude": self.amp * 1e-9,
             "floquet": float(np.max(np.abs(multipliers))),
             "slope": 1 / np.linalg.solve(jac, [0, 0, 1, 0, 0])[4],  # dA/dz0 at constant drive
             "residual": max(np.max(np.abs(r)), abs(self.drive_equation(x)[0]) * self.amp) * 1e-9,
-            "dissipation": 2 * self.w * self.k * y[8] * 1e-18, "peak_indentation": peak * 1e-9, "contacts": contacts,
+            "dissipation": 2 * self.w * self.k * y[8] * 1e-18,
+            "peak_indentation": peak * 1e-9,
+            "contacts": contacts,
         }
