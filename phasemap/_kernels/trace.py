@@ -222,22 +222,27 @@ def advance_watching(
 
 
 @njit(**OPTIONS)
-def cross(
+def settle_on(
     law: Law,
     p: np.ndarray,
     lever: np.ndarray,
     tables: np.ndarray,
+    reach: float,
     hold: int,
     value: float,
     before: np.ndarray,
     after: np.ndarray,
+    near: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
     tolerance: float,
 ) -> tuple[bool, Orbit, Orbit]:
-    """From the orbit at `after`, find the one between `before` and `after` with this amplitude or tip offset."""
-    index = AP if hold == HOLD_AMPLITUDE else ZP
-    share = (value - after[index]) / (before[index] - after[index])
+    """From the orbit at the point `near`, go to amplitude or tip offset `value`; True if it lies between two points.
+
+    Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
+    """
+    index, other = (AP, ZP) if hold == HOLD_AMPLITUDE else (ZP, AP)
+    share = (value - near[index]) / (before[index] - after[index])
     orbit.head[VALUE, Z0] += share * (before[ZP] - after[ZP])
     orbit.head[VALUE, A] += share * (before[AP] - after[AP])
     if hold == HOLD_AMPLITUDE:
@@ -249,14 +254,66 @@ def cross(
     status, _, orbit, spare = newton(
         law, p, lever, tables, orbit, spare, hold, target, int(orbit.head[COUNT, LEVEL]), tolerance, 20
     )
-    if status != col.GOOD:
-        return False, orbit, spare
-    # The crossing must lie between its neighbours, not on another piece of the curve.
-    other = ZP if hold == HOLD_AMPLITUDE else AP
     found = orbit.head[VALUE, Z0] if hold == HOLD_AMPLITUDE else orbit.head[VALUE, A]
     low, high = min(before[other], after[other]), max(before[other], after[other])
-    slack = 0.5 * (high - low) + 1e-3 * abs(before[index] - after[index])
-    return low - slack <= found <= high + slack, orbit, spare
+    slack = 0.05 * (high - low) + 1e-3 * abs(before[index] - after[index])
+    if status != col.GOOD or not low - slack <= found <= high + slack:
+        return False, orbit, spare
+    here, slope = near.copy(), DA if hold == HOLD_AMPLITUDE else DZ
+    good = mark(law, p, lever, tables, orbit, reach, here)
+    return good and here[slope] * (after[index] - before[index]) > 0.0, orbit, spare
+
+
+@njit(**OPTIONS)
+def cross(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    reach: float,
+    hold: int,
+    value: float,
+    before: np.ndarray,
+    after: np.ndarray,
+    orbit: Orbit,
+    start: Orbit,
+    spare: Orbit,
+    tolerance: float,
+) -> tuple[bool, Orbit, Orbit]:
+    """Find the orbit of this amplitude or tip offset between two points, from the orbit (at `after`; lost).
+
+    `start` holds the orbit at `before`. Where Newton's method lands on another piece of the curve, the curve is
+    followed again in shorter steps.
+    """
+    good, orbit, spare = settle_on(
+        law, p, lever, tables, reach, hold, value, before, after, after, orbit, spare, tolerance
+    )
+    if good:
+        return True, orbit, spare
+    index = AP if hold == HOLD_AMPLITUDE else ZP
+    low, high, room = before.copy(), after.copy(), new_orbit()
+    begin_orbit = new_orbit()
+    copy_orbit(start, begin_orbit)
+    for _ in range(12):
+        copy_orbit(begin_orbit, orbit)
+        between = low.copy()
+        share = (value - low[index]) / (high[index] - low[index])
+        step = high[LENGTH] * min(max(share, 0.1), 0.9)
+        status, _, orbit, spare = advance(law, p, lever, tables, reach, between, step, orbit, spare, room)
+        if status != col.GOOD:
+            return False, orbit, spare
+        if (between[index] > value) == (high[index] > value):
+            high[:] = between
+        else:
+            high[LENGTH] -= between[LENGTH]
+            low[:] = between
+            copy_orbit(orbit, begin_orbit)
+        good, orbit, spare = settle_on(
+            law, p, lever, tables, reach, hold, value, low, high, between, orbit, spare, tolerance
+        )
+        if good:
+            return True, orbit, spare
+    return False, orbit, spare
 
 
 @njit(**OPTIONS)
@@ -293,8 +350,8 @@ def engage(
         z0, a = point[ZP], point[AP]
         if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
             copy_orbit(orbit, found)
-            have, found, saved = cross(
-                law, p, lever, tables, HOLD_AMPLITUDE, amplitude, before, point, found, saved, tolerance
+            have, found, spare = cross(
+                law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, found, saved, spare, tolerance
             )
             if not have:
                 return col.NOT_CONVERGED, orbit, spare, found
@@ -344,7 +401,9 @@ def collect(
             return status, count
         if (before[index] > value) != (point[index] > value):
             copy_orbit(orbit, one)
-            good, one, saved = cross(law, p, lever, tables, hold, value, before, point, one, saved, tolerance)
+            good, one, spare = cross(
+                law, p, lever, tables, reach, hold, value, before, point, one, saved, spare, tolerance
+            )
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
             finish(law, p, lever, tables, one, rows[count])
@@ -413,9 +472,10 @@ def seed(
                 break
             if (before[AP] > amplitude) != (point[AP] > amplitude) and count < len(rows):
                 copy_orbit(orbit, one)
-                good, one, saved = cross(
-                    law, p, lever, tables, HOLD_AMPLITUDE, amplitude, before, point, one, saved, tolerance
-                )
+                good, one, spare = cross(
+                    law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, one, saved, spare,
+                    tolerance,
+                )  # fmt: skip
                 if good:
                     finish(law, p, lever, tables, one, rows[count])
                     count = insert(rows, count)

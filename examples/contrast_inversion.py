@@ -1,0 +1,74 @@
+"""Why can the contrast of a phase image turn round when one taps harder?
+
+Stiff, sticky particles in a soft, lossy matrix. Tapped gently, the tip stays in the attractive regime over the
+particles, where the phase is negative, while over the matrix it is in the repulsive one: particles are dark. At a lower
+setpoint it is repulsive over both, and what is left is the contrast of the losses: particles are bright.
+"""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import phasemap as pm
+
+PARTICLE = pm.Material(modulus=3e9, adhesion=0.15, damping=0.005)
+MATRIX = pm.Material(modulus=0.5e9, adhesion=0.02, damping=0.02, poisson_ratio=0.48)
+SCOPE = pm.Microscope(
+    pm.Cantilever(stiffness=40.0, resonance_frequency=300e3, quality_factor=400.0),
+    pm.Tip(radius=10e-9),
+    pm.Drive(free_amplitude=25e-9),
+)
+GENTLE, HARD = 0.92, 0.7
+
+
+def phases(material: pm.Material, setpoints: np.ndarray) -> np.ndarray:
+    """Phase [degree] at each setpoint."""
+    return np.array([pm.solve_pixel(material, SCOPE, setpoint).phase for setpoint in setpoints])
+
+
+def main(folder: Path = Path()) -> None:
+    """Write contrast_inversion.png."""
+    setpoints = np.linspace(0.985, 0.4, 118)
+    particle, matrix = phases(PARTICLE, setpoints), phases(MATRIX, setpoints)
+    contrast = particle - matrix
+    turn = float(setpoints[np.flatnonzero(np.diff(np.sign(contrast)))[-1]])
+    print(f"the contrast turns round at a setpoint of {turn:.3f}")
+
+    labels = pm.generate.particles((128, 128), 4e-9, radius=45e-9, area_fraction=0.35, seed=4)
+    surface = pm.Surface.from_labels(labels, {0: MATRIX, 1: PARTICLE}, pixel_size=4e-9)
+
+    figure = plt.figure(figsize=(9.5, 5.2), layout="constrained")
+    panels = figure.subplot_mosaic(
+        [["phase", "gentle"], ["contrast", "hard"]], width_ratios=[2.1, 1], gridspec_kw={"wspace": 0.06}
+    )
+    # A line must not bridge the jump between the regimes.
+    jump = np.flatnonzero(abs(np.diff(particle)) > 20) + 1
+    axes = panels["phase"]
+    axes.plot(np.insert(setpoints, jump, np.nan), np.insert(particle, jump, np.nan), color="C1", label="particle")
+    axes.plot(setpoints, matrix, color="C0", label="matrix")
+    axes.axhline(0, color="0.7", linewidth=0.8, zorder=0)
+    axes.set(ylabel="phase (degrees)", title="Phase of each material")
+    axes.legend(frameon=False)
+
+    axes = panels["contrast"]
+    axes.fill_between(setpoints, contrast, where=contrast > 0, step="mid", color="C1", alpha=0.35, linewidth=0)
+    axes.fill_between(setpoints, contrast, where=contrast < 0, step="mid", color="0.3", alpha=0.35, linewidth=0)
+    axes.step(setpoints, contrast, where="mid", color="0.2", linewidth=1)
+    axes.axhline(0, color="0.7", linewidth=0.8)
+    axes.set(xlabel="setpoint (amplitude / free amplitude)", ylabel="difference (degrees)", title="Particle - matrix")
+
+    for name, setpoint in {"gentle": GENTLE, "hard": HARD}.items():
+        for panel in ("phase", "contrast"):
+            panels[panel].axvline(setpoint, color="0.5", linestyle=":", linewidth=1)
+        image = pm.simulate(surface, SCOPE, setpoint)
+        picture = panels[name].imshow(image.phase, cmap="cividis")
+        panels[name].set(xticks=[], yticks=[], title=f"setpoint {setpoint:g}")
+        figure.colorbar(picture, ax=panels[name], label="phase (degrees)", shrink=0.9)
+    for panel in ("phase", "contrast"):
+        panels[panel].set_xlim(setpoints[0], setpoints[-1])  # approaching: from left to right
+    figure.savefig(folder / "contrast_inversion.png", dpi=150)
+
+
+if __name__ == "__main__":
+    main()
