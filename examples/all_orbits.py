@@ -2,7 +2,7 @@
 
 At small free amplitudes the tip can oscillate in several ways with the same amplitude: attractive or repulsive, stable
 or not. `phasemap.orbits` finds them all; `phasemap.solve_pixel` says which one the controller meets when it approaches
-from far.
+from far. Attractive orbits that come back at low setpoints are an island which that tip never visits.
 """
 
 from pathlib import Path
@@ -16,9 +16,9 @@ MATERIAL = pm.Material(modulus=2e9, adhesion=0.1, damping=0.005)
 SCOPE = pm.Microscope(
     pm.Cantilever(stiffness=40.0, resonance_frequency=300e3, quality_factor=400.0),
     pm.Tip(radius=10e-9),
-    pm.Drive(free_amplitude=15e-9),
+    pm.Drive(free_amplitude=16e-9),
 )
-KINDS = {
+KINDS = {  # colour, branch, stable
     "attractive, stable": ("C0", 0, 1),
     "repulsive, stable": ("C3", 1, 1),
     "unstable": ("0.6", None, 0),
@@ -27,7 +27,7 @@ KINDS = {
 
 def main(folder: Path = Path()) -> None:
     """Write all_orbits.png."""
-    setpoints = np.linspace(0.98, 0.2, 157)
+    setpoints = np.linspace(0.99, 0.2, 159)
     found = [pm.orbits(MATERIAL, SCOPE, setpoint=setpoint) for setpoint in setpoints]
     engaged = [pm.solve_pixel(MATERIAL, SCOPE, setpoint, solver="orbit") for setpoint in setpoints]
 
@@ -36,15 +36,10 @@ def main(folder: Path = Path()) -> None:
         (panels[0], "phase", 1, "phase (degrees)"),
         (panels[1], "height", 1e9, "height (nm)"),
     ):
-        axes.plot(
-            setpoints,
-            [getattr(pixel, name) * factor for pixel in engaged],
-            color="#f2c14e",
-            linestyle="none",
-            marker="s",
-            markersize=7,
-            label="where the tip ends, coming from far",
-        )
+        for branch in ("attractive", "repulsive"):
+            values = [getattr(pixel, name) * factor if pixel.branch == branch else np.nan for pixel in engaged]
+            said = "where the tip ends, coming from far" if branch == "attractive" else None
+            axes.plot(setpoints, values, color="#f2c14e", linewidth=8, solid_capstyle="round", label=said)
         for kind, (color, branch, stable) in KINDS.items():
             points = [
                 (setpoint, value * factor)
@@ -55,12 +50,11 @@ def main(folder: Path = Path()) -> None:
             axes.plot(*np.transpose(points), color=color, linestyle="none", marker=".", markersize=4, label=kind)
         axes.set(xlabel="setpoint (amplitude / free amplitude)", ylabel=label)
         axes.set_xlim(1, setpoints[-1])  # approaching: from left to right
-    panels[0].legend(frameon=False, fontsize=9)
+    panels[0].legend(frameon=False, fontsize=9, loc="center right")
     figure.savefig(folder / "all_orbits.png", dpi=150)
 
-    counts = [orbits.sizes["orbit"] for orbits in found]
     jump = next(setpoint for setpoint, pixel in zip(setpoints, engaged, strict=True) if pixel.branch == "repulsive")
-    print(f"{min(counts)} to {max(counts)} orbits at a setpoint; the tip jumps to the repulsive one at {jump:.3f}")
+    print(f"the tip is in the repulsive regime from setpoint {jump:.3f} downwards")
 
 
 if __name__ == "__main__":

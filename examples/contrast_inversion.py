@@ -29,34 +29,34 @@ def phases(material: pm.Material, setpoints: np.ndarray) -> np.ndarray:
 
 def main(folder: Path = Path()) -> None:
     """Write contrast_inversion.png."""
-    setpoints = np.linspace(0.985, 0.4, 118)
+    setpoints = np.linspace(0.985, 0.4, 235)
     particle, matrix = phases(PARTICLE, setpoints), phases(MATRIX, setpoints)
     contrast = particle - matrix
-    turn = float(setpoints[np.flatnonzero(np.diff(np.sign(contrast)))[-1]])
-    print(f"the contrast turns round at a setpoint of {turn:.3f}")
+    jump = int(np.flatnonzero(np.diff(np.sign(contrast)))[-1]) + 1
+    print(f"the contrast turns round at a setpoint of {setpoints[jump]:.3f}")
 
     labels = pm.generate.particles((128, 128), 4e-9, radius=45e-9, area_fraction=0.35, seed=4)
     surface = pm.Surface.from_labels(labels, {0: MATRIX, 1: PARTICLE}, pixel_size=4e-9)
 
     figure = plt.figure(figsize=(9.5, 5.2), layout="constrained")
-    panels = figure.subplot_mosaic(
-        [["phase", "gentle"], ["contrast", "hard"]], width_ratios=[2.1, 1], gridspec_kw={"wspace": 0.06}
-    )
-    # A line must not bridge the jump between the regimes.
-    jump = np.flatnonzero(abs(np.diff(particle)) > 20) + 1
+    panels = figure.subplot_mosaic([["phase", "gentle"], ["contrast", "hard"]], width_ratios=[2.1, 1])
+    parts = slice(None, jump), slice(jump, None)  # a line must not bridge the jump between the regimes
     axes = panels["phase"]
-    axes.plot(np.insert(setpoints, jump, np.nan), np.insert(particle, jump, np.nan), color="C1", label="particle")
     axes.plot(setpoints, matrix, color="C0", label="matrix")
-    axes.axhline(0, color="0.7", linewidth=0.8, zorder=0)
-    axes.set(ylabel="phase (degrees)", title="Phase of each material")
-    axes.legend(frameon=False)
+    for part, label in zip(parts, ("particle", None), strict=True):
+        axes.plot(setpoints[part], particle[part], color="C1", label=label)
+    axes.set(ylabel="phase (degrees)", title="Phase over each material")
+    axes.legend(frameon=False, loc="lower right")
 
     axes = panels["contrast"]
-    axes.fill_between(setpoints, contrast, where=contrast > 0, step="mid", color="C1", alpha=0.35, linewidth=0)
-    axes.fill_between(setpoints, contrast, where=contrast < 0, step="mid", color="0.3", alpha=0.35, linewidth=0)
-    axes.step(setpoints, contrast, where="mid", color="0.2", linewidth=1)
-    axes.axhline(0, color="0.7", linewidth=0.8)
-    axes.set(xlabel="setpoint (amplitude / free amplitude)", ylabel="difference (degrees)", title="Particle - matrix")
+    for part, label in zip(parts, ("particles dark", "particles bright"), strict=True):
+        color = "#00224e" if label == "particles dark" else "#e6c800"
+        axes.fill_between(setpoints[part], contrast[part], color=color, alpha=0.5, linewidth=0, label=label)
+        axes.plot(setpoints[part], contrast[part], color="0.2", linewidth=1)
+    axes.set(
+        xlabel="setpoint (amplitude / free amplitude)", ylabel="difference (degrees)", title="Particle less matrix"
+    )
+    axes.legend(frameon=False, loc="lower right")
 
     for name, setpoint in {"gentle": GENTLE, "hard": HARD}.items():
         for panel in ("phase", "contrast"):
@@ -66,6 +66,7 @@ def main(folder: Path = Path()) -> None:
         panels[name].set(xticks=[], yticks=[], title=f"setpoint {setpoint:g}")
         figure.colorbar(picture, ax=panels[name], label="phase (degrees)", shrink=0.9)
     for panel in ("phase", "contrast"):
+        panels[panel].axhline(0, color="0.7", linewidth=0.8, zorder=0)
         panels[panel].set_xlim(setpoints[0], setpoints[-1])  # approaching: from left to right
     figure.savefig(folder / "contrast_inversion.png", dpi=150)
 

@@ -165,7 +165,7 @@ def orbits(
     Examples
     --------
     >>> import phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(20e-9), pm.Drive(40e-9))
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
     >>> found = pm.orbits(pm.Material(modulus=2e9, adhesion=0.1), scope, setpoint=0.8)
     >>> found.sizes["orbit"], found.stable.values.tolist()
     (3, [1, 0, 1])

@@ -101,7 +101,7 @@ def simulate(
     >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
     >>> image = pm.simulate(surface, scope, setpoint=0.7)
     >>> [round(float(p), 2) for p in image.phase.values[0]]
-    [38.71, 42.85]
+    [42.05, 44.5]
     """
     started = time.perf_counter()
     setpoint = check_setpoint(setpoint)

@@ -27,6 +27,9 @@ WEIGHT = 4.0
 MOST_STEPS = 400
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
 SURE, DOUBTFUL = 0, 1
+START = 3.0  # where the scan at the setpoint amplitude starts, in reaches
+RETURNING = 0.6  # setpoint ratio below which the tip may return to the attractive branch
+PLAIN = 0.15  # mismatch at its first maximum that leaves no doubt, over that of the free lever
 
 
 @njit(**OPTIONS)
@@ -79,7 +82,7 @@ def crossing(
         c = (near * h_far - far * h_near) / (h_far - h_near)
         push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
         h = math.log(1.0 + mismatch(lever, amplitude, push, drag))
-        if abs(h) < 1e-11 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
+        if abs(h) < 1e-10 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
             break
         if (h > 0.0) == (h_far > 0.0):
             far, h_far = c, h
@@ -105,13 +108,102 @@ def far_start(
 
 
 @njit(**OPTIONS)
-def engage(
+def _at_gap(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
+) -> tuple[float, float]:
+    """Mismatch and in-phase force P of the harmonic orbit with this gap."""
+    push, drag, _ = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+    return mismatch(lever, amplitude, push, drag), push
+
+
+@njit(**OPTIONS)
+def engage_at_resonance(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
+) -> bool:
+    """`engage` without following the curve, where the answer is plain; False where it is not.
+
+    At resonance the largest attraction P falls as A^(-1/2), and what holding the ratio r = A/A_free takes is
+    u0 (1 - r^2)^(1/2): for r above 3^(-1/2) the attractive branch reaches the setpoint if it exists there. So the
+    mismatch at the setpoint amplitude is scanned from far to deep. It rises with the attraction to a first maximum. Well
+    above zero there, the crossing before it is the one; well below, the tip jumps to the repulsive crossing behind.
+    """
+    free = free_amplitude(lever)
+    if lever[col.OMEGA] != 1.0 or amplitude < RETURNING * free or p[4] == 0.0:
+        return False
+    reach = reach_of(law, p)
+    plain = PLAIN * (1.0 - (amplitude / free) ** 2) + 0.01
+    at = START * reach
+    h, push = _at_gap(law, p, lever, reach, amplitude, at)
+    before, h_before, first, h_first = at, h, 2.0 * at, -1.0
+    attractive = h > 0.0  # the crossing lies farther out
+    while attractive and h_first <= 0.0 and h > 0.0:
+        before, h_before = at, h
+        at *= 1.6
+        h, push = _at_gap(law, p, lever, reach, amplitude, at)
+    far = at
+    if not attractive:
+        for i in range(60):
+            first, h_first = before, h_before
+            before, h_before = at, h
+            at = reach * START * 0.62**(i + 1) if i < 7 else -reach * 0.03 * 1.7 ** (i - 7)
+            h, push = _at_gap(law, p, lever, reach, amplitude, at)
+            if h < h_before or push > 0.0:
+                break
+            if h > plain:
+                break
+        if h > plain and push < 0.0 and h > h_before:
+            attractive, far = True, before
+            before = at
+        else:
+            # The first maximum lies between `first` and `at`: golden sections on -P.
+            low, high = at, first
+            one, two = low + 0.382 * (high - low), low + 0.618 * (high - low)
+            h_one, push_one = _at_gap(law, p, lever, reach, amplitude, one)
+            h_two, push_two = _at_gap(law, p, lever, reach, amplitude, two)
+            for _ in range(5):
+                if push_one < push_two:
+                    high, two, h_two, push_two = two, one, h_one, push_one
+                    one = low + 0.382 * (high - low)
+                    h_one, push_one = _at_gap(law, p, lever, reach, amplitude, one)
+                else:
+                    low, one, h_one, push_one = one, two, h_two, push_two
+                    two = low + 0.618 * (high - low)
+                    h_two, push_two = _at_gap(law, p, lever, reach, amplitude, two)
+            h_before, before = (h_one, one) if push_one < push_two else (h_two, two)
+            if abs(h_before) < plain:
+                return False
+            if h_before > 0.0:
+                attractive, far = True, START * reach
+            else:
+                while h <= 0.0 or push <= 0.0:
+                    if h > 0.0 or at < -2.0 * amplitude:
+                        return False
+                    before = at
+                    at = 1.7 * at if at < 0.0 else -0.03 * reach
+                    h, push = _at_gap(law, p, lever, reach, amplitude, at)
+                far = before
+                before = at
+    c = crossing(law, p, lever, reach, amplitude, 1.0 + before / amplitude, 1.0 + far / amplitude)
+    if math.isnan(c):
+        return False
+    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+    # dz0/dA along the orbits, from the two slopes of the mismatch at fixed A and fixed c.
+    small = 1e-5
+    h_c = _at_gap(law, p, lever, reach, amplitude, amplitude * (c - 1.0 + small * reach / amplitude))[0]
+    push_a, drag_a, _ = harmonics(law, p, lever, reach, amplitude * (1.0 + small), c)
+    h_a = mismatch(lever, amplitude * (1.0 + small), push_a, drag_a)
+    h = mismatch(lever, amplitude, push, drag)
+    if not c - (h_a - h) / (h_c - h) * reach / amplitude > 0.2 or (push > 0.0) == attractive:
+        return False
+    guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * c + mean, mean, amplitude, push, drag
+    return True
+
+
+@njit(**OPTIONS)
+def engage_traced(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
 ) -> tuple[int, int]:
-    """Find the averaged orbit that holds `amplitude` after engaging from far.
-
-    Fills guess = (z0, mean deflection, A, P, S) and returns a status code and how sure the decision is.
-    """
+    """`engage` along the whole curve of averaged orbits."""
     free = free_amplitude(lever)
     reach = reach_of(law, p)
     epsilon = scale_of(law, p, lever, free)
@@ -179,6 +271,19 @@ def engage(
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, found)
     guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * found + mean, mean, amplitude, push, drag
     return col.GOOD, surety
+
+
+@njit(**OPTIONS)
+def engage(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
+) -> tuple[int, int]:
+    """Find the averaged orbit that holds `amplitude` after engaging from far.
+
+    Fills guess = (z0, mean deflection, A, P, S) and returns a status code and how sure the decision is.
+    """
+    if engage_at_resonance(law, p, lever, amplitude, guess):
+        return col.GOOD, SURE
+    return engage_traced(law, p, lever, amplitude, guess)
 
 
 @njit(**OPTIONS)

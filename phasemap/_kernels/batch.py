@@ -12,11 +12,12 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
+from phasemap._kernels.approach import SURE, averaged_orbits, far_start, free_amplitude, scale_of
 from phasemap._kernels.approach import engage as engage_averaged
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, RIGHT, RP, RS, RZ, SYSTEM, Orbit, close, linearise, new_orbit
 from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import carry_over, find_contacts, lay
+from phasemap._kernels.march import approach, settle
+from phasemap._kernels.mesh import carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.orbit import MOST_STEPS, begin, finish, newton
 from phasemap._kernels.trace import collect, seed
 from phasemap._kernels.trace import engage as engage_exact
@@ -25,6 +26,7 @@ LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TOLERANCE = 2e-13  # [m], last change of an orbit; the error left is its square over the depth of the contact
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
+MOST_PERIODS = 200_000  # that a march may take to settle
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 
 
@@ -225,3 +227,47 @@ def every_orbit(
             if amplitude == value or len(guesses) > count:
                 count = seed(law, p, lever, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]
+
+
+@njit(**OPTIONS)
+def march_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitudes: np.ndarray,
+    eta: float,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> None:
+    """Settled orbit of every row in [first, last) by time integration, started near the orbit that engagement finds.
+
+    Where neither averaging nor the curve of exact orbits can say which one that is, the tip is engaged from far in time.
+    """
+    guess, exact, start = np.zeros(5), np.zeros(2), np.zeros(4)
+    one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
+    high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
+    free = free_amplitude(lever)
+    for i in range(first, last):
+        p, amplitude = rows[i], amplitudes[i]
+        solver[i] = col.MARCH
+        done, surety = engage_averaged(law, p, lever, amplitude, guess)
+        start[0], start[1], start[2], start[3] = guess[0], guess[1], amplitude, 0.5 * math.pi - phase_of(lever, guess)
+        if not high_q or done != col.GOOD or surety != SURE:
+            orbit_rows(
+                law, rows[i : i + 1], lever, tables, amplitudes[i : i + 1], exact, 0, 1, one, one_status, one_solver
+            )
+            done = one_status[0]
+            start[0], start[1], start[3] = one[0, col.TIP_OFFSET], one[0, col.MEAN], 0.5 * math.pi - one[0, col.PHASE]
+        if done == col.GOOD:
+            done = settle(law, p, lever, amplitude, start, eta, 1.0, MOST_PERIODS, out[i])
+        elif done == col.NOT_CONVERGED or done == col.TOO_MANY_CONTACTS:
+            far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
+            step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free
+            done = approach(law, p, lever, amplitude, far, step, eta, 1.0, MOST_PERIODS, out[i])
+        if done != col.GOOD:
+            out[i] = math.nan
+        status[i] = done

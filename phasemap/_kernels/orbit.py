@@ -19,6 +19,8 @@ from phasemap._kernels.collocation import (
     PLACE,
     RA,
     RIGHT,
+    RP,
+    RS,
     RZ,
     SCALE,
     SIDE,
@@ -45,6 +47,7 @@ from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, re
 from phasemap._kernels.tables import NODES, T_END1
 
 MOST_STEPS = 30
+DRIVE_TOLERANCE = 1e-6  # last change of P and S, over the base amplitude; the phase left is off by its square
 
 
 @njit(**OPTIONS)
@@ -102,10 +105,11 @@ def newton(
         change = abs(head[SYSTEM + RZ, RIGHT] - head[VALUE, Z0]) + abs(head[SYSTEM + RA, RIGHT])
         limit = 0.5 * head[VALUE, A]
         share = 1.0 if change <= limit else limit / change
+        turned = abs(head[SYSTEM + RP, RIGHT] - head[VALUE, P]) + abs(head[SYSTEM + RS, RIGHT] - head[VALUE, S])
         change = max(accept(tables, lever, orbit, share), abs(head[SYSTEM + RA, RIGHT]))
         if not change < 1e3 * head[VALUE, A]:
             return col.NOT_CONVERGED, step, orbit, spare
-        if change < tolerance:
+        if change < tolerance and turned < DRIVE_TOLERANCE * lever[col.BASE]:
             return col.GOOD, step + 1, orbit, spare
         if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, step, orbit, spare

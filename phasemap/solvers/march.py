@@ -1,4 +1,43 @@
-"""x"""
+"""The full equation of motion, marched in time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasemap.accuracy import Accuracy
+from phasemap.work import Work
+
+
 class March:
-    name="march"; rows_per_chunk=1
-    def solve(self,*a): raise NotImplementedError
+    """Time integration with Runge-Kutta steps of order 8 and the contact located, until the orbit repeats itself.
+
+    Slow, and independent of the other solvers from the equation on: it is what they are checked against. Only orbits
+    that time leads to are found, so that an orbit that settles is stable.
+
+    Parameters
+    ----------
+    eta : float
+        Size of the steps; the error goes with its 8th power and is below 1e-5 degree and 0.01 pm at the default.
+    """
+
+    name = "march"
+    rows_per_chunk = 8
+
+    def __init__(self, eta: float = 0.25) -> None:
+        self.eta = eta
+
+    def solve(
+        self,
+        work: Work,
+        accuracy: Accuracy,
+        first: int,
+        last: int,
+        out: np.ndarray,
+        status: np.ndarray,
+        solver: np.ndarray,
+    ) -> None:
+        """See `phasemap.solvers.Solver`."""
+        from phasemap._kernels.batch import march_rows
+        from phasemap._kernels.tables import TABLES
+
+        march_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, self.eta, first, last, out, status, solver)

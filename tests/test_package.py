@@ -1,0 +1,79 @@
+"""The package as a whole: what importing it costs, its public names, its version and its lists of dependencies."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import requires, version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import phasemap
+
+HEAVY = ("llvmlite", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "scipy", "tqdm", "xarray")
+ROOT = Path(__file__).parent.parent
+
+
+def imported_by(code: str) -> set[str]:
+    """Return the heavy packages that a fresh interpreter has imported after running `code`."""
+    report = f"import atexit, sys; atexit.register(lambda: print('|', *set({HEAVY}) & set(sys.modules)))\n"
+    done = subprocess.run([sys.executable, "-c", report + code], capture_output=True, text=True, check=True)
+    return set(done.stdout.rpartition("|")[2].split())
+
+
+# phasemap.scan needs numpy at least: were nothing found there, the other tests would prove nothing.
+def test_heavy_imports_are_seen() -> None:
+    assert "numpy" in imported_by("import phasemap.scan")
+
+
+def test_importing_phasemap_imports_nothing_heavy() -> None:
+    assert imported_by("import phasemap") == set()
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"]], ids=" ".join)
+def test_asking_the_command_for_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    assert imported_by(f"from phasemap.cli import main; main({arguments})") == set()
+
+
+def test_describing_a_microscope_imports_nothing_heavy() -> None:
+    code = "import phasemap as pm; pm.Microscope(pm.Cantilever(40, 3e5, 400), pm.Tip(1e-8), pm.Drive(2e-8))"
+    assert imported_by(code) == set()
+
+
+@pytest.mark.parametrize("name", phasemap.__all__)
+def test_every_public_name_is_there_with_a_docstring(name: str) -> None:
+    assert getattr(phasemap, name).__doc__
+    assert name in dir(phasemap)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'Cantilevr'"):
+        _ = phasemap.Cantilevr
+
+
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def test_the_version_is_that_of_the_metadata_and_the_changelog_has_it() -> None:
+    assert phasemap.__version__ == version("afm-phasemap") == project()["project"]["version"]
+    assert f"## [{phasemap.__version__}]" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_dependencies_have_no_upper_pins() -> None:
+    assert not [line for line in requires("afm-phasemap") or [] if "<" in line.partition(";")[0]]
+
+
+def test_groups_are_the_extras_and_the_test_extra_holds_the_read_extra() -> None:
+    table = project()
+    extras, groups = table["project"]["optional-dependencies"], table["dependency-groups"]
+
+    def flat(group: str) -> set[str]:
+        parts = [{part} if isinstance(part, str) else flat(part["include-group"]) for part in groups[group]]
+        return set().union(*parts)
+
+    assert {name: flat(name) for name in groups} == {name: set(extra) for name, extra in extras.items()}
+    assert set(extras["read"]) <= set(extras["test"])
