@@ -1,4 +1,4 @@
-"""The command line: ``phasemap run``, ``plot`` and ``validate``.
+"""The command line: ``phasemap run``, ``plot``, ``validate`` and ``bench``.
 
 Everything heavy is imported by the command that needs it, so that ``--help`` answers at once.
 """
@@ -27,11 +27,16 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
   phasemap plot blend.nc
   phasemap validate samples/particles.toml
+  phasemap bench --quick
 """
 RUN_EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
   phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
+"""
+BENCH_EXAMPLES = """examples:
+  phasemap bench --quick
+  phasemap bench --seed 7
 """
 
 
@@ -124,6 +129,11 @@ def _parser() -> argparse.ArgumentParser:
 
     validate = command("validate", _validate, "check a scene and say what would be simulated")
     _add_scene(validate)
+
+    bench = command("bench", _bench, "measure error and speed of every solver, as a table", BENCH_EXAMPLES)
+    bench.add_argument("--quick", action="store_true", help="a tenth of the pixels")
+    bench.add_argument("--pixels", type=_positive, metavar="N", default=600, help="pixels a regime; default: 600")
+    bench.add_argument("--seed", type=int, default=1, help="of the cases drawn; default: 1")
     return parser
 
 
@@ -243,3 +253,11 @@ def _complain(sentence: str) -> int:
     """Print a sentence on stderr and return the exit code that goes with it."""
     print(f"phasemap: {sentence}", file=sys.stderr)
     return 2
+
+
+def _bench(arguments: argparse.Namespace) -> None:
+    """Measure every solver."""
+    from phasemap.bench import bench
+
+    pixels = max(1, arguments.pixels // 10) if arguments.quick else arguments.pixels
+    print(bench(pixels, arguments.seed, lambda name: print(f"measuring {name} ...", file=sys.stderr)))

@@ -226,9 +226,9 @@ def _refuse_failures(status: Array, inverse: Array) -> None:
     if bad.any():
         row, column = (int(i) for i in np.unravel_index(np.argmax(bad), bad.shape))
         advice = Status.of(int(status[inverse[row, column]])).value
-        raise SolveError(
-            f"{int(bad.sum())} pixels have no solution; the first is at row {row}, column {column}. {advice}"
-        )
+        count = int(bad.sum())
+        failed = "1 pixel has no solution; it is" if count == 1 else f"{count} pixels have no solution; the first is"
+        raise SolveError(f"{failed} at row {row}, column {column}. {advice}")
 
 
 def _cores() -> int:
