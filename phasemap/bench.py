@@ -57,7 +57,7 @@ class Regime:
 
 REGIMES = (
     Regime("air", (20, 50), (200, 850), (10e-9, 100e-9), (8e-9, 30e-9), (1e9, 2e10), (0.01, 0.5), (1e-3, 0.1)),
-    Regime("stiff sample", (20, 50), (200, 850), (10e-9, 50e-9), (5e-9, 15e-9), (5e10, 3e11), (0.05, 0.5), (1e-4, 1e-2)),
+    Regime("stiff sample", (20, 50), (200, 850), (1e-8, 5e-8), (5e-9, 15e-9), (5e10, 3e11), (0.05, 0.5), (1e-4, 1e-2)),
     Regime("soft lever", (1, 4), (60, 200), (15e-9, 60e-9), (8e-9, 20e-9), (5e7, 3e9), (0.01, 0.1), (1e-3, 0.1)),
     Regime("high Q", (25, 50), (5e3, 5e4), (6e-9, 50e-9), (10e-9, 30e-9), (3e8, 2e10), (5e-3, 0.1), (1e-3, 0.05)),
     Regime("liquid", (0.3, 2), (2, 8), (5e-9, 15e-9), (10e-9, 40e-9), (1e7, 3e8), (1e-4, 5e-3), (1e-3, 0.2)),
@@ -210,7 +210,8 @@ def _table(rows: list[Row]) -> list[str]:
         times = " | ".join(f"{row.seconds[name] * 1e6:.3g}" for name in ("averaging", "orbit", "march"))
         lines.append(
             f"| {row.name} | {row.held} of {row.pixels} | {phase:.2g} / {most:.2g} | {height * 1e12:.2g} / "
-            f"{highest * 1e12:.2g} | {row.orbit_phase:.1g} | {row.orbit_height * 1e12:.1g} | {row.closure:.0e} | {times} |"
+            f"{highest * 1e12:.2g} | {row.orbit_phase:.1g} | {row.orbit_height * 1e12:.1g} "
+            f"| {row.closure:.0e} | {times} |"
         )
     return lines
 

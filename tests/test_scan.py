@@ -115,7 +115,7 @@ def test_unknown_names_are_refused_with_what_is_allowed() -> None:
 
 def test_a_viscosity_needs_the_exponent_of_kelvin_voigt() -> None:
     scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(damping_exponent=1.0))
-    with pytest.raises(pm.InputError, match="damping_exponent is 1.0; allowed: 0.5 where materials have a viscosity"):
+    with pytest.raises(pm.InputError, match=r"damping_exponent is 1\.0; allowed: 0\.5 where materials have a visc"):
         pm.solve_pixel(pm.Material(1e9, viscosity=10.0), scope, 0.7)
 
 

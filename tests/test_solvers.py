@@ -98,7 +98,8 @@ def test_averaging_is_as_good_as_its_table_says() -> None:
 
 
 def test_march_converges_with_the_order_it_claims() -> None:
-    # Order 8 in eta. The answer at eta = 0.2 stands for the exact one: (0.2 / 0.45)^8 = 0.0015 of the smallest error used.
+    # Order 8 in eta. The answer at eta = 0.2 stands for the exact one: (0.2 / 0.45)^8 = 0.0015 of the smallest error
+    # used.
     work = works()[0]
     rows = {eta: run(March(eta), work, pm.Accuracy())[0] for eta in (0.2, 0.45, 0.6)}
     error = {eta: np.nanmedian(abs(rows[eta] - rows[0.2])[:, col.PHASE]) for eta in (0.45, 0.6)}

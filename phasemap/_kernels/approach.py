@@ -29,7 +29,7 @@ MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged 
 SURE, DOUBTFUL = 0, 1
 START = 3.0  # where the scan at the setpoint amplitude starts, in reaches
 RETURNING = 0.6  # setpoint ratio below which the tip may return to the attractive branch
-PLAIN = 0.15  # mismatch at its first maximum that leaves no doubt, over that of the free lever
+PLAIN = 0.06  # mismatch at its first maximum that leaves no doubt, over that of the free lever
 
 
 @njit(**OPTIONS)
@@ -131,7 +131,7 @@ def engage_at_resonance(
     if lever[col.OMEGA] != 1.0 or amplitude < RETURNING * free or p[4] == 0.0:
         return False
     reach = reach_of(law, p)
-    plain = PLAIN * (1.0 - (amplitude / free) ** 2) + 0.01
+    plain = PLAIN * (1.0 - (amplitude / free) ** 2) + 0.03
     at = START * reach
     h, push = _at_gap(law, p, lever, reach, amplitude, at)
     before, h_before, first, h_first = at, h, 2.0 * at, -1.0

@@ -32,10 +32,11 @@ _DEEP_COS2, _DEEP_SIN2 = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 
 _DEEP_W = _W * np.pi * np.cos(_X * np.pi / 2)
 _ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
 
+_SUMS = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}}  # sums may be taken in any order, so in vectors
 DEEP = -0.6  # below this c the contact integrals need the finer nodes
 
 
-@njit(**OPTIONS)
+@njit(**_SUMS)
 def harmonics(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
 ) -> tuple[float, float, float]:

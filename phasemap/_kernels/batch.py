@@ -18,16 +18,24 @@ from phasemap._kernels.collocation import HOLD_AMPLITUDE, RIGHT, RP, RS, RZ, SYS
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.march import approach, settle
 from phasemap._kernels.mesh import carry_over, find_contacts, lay, reach_of
-from phasemap._kernels.orbit import MOST_STEPS, begin, finish, newton
+from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
 from phasemap._kernels.trace import collect, seed
 from phasemap._kernels.trace import engage as engage_exact
 
 LOWEST_Q = 25.0  # below this averaging does not choose the branch
-TOLERANCE = 2e-13  # [m], last change of an orbit; the error left is its square over the depth of the contact
+TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
 MOST_PERIODS = 200_000  # that a march may take to settle
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
+
+
+@njit(**OPTIONS)
+def parameters(row: np.ndarray) -> tuple[float, ...]:
+    """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
+    return (
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11]
+    )  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -49,7 +57,7 @@ def polish(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
 ) -> tuple[int, Orbit, Orbit]:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
-    status = finish(law, p, lever, tables, orbit, row)
+    status = report(law, p, lever, tables, orbit, row)
     level, target, tolerance = 0, np.zeros(4), tolerance_of(law, p, lever)
     while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
         level += 1
@@ -62,7 +70,7 @@ def polish(
         )
         if fine != col.GOOD:
             break
-        status = finish(law, p, lever, tables, orbit, row)
+        status = report(law, p, lever, tables, orbit, row)
     return status, orbit, spare
 
 
@@ -134,7 +142,7 @@ def orbit_rows(
     guess, target = np.zeros(5), np.zeros(4)
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     for i in range(first, last):
-        p, amplitude, row = rows[i], amplitudes[i], out[i]
+        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
         row[:] = math.nan
         tolerance = tolerance_of(law, p, lever)
         done = col.NOT_CONVERGED
@@ -185,7 +193,7 @@ def averaging_rows(
     one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     for i in range(first, last):
-        p, amplitude = rows[i], amplitudes[i]
+        p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
         solver[i] = col.AVERAGING
         done, surety = engage_averaged(law, p, lever, amplitude, guess)
@@ -215,9 +223,10 @@ def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
 
 @njit(**OPTIONS)
 def every_orbit(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, hold: int, value: float
+    law: Law, row: np.ndarray, lever: np.ndarray, tables: np.ndarray, hold: int, value: float
 ) -> tuple[int, np.ndarray]:
     """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
+    p = parameters(row)
     found = np.zeros((MOST_ORBITS, col.COLUMNS))
     level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
     status, count = collect(law, p, lever, tables, hold, value, level, tolerance, found)
@@ -252,7 +261,7 @@ def march_rows(
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     free = free_amplitude(lever)
     for i in range(first, last):
-        p, amplitude = rows[i], amplitudes[i]
+        p, amplitude = parameters(rows[i]), amplitudes[i]
         solver[i] = col.MARCH
         done, surety = engage_averaged(law, p, lever, amplitude, guess)
         start[0], start[1], start[2], start[3] = guess[0], guess[1], amplitude, 0.5 * math.pi - phase_of(lever, guess)
@@ -263,11 +272,11 @@ def march_rows(
             done = one_status[0]
             start[0], start[1], start[3] = one[0, col.TIP_OFFSET], one[0, col.MEAN], 0.5 * math.pi - one[0, col.PHASE]
         if done == col.GOOD:
-            done = settle(law, p, lever, amplitude, start, eta, 1.0, MOST_PERIODS, out[i])
+            done = settle(law, rows[i], lever, amplitude, start, eta, 1.0, MOST_PERIODS, out[i])
         elif done == col.NOT_CONVERGED or done == col.TOO_MANY_CONTACTS:
             far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
             step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free
-            done = approach(law, p, lever, amplitude, far, step, eta, 1.0, MOST_PERIODS, out[i])
+            done = approach(law, rows[i], lever, amplitude, far, step, eta, 1.0, MOST_PERIODS, out[i])
         if done != col.GOOD:
             out[i] = math.nan
         status[i] = done

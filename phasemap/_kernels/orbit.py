@@ -42,12 +42,12 @@ from phasemap._kernels.collocation import (
     linearise,
     surface_force,
 )
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.tables import NODES, T_END1
 
 MOST_STEPS = 30
-DRIVE_TOLERANCE = 1e-6  # last change of P and S, over the base amplitude; the phase left is off by its square
+DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
 
 
 @njit(**OPTIONS)
@@ -81,6 +81,18 @@ def begin(
 
 
 @njit(**OPTIONS)
+def contact_size(head: np.ndarray, reach: float) -> float:
+    """Depth [m] that matters to where the elements lie: of the shallowest contact, or of the gap with the force's reach."""
+    contacts = int(head[COUNT, CONTACTS])
+    if contacts <= 0:
+        return abs(head[CONTACT, 1]) + reach
+    half = math.inf
+    for i in range(contacts):
+        half = min(half, 0.5 * (head[CONTACT + i, 1] - head[CONTACT + i, 0]))
+    return head[VALUE, A] * half * half
+
+
+@njit(**OPTIONS)
 def newton(
     law: Law,
     p: np.ndarray,
@@ -98,6 +110,10 @@ def newton(
 
     `tolerance` [m] is for the last change: the error left is its square over the size of the contact.
     """
+    reach = reach_of(law, p)
+    # Elements that lie a millionth of the contact beside it will do, unless the force itself jumps there.
+    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[4] != 0.0 else 0.0)
+    still = 2e-6 if level == 0 and abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.BASE] else 0.0
     for step in range(most):
         head = orbit.head
         if not linearise(law, p, lever, tables, orbit) or not close(lever, orbit, hold, target):
@@ -111,6 +127,8 @@ def newton(
             return col.NOT_CONVERGED, step, orbit, spare
         if change < tolerance and turned < DRIVE_TOLERANCE * lever[col.BASE]:
             return col.GOOD, step + 1, orbit, spare
+        if change < still * contact_size(head, reach):
+            continue  # the elements fit as they lie
         if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, step, orbit, spare
         carry_over(tables, orbit, spare)
@@ -169,11 +187,17 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
 
 
 @njit(**OPTIONS)
-def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
-    """Linearise about a converged orbit and fill its row; returns a status."""
-    if not linearise(law, p, lever, tables, orbit):
-        return col.NOT_CONVERGED
+def report(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+    """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
     observe(law, p, lever, tables, orbit, row)
     if along(lever, orbit, 0.0, 1.0):
         row[col.SLOPE] = 1.0 / orbit.head[SYSTEM + RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
+
+
+@njit(**OPTIONS)
+def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+    """Linearise about a converged orbit and fill its row; returns a status."""
+    if not linearise(law, p, lever, tables, orbit):
+        return col.NOT_CONVERGED
+    return report(law, p, lever, tables, orbit, row)
