@@ -19,7 +19,7 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.march import approach, settle
 from phasemap._kernels.mesh import carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
-from phasemap._kernels.trace import collect, seed
+from phasemap._kernels.trace import collect, engage_near, seed
 from phasemap._kernels.trace import engage as engage_exact
 
 LOWEST_Q = 25.0  # below this averaging does not choose the branch
@@ -162,9 +162,14 @@ def orbit_rows(
                 if done == col.GOOD and not (same and judge(row) == col.GOOD):
                     done = col.NOT_CONVERGED
         if done != col.GOOD:
-            done, orbit, spare, found = engage_exact(
-                law, p, lever, tables, amplitude, 0, tolerance, orbit, spare, saved, found
-            )
+            if high_q:
+                done, orbit, spare, found = engage_near(
+                    law, p, lever, tables, amplitude, tolerance, orbit, spare, saved, found
+                )
+            if done != col.GOOD:
+                done, orbit, spare, found = engage_exact(
+                    law, p, lever, tables, amplitude, 0, tolerance, orbit, spare, saved, found
+                )
             if done == col.GOOD:
                 done, found, spare = polish(law, p, lever, tables, found, spare, row)
             if done == col.GOOD:

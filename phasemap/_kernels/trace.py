@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import far_start, free_amplitude, scale_of
+from phasemap._kernels.approach import averaged_orbits, engage_at_resonance, far_start, free_amplitude, scale_of
 from phasemap._kernels.collocation import (
     CONTACTS,
     COUNT,
@@ -363,6 +363,68 @@ def engage(
         if orbit.head[COUNT, CONTACTS] == PERMANENT and a < 0.3 * amplitude:
             break
     return col.NO_STABLE_ORBIT, orbit, spare, found
+
+
+@njit(**OPTIONS)
+def engage_near(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitude: float,
+    tolerance: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+    found: Orbit,
+) -> tuple[int, Orbit, Orbit, Orbit]:
+    """`engage` near the end of the attractive branch, at resonance, without the way from far.
+
+    At an amplitude nearer to the free one the attractive branch is reached for certain. From there exact orbits are
+    followed down to the setpoint; if the branch ends before, the tip jumps to the farthest repulsive orbit that can be
+    held. NOT_CONVERGED leaves the question to `engage`.
+    """
+    free, guess, target = free_amplitude(lever), np.zeros(5), np.zeros(4)
+    certain = False
+    for share in (0.3, 0.7):
+        higher = amplitude + share * (free - amplitude)
+        certain = engage_at_resonance(law, p, lever, higher, guess) and guess[3] < 0.0
+        if certain:
+            break
+    if not certain or not begin(law, p, lever, tables, orbit, guess, 0):
+        return col.NOT_CONVERGED, orbit, spare, found
+    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
+    reach = scale_of(law, p, lever, free)
+    point = np.zeros(POINT)
+    point[TA] = -1.0
+    if status != col.GOOD or not mark(law, p, lever, tables, orbit, reach, point):
+        return col.NOT_CONVERGED, orbit, spare, found
+    if not (point[FP] < 1.0 and point[DZ] < 0.0 and orbit.head[VALUE, P] < 0.0):
+        return col.NOT_CONVERGED, orbit, spare, found
+    step, ended = FIRST_STEP, False
+    while not ended:
+        before = point.copy()
+        status, step, orbit, spare = advance_watching(
+            law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved
+        )
+        if status != col.GOOD:
+            return col.NOT_CONVERGED, orbit, spare, found
+        ended = point[AP] > before[AP] or point[ZP] > before[ZP]
+        if before[AP] > amplitude >= point[AP] and not ended:
+            copy_orbit(orbit, found)
+            good, found, spare = cross(
+                law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, found, saved, spare, tolerance
+            )
+            return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
+    row = np.zeros(col.COLUMNS)
+    for guess in averaged_orbits(law, p, lever, amplitude):
+        if guess[3] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
+            continue
+        status, _, found, spare = newton(law, p, lever, tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
+        if status == col.GOOD and finish(law, p, lever, tables, found, row) == col.GOOD:
+            if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
+                return col.GOOD, orbit, spare, found
+    return col.NOT_CONVERGED, orbit, spare, found
 
 
 @njit(**OPTIONS)
