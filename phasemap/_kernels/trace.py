@@ -48,8 +48,8 @@ FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner of the curve
 # Entries of a point of the curve: tip offset, amplitude, largest Floquet multiplier, the unit tangent in scaled gap and
-# amplitude, the derivatives of z0, A, P and S along it, and the length of the step that led there.
-ZP, AP, FP, TG, TA, DZ, DA, DP, DS, LENGTH, POINT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+# amplitude, the derivatives of z0, A, P and S along it, the length of the step that led there, and det(1 - monodromy).
+ZP, AP, FP, TG, TA, DZ, DA, DP, DS, LENGTH, DET, POINT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11
 
 
 @njit(**OPTIONS)
@@ -111,11 +111,23 @@ def mark(
     t_gap = (orbit.head[SYSTEM + RZ, RIGHT] - orbit.head[SYSTEM + RA, RIGHT]) / gap_scale
     t_a = orbit.head[SYSTEM + RA, RIGHT] / a_scale
     length = math.hypot(t_gap, t_a)
-    point[FP] = floquet(orbit.head[TRANSFER])
+    m = orbit.head[TRANSFER]
+    point[FP] = floquet(m)
+    point[DET] = 1.0 - m[0] - m[3] + m[0] * m[3] - m[1] * m[2]
     point[TG], point[TA] = t_gap / length, t_a / length
     point[DZ], point[DA] = orbit.head[SYSTEM + RZ, RIGHT] / length, orbit.head[SYSTEM + RA, RIGHT] / length
     point[DP], point[DS] = orbit.head[SYSTEM + RP, RIGHT] / length, orbit.head[SYSTEM + RS, RIGHT] / length
     return math.isfinite(length)
+
+
+@njit(**OPTIONS)
+def same_piece(before: np.ndarray, point: np.ndarray) -> bool:
+    """Whether the curve keeps its orientation between two points.
+
+    Along one curve dz0 and det(1 - monodromy) change sign together, at folds. Where only one does, the step has landed
+    on a neighbouring piece that runs the other way.
+    """
+    return before[DZ] * before[DET] * point[DZ] * point[DET] >= 0.0
 
 
 @njit(**OPTIONS)
@@ -155,7 +167,7 @@ def advance(
                 point[:] = before
                 good = mark(law, p, lever, tables, orbit, reach, point)
                 turn = point[TG] * before[TG] + point[TA] * before[TA]
-                if good and (turn > 0.7 or step < CORNER):
+                if good and (step < CORNER or (turn > 0.7 and same_piece(before, point))):
                     point[LENGTH] = step
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
                     return col.GOOD, min(step * growth, LARGEST_STEP), orbit, spare
