@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+PATIENCE = 3.0  # seconds without a first result after which a word is due
+STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
 EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
@@ -163,7 +166,13 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.quiet:
         image = scene.simulate(strict=arguments.strict, threads=arguments.threads)
     else:
-        image = _with_progress(scene, arguments)
+        patience = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
+        patience.daemon = True
+        patience.start()
+        try:
+            image = _with_progress(scene, arguments, patience.cancel)
+        finally:
+            patience.cancel()
     save(image, output, arguments.overwrite)
     if not arguments.quiet:
         _print_summary(scene, image)
@@ -208,14 +217,15 @@ def _output_of(arguments: argparse.Namespace, scene: Scene) -> Path:
     return scene.output
 
 
-def _with_progress(scene: Scene, arguments: argparse.Namespace) -> xr.Dataset:
-    """Simulate, with a bar on stderr if it takes more than a second."""
+def _with_progress(scene: Scene, arguments: argparse.Namespace, started: Callable[[], None]) -> xr.Dataset:
+    """Simulate, with a bar on stderr if it takes more than a second; calls `started` at the first result."""
     from tqdm import tqdm
 
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(delay=1.0, mininterval=interval, unit=" materials", file=sys.stderr, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
+            started()
             bar.total = total
             bar.update(done - bar.n)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -116,7 +116,9 @@ def check_variables(variables: object) -> tuple[str, ...]:
     """
     if variables is None:
         return IMAGE_VARIABLES
-    names: tuple[Any, ...] = (variables,) if isinstance(variables, str) else tuple(variables)  # type: ignore[arg-type]
+    if not isinstance(variables, Iterable):
+        raise InputError("variables", variables, "names out of " + ", ".join(IMAGE_VARIABLES))
+    names: tuple[Any, ...] = (variables,) if isinstance(variables, str) else tuple(variables)
     for name in names:
         if name not in IMAGE_VARIABLES:
             raise InputError("variables", name, "names out of " + ", ".join(IMAGE_VARIABLES))

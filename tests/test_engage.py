@@ -43,3 +43,29 @@ def test_the_branch_does_not_depend_on_the_neighbours() -> None:
     image = pm.simulate(surface, scope, 0.93, solver="orbit")
     alone = pm.solve_pixel(pm.Material(1e9, adhesion=0.1), scope, 0.93, solver="orbit")
     assert image.phase.values[0, 1] == image.phase.values[0, 3] == alone.phase
+
+
+PINCHED = pm.Material(2e9, adhesion=0.1, damping=0.005)
+
+
+def pinched(free_amplitude: float) -> pm.Microscope:
+    return pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(free_amplitude))
+
+
+@pytest.mark.parametrize("setpoint", [0.6, 0.57, 0.56, 0.555, 0.5, 0.4])
+def test_the_tip_passes_where_the_attractive_branch_is_almost_cut_off(setpoint: float) -> None:
+    # At a free amplitude of 15 nm the stable and the unstable attractive orbits come within 0.08 nm of each other near
+    # setpoint 0.577. Engaged in time in steps of 10 pm the tip stays attractive down to 0.385; at 15.1 nm the branch is
+    # cut, and the tip jumps.
+    pixel = pm.solve_pixel(PINCHED, pinched(15.0e-9), setpoint, solver="orbit")
+    assert pixel.branch == "attractive"
+    assert pm.solve_pixel(PINCHED, pinched(15.0e-9), setpoint, solver="averaging").branch in ("attractive", "none")
+    assert pm.solve_pixel(PINCHED, pinched(15.1e-9), setpoint, solver="orbit").branch == "repulsive"
+
+
+@pytest.mark.parametrize("free_amplitude", [14.0e-9, 14.5e-9, 15.0e-9, 15.1e-9, 15.5e-9])
+@pytest.mark.parametrize("setpoint", [0.85, 0.7, 0.6, 0.57, 0.555, 0.5, 0.45])
+def test_orbits_come_and_go_in_pairs(free_amplitude: float, setpoint: float) -> None:
+    found = pm.orbits(PINCHED, pinched(free_amplitude), setpoint=setpoint)
+    assert found.attrs["complete"] == 1
+    assert found.sizes["orbit"] % 2 == 1

@@ -1,1 +1,1 @@
-"""Compiled code. Nothing in here knows units, names or files: float64 arrays in, float64 arrays and status codes out."""
+"""Compiled code. Units, names and files are unknown here: float64 arrays in, float64 arrays and status codes out."""

@@ -28,7 +28,6 @@ MOST_STEPS = 400
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
 SURE, DOUBTFUL = 0, 1
 START = 3.0  # where the scan at the setpoint amplitude starts, in reaches
-RETURNING = 0.6  # setpoint ratio below which the tip may return to the attractive branch
 PLAIN = 0.06  # mismatch at its first maximum that leaves no doubt, over that of the free lever
 
 
@@ -69,7 +68,7 @@ def log_mismatch(
 def crossing(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, near: float, far: float
 ) -> float:
-    """Return c between near and far where an orbit has this amplitude (regula falsi, Illinois); NaN if not bracketed."""
+    """Return c between near and far where an orbit has this amplitude (regula falsi); NaN if not bracketed."""
     push, drag, _ = harmonics(law, p, lever, reach, amplitude, near)
     h_near = math.log(1.0 + mismatch(lever, amplitude, push, drag))
     push, drag, _ = harmonics(law, p, lever, reach, amplitude, far)
@@ -94,9 +93,7 @@ def crossing(
 
 
 @njit(**OPTIONS)
-def far_start(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float
-) -> float:
+def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float) -> float:
     """Return c so large that the surface hardly matters at this setpoint."""
     allowed = 0.02 * (1.0 - amplitude / free) * lever[col.BASE]
     away = scale_of(law, p, lever, free) / free
@@ -117,18 +114,17 @@ def _at_gap(
 
 
 @njit(**OPTIONS)
-def engage_at_resonance(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
-) -> bool:
+def engage_at_resonance(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> bool:
     """`engage` without following the curve, where the answer is plain; False where it is not.
 
     At resonance the largest attraction P falls as A^(-1/2), and what holding the ratio r = A/A_free takes is
-    u0 (1 - r^2)^(1/2): for r above 3^(-1/2) the attractive branch reaches the setpoint if it exists there. So the
-    mismatch at the setpoint amplitude is scanned from far to deep. It rises with the attraction to a first maximum. Well
-    above zero there, the crossing before it is the one; well below, the tip jumps to the repulsive crossing behind.
+    u0 (1 - r^2)^(1/2): the attractive branch is nearest to its end at r = 3^(-1/2), and for r above that it reaches the
+    setpoint if it exists there. So the mismatch at the setpoint amplitude is scanned from far to deep. It rises with
+    the attraction to a first maximum. Well above zero there, the crossing before it is the one; well below, the tip
+    jumps to the repulsive crossing behind.
     """
     free = free_amplitude(lever)
-    if lever[col.OMEGA] != 1.0 or amplitude < RETURNING * free or p[4] == 0.0:
+    if lever[col.OMEGA] != 1.0 or p[4] == 0.0:
         return False
     reach = reach_of(law, p)
     plain = PLAIN * (1.0 - (amplitude / free) ** 2) + 0.03
@@ -145,7 +141,7 @@ def engage_at_resonance(
         for i in range(60):
             first, h_first = before, h_before
             before, h_before = at, h
-            at = reach * START * 0.62**(i + 1) if i < 7 else -reach * 0.03 * 1.7 ** (i - 7)
+            at = reach * START * 0.62 ** (i + 1) if i < 7 else -reach * 0.03 * 1.7 ** (i - 7)
             h, push = _at_gap(law, p, lever, reach, amplitude, at)
             if h < h_before or push > 0.0:
                 break
@@ -200,9 +196,7 @@ def engage_at_resonance(
 
 
 @njit(**OPTIONS)
-def engage_traced(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
-) -> tuple[int, int]:
+def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
     """`engage` along the whole curve of averaged orbits."""
     free = free_amplitude(lever)
     reach = reach_of(law, p)
@@ -274,16 +268,23 @@ def engage_traced(
 
 
 @njit(**OPTIONS)
-def engage(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray
-) -> tuple[int, int]:
+def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
     Fills guess = (z0, mean deflection, A, P, S) and returns a status code and how sure the decision is.
     """
-    if engage_at_resonance(law, p, lever, amplitude, guess):
+    narrowest = free_amplitude(lever) / math.sqrt(3.0)
+    if amplitude > narrowest:
+        if engage_at_resonance(law, p, lever, amplitude, guess):
+            return col.GOOD, SURE
+        return engage_traced(law, p, lever, amplitude, guess)
+    # Below, the tip must first have passed where the attractive branch is nearest to its end.
+    plain = engage_at_resonance(law, p, lever, narrowest, guess)
+    if plain and guess[3] < 0.0 and engage_at_resonance(law, p, lever, amplitude, guess) and guess[3] < 0.0:
         return col.GOOD, SURE
-    return engage_traced(law, p, lever, amplitude, guess)
+    status, surety = engage_traced(law, p, lever, amplitude, guess)
+    pulled = lever[col.OMEGA] == 1.0 and p[4] != 0.0
+    return status, surety if plain or not pulled else DOUBTFUL
 
 
 @njit(**OPTIONS)

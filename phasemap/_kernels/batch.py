@@ -1,7 +1,7 @@
 """Loops over pixels: parameter rows in, result rows and status codes out.
 
-Each loop works on a slice and can run in a thread of its own (nogil). `selection` is shared by all solvers: it says which
-orbit the controller finds, from the averaged curve where that is safe and from the curve of exact orbits elsewhere.
+Each loop works on a slice and can run in a thread of its own (nogil). Which orbit the controller finds
+is decided alike for all solvers: by the averaged curve where that is safe, by the curve of exact orbits elsewhere.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def polish(
 @njit(**OPTIONS)
 def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row from an averaged orbit, guess = (z0, mean deflection, A, P, S)."""
-    omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
+    stiffness = lever[col.STIFFNESS]
     z0, mean, amplitude, push, drag = guess[0], guess[1], guess[2], guess[3], guess[4]
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE] = z0, mean, amplitude
@@ -236,7 +236,7 @@ def every_orbit(
     level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
     status, count = collect(law, p, lever, tables, hold, value, level, tolerance, found)
     if hold == HOLD_AMPLITUDE:
-        for amplitude in (value, 0.97 * value, 1.03 * value):
+        for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
             guesses = averaged_orbits(law, p, lever, amplitude)
             if amplitude == value or len(guesses) > count:
                 count = seed(law, p, lever, tables, value, guesses, level, tolerance, found, count)
@@ -259,7 +259,7 @@ def march_rows(
 ) -> None:
     """Settled orbit of every row in [first, last) by time integration, started near the orbit that engagement finds.
 
-    Where neither averaging nor the curve of exact orbits can say which one that is, the tip is engaged from far in time.
+    Where neither averaging nor the curve of exact orbits says which one that is, the tip is engaged from far in time.
     """
     guess, exact, start = np.zeros(5), np.zeros(2), np.zeros(4)
     one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)

@@ -83,7 +83,7 @@ def new_orbit() -> Orbit:
 
 @njit(**OPTIONS)
 def eliminate(m: np.ndarray, n: int) -> bool:
-    """Solve the system of the first n columns in place (Gauss-Jordan, row pivoting); the other columns become solutions."""
+    """Solve for the first n columns in place (Gauss-Jordan, row pivoting); the other columns become solutions."""
     width = m.shape[1]
     for k in range(n):
         best, size = k, abs(m[k, k])
@@ -107,7 +107,9 @@ def eliminate(m: np.ndarray, n: int) -> bool:
 
 
 @njit(**OPTIONS)
-def surface_force(law: Law, p: np.ndarray, inverse_k: float, side: float, d: float, v: float) -> tuple[float, float, float]:
+def surface_force(
+    law: Law, p: np.ndarray, inverse_k: float, side: float, d: float, v: float
+) -> tuple[float, float, float]:
     """g = F/k + 2 alpha_s v [m], dg/dd [1] and dg/dv [1] on one side of the contact point."""
     if side == 1.0:
         d = max(d, 0.0)
@@ -187,7 +189,6 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
     elements[0, CHAIN, W0] = 1.0
     elements[0, CHAIN + 1, U0] = 1.0
     m = np.zeros((NODES, WIDTH))
-    local = np.zeros((6, NODES))
     for e in range(count):
         one = elements[e]
         if not _element(law, p, lever, tables, one, head[VALUE], m):

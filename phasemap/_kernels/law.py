@@ -40,7 +40,7 @@ _SOURCES = _sources()
 
 
 def fingerprint(function: Any, seen: set[int] | None = None) -> str:
-    """Return the sha256 of a function's bytecode, constants and, recursively, every global or closed-over name it uses."""
+    """Return the sha256 of a function's bytecode, constants and, recursively, of all names that it uses."""
     seen = set() if seen is None else seen
     function = getattr(function, "py_func", function)
     if id(function) in seen:
@@ -158,7 +158,5 @@ def _resolve(stub: Any, role: int) -> None:
     overload(stub)(lambda law, d, p: _pick(law, role))
 
 
-for _role, _stub in enumerate(
-    (contact_force, contact_slope, longrange_force, longrange_slope, damping, damping_slope)
-):
+for _role, _stub in enumerate((contact_force, contact_slope, longrange_force, longrange_slope, damping, damping_slope)):
     _resolve(_stub, _role)

@@ -1,4 +1,4 @@
-"""Where the elements of an orbit lie: contact points found on the orbit, elements laid between them, values carried over."""
+"""Where the elements of an orbit lie: contacts are found on it, elements laid between, values carried over."""
 
 from __future__ import annotations
 
@@ -262,10 +262,8 @@ def _half(
 
 
 @njit(**OPTIONS)
-def _contact_count(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, half: float, level: int
-) -> int:
-    """Which entry of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
+def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, half: float, level: int) -> int:
+    """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
     rate = math.sqrt(1.0 + contact_slope(law, deepest, p) / lever[STIFFNESS])
     if p[8] != 0.0:

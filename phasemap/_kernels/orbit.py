@@ -82,7 +82,7 @@ def begin(
 
 @njit(**OPTIONS)
 def contact_size(head: np.ndarray, reach: float) -> float:
-    """Depth [m] that matters to where the elements lie: of the shallowest contact, or of the gap with the force's reach."""
+    """Depth [m] that matters to where elements lie: of the shallowest contact, or of the gap and the force's reach."""
     contacts = int(head[COUNT, CONTACTS])
     if contacts <= 0:
         return abs(head[CONTACT, 1]) + reach
@@ -150,7 +150,7 @@ def floquet(transfer: np.ndarray) -> float:
 @njit(**OPTIONS)
 def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
-    omega, alpha0, stiffness, base = lever[0], lever[1], lever[2], lever[3]
+    omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
     mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0

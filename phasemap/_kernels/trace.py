@@ -1,8 +1,9 @@
 """The curve of exact periodic orbits at fixed drive, followed from far through every fold.
 
-Pseudo-arclength continuation in the plane of tip offset and amplitude: each step predicts along the tangent and corrects
-in the plane across it, so that folds are passed like any other point. Two readers of the curve stand here: `engage`
-visits what a quasi-static approach visits (see `phasemap._kernels.approach`), `collect` notes every crossing.
+Pseudo-arclength continuation in the plane of tip offset and amplitude: each step predicts along the tangent and
+corrects in the plane across it, so that folds are passed like any other point. Three readers of the curve stand here:
+`engage` visits what a quasi-static approach visits (see `phasemap._kernels.approach`), `engage_near` does so from an
+amplitude at which there is no doubt, `collect` notes every crossing.
 """
 
 from __future__ import annotations
@@ -71,7 +72,14 @@ def relay(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit:
 
 @njit(**OPTIONS)
 def start_far(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    orbit: Orbit,
+    spare: Orbit,
+    amplitude: float,
+    level: int,
 ) -> tuple[int, Orbit, Orbit]:
     """Find the orbit far from the surface, where the lever swings almost freely."""
     free = free_amplitude(lever)
@@ -101,7 +109,7 @@ def scales(reach: float, z0: float, amplitude: float) -> tuple[float, float]:
 def mark(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, reach: float, point: np.ndarray
 ) -> bool:
-    """Fill a point of the curve at a converged orbit; point holds the tangent of the point before, which gives the sense."""
+    """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
     z0, amplitude = orbit.head[VALUE, Z0], orbit.head[VALUE, A]
     point[ZP], point[AP] = z0, amplitude
     r_z, r_a = row_of(reach, point)
@@ -451,7 +459,7 @@ def collect(
     tolerance: float,
     rows: np.ndarray,
 ) -> tuple[int, int]:
-    """Fill rows with every orbit of this amplitude or tip offset that the curve from far passes; returns a status and how many.
+    """Fill rows with the orbits of this amplitude or tip offset on the curve from far; returns a status and how many.
 
     The curve is left where the tip stays in contact, or hardly moves any more.
     """
@@ -525,7 +533,9 @@ def seed(
     for guess in guesses:
         if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
             continue
-        status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 30)
+        status, _, orbit, spare = newton(
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 30
+        )
         if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
             continue
         if guess[2] == amplitude:
@@ -537,7 +547,7 @@ def seed(
         if not mark(law, p, lever, tables, orbit, reach, point):
             continue
         step = 0.1
-        for _ in range(40):
+        for _ in range(80):
             before = point.copy()
             status, step, orbit, spare = advance_watching(
                 law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved

@@ -12,7 +12,7 @@ class Averaging:
     """First-order Krylov-Bogolyubov-Mitropolsky averaging (Wang 1999, Eqs. 5-8): fast, and good in air.
 
     Which branch it is on is decided as for every solver, by engagement. It does not look at `Accuracy`: its error is
-    what it is, and `phasemap accuracy` measures it over regimes.
+    what it is, and `phasemap bench` measures it over regimes.
     """
 
     name = "averaging"
