@@ -114,6 +114,12 @@ def _at_gap(
 
 
 @njit(**OPTIONS)
+def caution(lever: np.ndarray) -> float:
+    """How much wider than in air at high Q a margin must be: averaging is off by terms of order 1/Q."""
+    return 1.0 + 120.0 * lever[col.ALPHA0]
+
+
+@njit(**OPTIONS)
 def engage_at_resonance(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> bool:
     """`engage` without following the curve, where the answer is plain; False where it is not.
 
@@ -127,7 +133,7 @@ def engage_at_resonance(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: f
     if lever[col.OMEGA] != 1.0 or p[4] == 0.0:
         return False
     reach = reach_of(law, p)
-    plain = PLAIN * (1.0 - (amplitude / free) ** 2) + 0.03
+    plain = (PLAIN * (1.0 - (amplitude / free) ** 2) + 0.03) * caution(lever)
     at = START * reach
     h, push = _at_gap(law, p, lever, reach, amplitude, at)
     before, h_before, first, h_first = at, h, 2.0 * at, -1.0
@@ -206,7 +212,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
     step, t_zeta, t_eta = 0.3, -1.0, 0.0
     h = log_mismatch(law, p, lever, reach, epsilon, zeta, eta)
     a, c, z, lowest, found = free, start, start * free, 1e300, math.nan
-    rising, surety = False, SURE
+    rising, surety, margin = False, SURE, MARGIN * caution(lever)
     for _ in range(MOST_STEPS):
         slope_zeta = (log_mismatch(law, p, lever, reach, epsilon, zeta + TINY, eta) - h) / TINY
         slope_eta = (log_mismatch(law, p, lever, reach, epsilon, zeta, eta + TINY) - h) / TINY
@@ -244,7 +250,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
         a = math.exp(eta / WEIGHT)
         c = 1.0 + epsilon * math.sinh(zeta) / a
         z = a * c + harmonics(law, p, lever, reach, a, c)[2]
-        if a > a_before and not rising and abs(a_before - amplitude) < MARGIN * amplitude:
+        if a > a_before and not rising and abs(a_before - amplitude) < margin * amplitude:
             surety = DOUBTFUL
         rising = a > a_before
         if a_before > amplitude >= a and z < z_before and math.isnan(found):
@@ -255,7 +261,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
                 surety = DOUBTFUL
         elif a > amplitude >= a_before and z >= lowest:
             found = math.nan  # the tip lands before that crossing
-        if not math.isnan(found) and z < lowest and (a < amplitude * (1.0 - MARGIN) or rising):
+        if not math.isnan(found) and z < lowest and (a < amplitude * (1.0 - margin) or rising):
             break
         lowest = min(lowest, z)
         if a < 0.3 * amplitude and c < -1.5:

@@ -16,6 +16,7 @@ from phasemap._kernels.collocation import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    HOLD_ARC,
     PLACE,
     RA,
     RIGHT,
@@ -47,6 +48,7 @@ from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, re
 from phasemap._kernels.tables import NODES, T_END1
 
 MOST_STEPS = 30
+COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
 
 
@@ -125,7 +127,7 @@ def newton(
         change = max(accept(tables, lever, orbit, share), abs(head[SYSTEM + RA, RIGHT]))
         if not change < 1e3 * head[VALUE, A]:
             return col.NOT_CONVERGED, step, orbit, spare
-        if change < tolerance and turned < DRIVE_TOLERANCE * lever[col.BASE]:
+        if change < tolerance and turned < (COARSE_DRIVE if hold == HOLD_ARC else DRIVE_TOLERANCE) * lever[col.BASE]:
             return col.GOOD, step + 1, orbit, spare
         if change < still * contact_size(head, reach):
             continue  # the elements fit as they lie

@@ -169,7 +169,7 @@ def advance(
             r_z, r_a = row_of(reach, before)
             target = np.array([r_z, r_a, z0, amplitude])
             status, steps, orbit, spare = newton(
-                law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, 1e-5 * gap_scale, 8
+                law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, 1e-3 * gap_scale, 8
             )
             if status == col.GOOD:
                 point[:] = before
