@@ -56,7 +56,7 @@ FLOATS: dict[str, Variable] = {
 FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
     "branch": ("sign of the mean interaction", (-1, 0, 1), ("none", "attractive", "repulsive")),
     "status": ("status of the solution", tuple(s.code for s in Status), tuple(s.name for s in Status)),
-    "solver": ("solver used", tuple(range(len(SOLVER_NAMES))), SOLVER_NAMES),
+    "solver": ("solver used", tuple(range(-1, len(SOLVER_NAMES))), ("none", *SOLVER_NAMES)),
 }
 IMAGE_VARIABLES = (
     "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",

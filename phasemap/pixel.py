@@ -13,7 +13,6 @@ from phasemap.accuracy import Accuracy
 from phasemap.dataset import (
     FLAGS,
     FLOATS,
-    SOLVER_NAMES,
     branch_of,
     describe,
     flag_attributes,
@@ -57,7 +56,7 @@ class Pixel:
     branch : str
         "attractive", "repulsive" or "none".
     solver : str
-        "averaging", "orbit" or "march".
+        "averaging", "orbit", "march", or "none" where there was nothing to solve.
     status : Status
         Its value is a sentence of advice.
     """
@@ -133,7 +132,9 @@ def solve_pixel(
         raise SolveError(state.value)
     numbers = {name: float(FLOATS[name].value(rows)[0]) for name in Pixel.__annotations__ if name in FLOATS}
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
-    return Pixel(**numbers, stable=state is Status.good, branch=branch, solver=SOLVER_NAMES[int(used[0])], status=state)
+    return Pixel(
+        **numbers, stable=state is Status.good, branch=branch, solver=FLAGS["solver"][2][int(used[0]) + 1], status=state
+    )
 
 
 def orbits(

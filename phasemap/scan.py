@@ -145,7 +145,7 @@ def run(
     """
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
-    status, used = np.full(count, col.INVALID, np.int8), np.zeros(count, np.int8)
+    status, used = np.full(count, col.INVALID, np.int8), np.full(count, -1, np.int8)
     valid = np.flatnonzero(np.isfinite(work.rows).all(axis=1))
     if len(valid) < count:
         part = Work(work.law, np.ascontiguousarray(work.rows[valid]), work.lever, work.amplitudes[valid])

@@ -68,6 +68,7 @@ class TestEverySolver:
         image = pm.simulate(surface, SCOPE, 0.7, solver=solver.name)
         assert image.status.values.tolist() == [[0, pm.Status.invalid.code, 0]]
         assert np.isnan(image.phase.values[0, 1])
+        assert image.solver.values[0, 1] == -1
 
 
 @pytest.mark.parametrize(("name", "case"), SOLVED, ids=[label(case) for _, case in SOLVED])
