@@ -186,7 +186,6 @@ def averaging_rows(
     lever: np.ndarray,
     tables: np.ndarray,
     amplitudes: np.ndarray,
-    limits: np.ndarray,
     first: int,
     last: int,
     out: np.ndarray,
@@ -194,7 +193,7 @@ def averaging_rows(
     solver: np.ndarray,
 ) -> None:
     """First-order averaged orbit of every row in [first, last), on the branch that engagement finds."""
-    guess, exact = np.zeros(5), np.zeros(4)
+    guess, exact = np.zeros(5), np.zeros(2)
     one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     for i in range(first, last):

@@ -32,7 +32,4 @@ class Averaging:
         from phasemap._kernels.batch import averaging_rows
         from phasemap._kernels.tables import TABLES
 
-        limits = np.zeros(2)
-        averaging_rows(
-            work.law, work.rows, work.lever, TABLES, work.amplitudes, limits, first, last, out, status, solver
-        )
+        averaging_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
