@@ -20,7 +20,7 @@ Array = np.ndarray
 T = TypeVar("T", float, Array, "xr.DataArray")
 
 CONVENTIONS = "CF-1.11"
-SOLVER_NAMES = ("averaging", "orbit", "march")  # in the order of their codes
+SOLVER_NAMES = ("averaging", "orbit", "march", "interpolated", "corrected")  # in the order of their codes
 
 
 class Variable(NamedTuple):

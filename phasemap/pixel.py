@@ -24,6 +24,7 @@ from phasemap.material import Material
 from phasemap.microscope import Microscope
 from phasemap.scan import run
 from phasemap.solvers import by_name
+from phasemap.solvers.orbit import Orbit
 from phasemap.status import Status
 from phasemap.work import check_setpoint, make_work, material_row
 
@@ -126,7 +127,10 @@ def solve_pixel(
     amplitude = check_setpoint(setpoint) * scope.free_amplitude
     row, viscous = material_row(material)
     work = make_work(row, viscous, scope, np.array([amplitude]))
-    rows, status, used = run(by_name(solver), work, accuracy or Accuracy(), threads=1)
+    method = by_name(solver)
+    if isinstance(method, Orbit):
+        method = Orbit(complete=True)  # stability too, which costs little for one pixel
+    rows, status, used = run(method, work, accuracy or Accuracy(), threads=1)
     state = Status.of(int(status[0]))
     if strict and state is not Status.good:
         raise SolveError(state.value)

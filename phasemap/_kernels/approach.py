@@ -19,6 +19,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.averaging import harmonics, mismatch
 from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.resonance import ATTRACTIVE, HEIGHT, UNCLEAR, decide, on_side, strongest
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
 SMALLEST_STEP = 1e-6
@@ -26,9 +27,7 @@ TINY = 1e-6
 WEIGHT = 4.0
 MOST_STEPS = 400
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
-SURE, DOUBTFUL = 0, 1
-START = 3.0  # where the scan at the setpoint amplitude starts, in reaches
-PLAIN = 0.06  # mismatch at its first maximum that leaves no doubt, over that of the free lever
+SURE, DOUBTFUL, OPEN = 0, 1, 2
 
 
 @njit(**OPTIONS)
@@ -105,100 +104,9 @@ def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: fl
 
 
 @njit(**OPTIONS)
-def _at_gap(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
-) -> tuple[float, float]:
-    """Mismatch and in-phase force P of the harmonic orbit with this gap."""
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
-    return mismatch(lever, amplitude, push, drag), push
-
-
-@njit(**OPTIONS)
 def caution(lever: np.ndarray) -> float:
     """How much wider than in air at high Q a margin must be: averaging is off by terms of order 1/Q."""
     return 1.0 + 120.0 * lever[col.ALPHA0]
-
-
-@njit(**OPTIONS)
-def engage_at_resonance(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> bool:
-    """`engage` without following the curve, where the answer is plain; False where it is not.
-
-    At resonance the largest attraction P falls as A^(-1/2), and what holding the ratio r = A/A_free takes is
-    u0 (1 - r^2)^(1/2): the attractive branch is nearest to its end at r = 3^(-1/2), and for r above that it reaches the
-    setpoint if it exists there. So the mismatch at the setpoint amplitude is scanned from far to deep. It rises with
-    the attraction to a first maximum. Well above zero there, the crossing before it is the one; well below, the tip
-    jumps to the repulsive crossing behind.
-    """
-    free = free_amplitude(lever)
-    if lever[col.OMEGA] != 1.0 or p[4] == 0.0:
-        return False
-    reach = reach_of(law, p)
-    plain = (PLAIN * (1.0 - (amplitude / free) ** 2) + 0.03) * caution(lever)
-    at = START * reach
-    h, push = _at_gap(law, p, lever, reach, amplitude, at)
-    before, h_before, first, h_first = at, h, 2.0 * at, -1.0
-    attractive = h > 0.0  # the crossing lies farther out
-    while attractive and h_first <= 0.0 and h > 0.0:
-        before, h_before = at, h
-        at *= 1.6
-        h, push = _at_gap(law, p, lever, reach, amplitude, at)
-    far = at
-    if not attractive:
-        for i in range(60):
-            first, h_first = before, h_before
-            before, h_before = at, h
-            at = reach * START * 0.62 ** (i + 1) if i < 7 else -reach * 0.03 * 1.7 ** (i - 7)
-            h, push = _at_gap(law, p, lever, reach, amplitude, at)
-            if h < h_before or push > 0.0:
-                break
-            if h > plain:
-                break
-        if h > plain and push < 0.0 and h > h_before:
-            attractive, far = True, before
-            before = at
-        else:
-            # The first maximum lies between `first` and `at`: golden sections on -P.
-            low, high = at, first
-            one, two = low + 0.382 * (high - low), low + 0.618 * (high - low)
-            h_one, push_one = _at_gap(law, p, lever, reach, amplitude, one)
-            h_two, push_two = _at_gap(law, p, lever, reach, amplitude, two)
-            for _ in range(5):
-                if push_one < push_two:
-                    high, two, h_two, push_two = two, one, h_one, push_one
-                    one = low + 0.382 * (high - low)
-                    h_one, push_one = _at_gap(law, p, lever, reach, amplitude, one)
-                else:
-                    low, one, h_one, push_one = one, two, h_two, push_two
-                    two = low + 0.618 * (high - low)
-                    h_two, push_two = _at_gap(law, p, lever, reach, amplitude, two)
-            h_before, before = (h_one, one) if push_one < push_two else (h_two, two)
-            if abs(h_before) < plain:
-                return False
-            if h_before > 0.0:
-                attractive, far = True, START * reach
-            else:
-                while h <= 0.0 or push <= 0.0:
-                    if h > 0.0 or at < -2.0 * amplitude:
-                        return False
-                    before = at
-                    at = 1.7 * at if at < 0.0 else -0.03 * reach
-                    h, push = _at_gap(law, p, lever, reach, amplitude, at)
-                far = before
-                before = at
-    c = crossing(law, p, lever, reach, amplitude, 1.0 + before / amplitude, 1.0 + far / amplitude)
-    if math.isnan(c):
-        return False
-    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
-    # dz0/dA along the orbits, from the two slopes of the mismatch at fixed A and fixed c.
-    small = 1e-5
-    h_c = _at_gap(law, p, lever, reach, amplitude, amplitude * (c - 1.0 + small * reach / amplitude))[0]
-    push_a, drag_a, _ = harmonics(law, p, lever, reach, amplitude * (1.0 + small), c)
-    h_a = mismatch(lever, amplitude * (1.0 + small), push_a, drag_a)
-    h = mismatch(lever, amplitude, push, drag)
-    if not c - (h_a - h) / (h_c - h) * reach / amplitude > 0.2 or (push > 0.0) == attractive:
-        return False
-    guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * c + mean, mean, amplitude, push, drag
-    return True
 
 
 @njit(**OPTIONS)
@@ -274,23 +182,63 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
 
 
 @njit(**OPTIONS)
-def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
+def engage(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray
+) -> tuple[int, int]:
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
-    Fills guess = (z0, mean deflection, A, P, S) and returns a status code and how sure the decision is.
+    Fills guess = (z0, mean deflection, A, P, S, dh/dz0) and returns a status code and how sure the decision is; OPEN
+    where averaging cannot tell the side at resonance, with the maximum of the mismatch in `top`.
     """
-    narrowest = free_amplitude(lever) / math.sqrt(3.0)
-    if amplitude > narrowest:
-        if engage_at_resonance(law, p, lever, amplitude, guess):
+    if lever[col.OMEGA] == 1.0:
+        free, reach = free_amplitude(lever), reach_of(law, p)
+        narrowest = free / math.sqrt(3.0)
+        side = decide(law, p, lever, reach, max(amplitude, narrowest), free, caution(lever), top)
+        if side == UNCLEAR and p[4] != 0.0:
+            return col.GOOD, OPEN
+        if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
-        return engage_traced(law, p, lever, amplitude, guess)
-    # Below, the tip must first have passed where the attractive branch is nearest to its end.
-    plain = engage_at_resonance(law, p, lever, narrowest, guess)
-    if plain and guess[3] < 0.0 and engage_at_resonance(law, p, lever, amplitude, guess) and guess[3] < 0.0:
-        return col.GOOD, SURE
     status, surety = engage_traced(law, p, lever, amplitude, guess)
-    pulled = lever[col.OMEGA] == 1.0 and p[4] != 0.0
-    return status, surety if plain or not pulled else DOUBTFUL
+    if status == col.GOOD:
+        guess[5] = slope_of(law, p, lever, guess)
+    return status, surety
+
+
+@njit(**OPTIONS)
+def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray) -> int:
+    """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
+    if lever[col.OMEGA] != 1.0 or (p[4] == 0.0 and contact_force(law, 0.0, p) < 0.0):
+        return DOUBTFUL
+    free = free_amplitude(lever)
+    if p[4] != 0.0:
+        strongest(law, p, lever, reach_of(law, p), max(amplitude, free / math.sqrt(3.0)), math.inf, top)
+    else:
+        decide(law, p, lever, 0.0, amplitude, free, 1.0, top)
+    return OPEN
+
+
+@njit(**OPTIONS)
+def settle_side(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
+    guess: np.ndarray,
+) -> bool:  # fmt: skip
+    """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
+    free = free_amplitude(lever)
+    if p[4] != 0.0 and amplitude < free / math.sqrt(3.0):
+        # The maximum was sought where the attractive branch is nearest to its end; here it is another.
+        strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+        if side == ATTRACTIVE and not top[HEIGHT] > 0.0:
+            return False
+    return on_side(law, p, lever, reach, amplitude, side, top, guess)
+
+
+@njit(**OPTIONS)
+def slope_of(law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray) -> float:
+    """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
+    reach, amplitude, e = reach_of(law, p), guess[2], guess[0] - guess[1]
+    small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
+    push, drag, _ = harmonics(law, p, lever, reach, amplitude, (e + small) / amplitude)
+    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[3], guess[4])) / small
 
 
 @njit(**OPTIONS)

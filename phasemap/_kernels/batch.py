@@ -12,13 +12,25 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE, averaged_orbits, far_start, free_amplitude, scale_of
+from phasemap._kernels.approach import (
+    DOUBTFUL,
+    SURE,
+    averaged_orbits,
+    far_start,
+    free_amplitude,
+    question,
+    scale_of,
+)
 from phasemap._kernels.approach import engage as engage_averaged
-from phasemap._kernels.collocation import HOLD_AMPLITUDE, RIGHT, RP, RS, RZ, SYSTEM, Orbit, close, linearise, new_orbit
+from phasemap._kernels.collocation import HOLD_AMPLITUDE, Orbit, new_orbit
+from phasemap._kernels.corrected import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE
+from phasemap._kernels.corrected import report as report_corrected
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.march import approach, settle
 from phasemap._kernels.mesh import carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
+from phasemap._kernels.quick import cheap_orbit, new_room
+from phasemap._kernels.resonance import MAXIMUM
 from phasemap._kernels.trace import collect, engage_near, seed
 from phasemap._kernels.trace import engage as engage_exact
 
@@ -27,6 +39,8 @@ TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square 
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
 MOST_PERIODS = 200_000  # that a march may take to settle
+EXACT_PHASE, EXACT_HEIGHT = 2e-8, 1e-15  # [rad, m], errors left by collocation, found against independent orbits
+Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 
 
@@ -99,24 +113,51 @@ def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
 
 @njit(**OPTIONS)
 def averaging_suffices(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, limits: np.ndarray,
-    row: np.ndarray,
-) -> bool:  # fmt: skip
-    """Whether one Newton step from the averaged orbit is within `limits` (phase [rad], height [m]); fills its row then.
-
-    The step is the averaged orbit's error, up to a part of the order of the step itself.
-    """
-    if not linearise(law, p, lever, tables, orbit) or not close(lever, orbit, HOLD_AMPLITUDE, limits):
-        return False
-    head = orbit.head
-    better = np.array([head[SYSTEM + RZ, RIGHT], 0.0, guess[2], head[SYSTEM + RP, RIGHT], head[SYSTEM + RS, RIGHT]])
-    phase_error = 1.5 * abs(phase_of(lever, better) - phase_of(lever, guess))
-    height_error = 1.5 * abs(better[0] - guess[0])
+    lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
+) -> bool:
+    """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
+    phase_error = abs(phase_of(lever, guess) - state[PHASE]) + state[ERR_PHASE]
+    height_error = abs(guess[0] - state[HEIGHT]) + state[ERR_HEIGHT]
     if not (phase_error < limits[0] and height_error < limits[1]):
         return False
     averaged_row(lever, guess, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
     return True
+
+
+@njit(**OPTIONS)
+def exact_orbit(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
+    orbits: Orbits, row: np.ndarray,
+) -> tuple[int, Orbits]:  # fmt: skip
+    """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve."""
+    orbit, spare, saved, found = orbits
+    target, tolerance = np.zeros(4), tolerance_of(law, p, lever)
+    done = col.NOT_CONVERGED
+    if surety == SURE and begin(law, p, lever, tables, orbit, guess, 0):
+        done, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
+        if done == col.GOOD:
+            done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+        same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
+        if done == col.GOOD and same and judge(row) == col.GOOD:
+            row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+            return col.GOOD, (orbit, spare, saved, found)
+    done = col.NOT_CONVERGED
+    if lever[col.ALPHA0] < 0.5 / LOWEST_Q:
+        done, orbit, spare, found = engage_near(law, p, lever, tables, amplitude, tolerance, orbit, spare, saved, found)
+    if done != col.GOOD:
+        done, orbit, spare, found = engage_exact(
+            law, p, lever, tables, amplitude, 0, tolerance, orbit, spare, saved, found
+        )
+    if done == col.GOOD:
+        done, found, spare = polish(law, p, lever, tables, found, spare, row)
+    if done == col.GOOD:
+        done = judge(row)
+    if done == col.GOOD:
+        row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+    else:
+        row[:] = math.nan
+    return done, (orbit, spare, saved, found)
 
 
 @njit(**OPTIONS)
@@ -127,6 +168,7 @@ def orbit_rows(
     tables: np.ndarray,
     amplitudes: np.ndarray,
     limits: np.ndarray,
+    average: bool,
     first: int,
     last: int,
     out: np.ndarray,
@@ -135,48 +177,32 @@ def orbit_rows(
 ) -> None:
     """Orbit of every row in [first, last) after engagement.
 
-    limits = (phase [rad], height [m]) lets the averaged orbit stand where its error is smaller; zeros ask for the exact
-    orbit. `solver` receives col.AVERAGING or col.ORBIT.
+    limits = (phase [rad], height [m]) lets a cheaper orbit stand where its error is smaller, the averaged one with
+    `average`; zeros ask for collocation. `solver` receives col.AVERAGING, col.CORRECTED or col.ORBIT.
     """
-    orbit, spare, saved, found = new_orbit(), new_orbit(), new_orbit(), new_orbit()
-    guess, target = np.zeros(5), np.zeros(4)
+    orbits = (new_orbit(), new_orbit(), new_orbit(), new_orbit())
+    room = new_room()
+    guess = np.zeros(6)
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
         row[:] = math.nan
-        tolerance = tolerance_of(law, p, lever)
-        done = col.NOT_CONVERGED
-        solver[i] = col.ORBIT
         if high_q:
-            averaged, surety = engage_averaged(law, p, lever, amplitude, guess)
-            if averaged == col.GOOD and surety == SURE and begin(law, p, lever, tables, orbit, guess, 0):
-                if limits[0] > 0.0 and averaging_suffices(law, p, lever, tables, orbit, guess, limits, row):
-                    status[i], solver[i] = col.GOOD, col.AVERAGING
-                    continue
-                done, _, orbit, spare = newton(
-                    law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12
-                )
-                if done == col.GOOD:
-                    done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
-                same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
-                if done == col.GOOD and not (same and judge(row) == col.GOOD):
-                    done = col.NOT_CONVERGED
-        if done != col.GOOD:
-            if high_q:
-                done, orbit, spare, found = engage_near(
-                    law, p, lever, tables, amplitude, tolerance, orbit, spare, saved, found
-                )
-            if done != col.GOOD:
-                done, orbit, spare, found = engage_exact(
-                    law, p, lever, tables, amplitude, 0, tolerance, orbit, spare, saved, found
-                )
-            if done == col.GOOD:
-                done, found, spare = polish(law, p, lever, tables, found, spare, row)
-            if done == col.GOOD:
-                done = judge(row)
-        if done != col.GOOD:
-            row[:] = math.nan
-        status[i] = done
+            averaged, surety = engage_averaged(law, p, lever, amplitude, guess, room.top)
+            if averaged != col.GOOD:
+                surety = DOUBTFUL
+        else:
+            surety = question(law, p, lever, amplitude, room.top)
+        if limits[0] > 0.0 and cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room):
+            status[i] = col.GOOD
+            if average and averaging_suffices(lever, guess, room.state, limits, row):
+                solver[i] = col.AVERAGING
+            else:
+                report_corrected(lever, room.nodes, room.state, row)
+                solver[i] = col.CORRECTED
+            continue
+        status[i], orbits = exact_orbit(law, p, lever, tables, amplitude, surety, guess, orbits, row)
+        solver[i] = col.ORBIT
 
 
 @njit(**OPTIONS)
@@ -193,17 +219,28 @@ def averaging_rows(
     solver: np.ndarray,
 ) -> None:
     """First-order averaged orbit of every row in [first, last), on the branch that engagement finds."""
-    guess, exact = np.zeros(5), np.zeros(2)
+    guess, top, exact = np.zeros(6), np.zeros(MAXIMUM), np.zeros(2)
     one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        done, surety = engage_averaged(law, p, lever, amplitude, guess)
+        done, surety = engage_averaged(law, p, lever, amplitude, guess, top)
         if not high_q or done != col.GOOD or surety != SURE:
             orbit_rows(
-                law, rows[i : i + 1], lever, tables, amplitudes[i : i + 1], exact, 0, 1, one, one_status, one_solver
+                law,
+                rows[i : i + 1],
+                lever,
+                tables,
+                amplitudes[i : i + 1],
+                exact,
+                False,
+                0,
+                1,
+                one,
+                one_status,
+                one_solver,
             )
             done = one_status[0]
             if done == col.GOOD:
@@ -221,7 +258,7 @@ def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
         apart = abs(candidates[i, 0] - row[col.TIP_OFFSET])
         if (candidates[i, 3] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
             best = apart
-            guess[:] = candidates[i]
+            guess[:5] = candidates[i]
     return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT
 
 
@@ -260,18 +297,29 @@ def march_rows(
 
     Where neither averaging nor the curve of exact orbits says which one that is, the tip is engaged from far in time.
     """
-    guess, exact, start = np.zeros(5), np.zeros(2), np.zeros(4)
+    guess, top, exact, start = np.zeros(6), np.zeros(MAXIMUM), np.zeros(2), np.zeros(4)
     one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
     high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
     free = free_amplitude(lever)
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         solver[i] = col.MARCH
-        done, surety = engage_averaged(law, p, lever, amplitude, guess)
+        done, surety = engage_averaged(law, p, lever, amplitude, guess, top)
         start[0], start[1], start[2], start[3] = guess[0], guess[1], amplitude, 0.5 * math.pi - phase_of(lever, guess)
         if not high_q or done != col.GOOD or surety != SURE:
             orbit_rows(
-                law, rows[i : i + 1], lever, tables, amplitudes[i : i + 1], exact, 0, 1, one, one_status, one_solver
+                law,
+                rows[i : i + 1],
+                lever,
+                tables,
+                amplitudes[i : i + 1],
+                exact,
+                False,
+                0,
+                1,
+                one,
+                one_status,
+                one_solver,
             )
             done = one_status[0]
             start[0], start[1], start[3] = one[0, col.TIP_OFFSET], one[0, col.MEAN], 0.5 * math.pi - one[0, col.PHASE]

@@ -28,6 +28,7 @@ from phasemap._kernels.collocation import (
     SIN,
     SYSTEM,
     TABLE,
+    THETA,
     TRANSFER,
     VALUE,
     Z0,
@@ -43,6 +44,7 @@ from phasemap._kernels.collocation import (
     linearise,
     surface_force,
 )
+from phasemap._kernels.crest import crest
 from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.tables import NODES, T_END1
@@ -156,6 +158,7 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
     mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0
+    theta0, w0, u0 = 0.0, 0.0, -math.inf  # of the node before
     x = head[VALUE, P] + amplitude * (1 - omega**2)
     y = 2 * alpha0 * omega * amplitude - head[VALUE, S]
     for e in range(int(head[COUNT, ELEMENTS])):
@@ -168,7 +171,9 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
             v = omega * (one[U, j] - amplitude * s)
             d = z - z0
             g, _, gv = surface_force(law, p, 1.0 / stiffness, one[PLACE, SIDE], d, v)
-            deepest = max(deepest, d)
+            between, _ = crest(amplitude, theta0, w0, u0, one[THETA, j], one[W, j], one[U, j])
+            deepest = max(deepest, d, between - z0)
+            theta0, w0, u0 = one[THETA, j], one[W, j], one[U, j]
             mean += weight * one[W, j]
             air += weight * 2.0 * alpha0 * v * v / omega
             surface += weight * gv * v * v / omega

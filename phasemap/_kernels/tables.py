@@ -43,7 +43,8 @@ def integration_matrix(x: np.ndarray) -> np.ndarray:
     return integrals @ np.linalg.inv(values)
 
 
-def _barycentric(x: np.ndarray) -> np.ndarray:
+def barycentric(x: np.ndarray) -> np.ndarray:
+    """Barycentric weights of nodes x."""
     difference = x[:, None] - x[None, :]
     np.fill_diagonal(difference, 1)
     return 1 / difference.prod(axis=1)
@@ -84,7 +85,7 @@ def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         m1 = matrix * t
         row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, weight * t, (weight * t) @ m1, m1.sum(axis=1)
         every = np.concatenate([[first], s, [last]])
-        bary = _barycentric(every / (last - first))
+        bary = barycentric(every / (last - first))
         row[T_BARY] = bary[1:-1]
         row[T_NUMBERS, :5] = first, last, row[T_END1].sum(), bary[0], bary[-1]
         row[T_M1 : T_M1 + NODES], row[T_M2 : T_M2 + NODES] = m1, m1 @ m1

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import averaged_orbits, engage_at_resonance, far_start, free_amplitude, scale_of
+from phasemap._kernels.approach import averaged_orbits, caution, far_start, free_amplitude, scale_of
 from phasemap._kernels.collocation import (
     CONTACTS,
     COUNT,
@@ -42,6 +42,7 @@ from phasemap._kernels.collocation import (
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.orbit import begin, finish, floquet, newton
+from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, decide, on_side
 
 MOST_POINTS = 1500
 CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative to the setpoint
@@ -404,11 +405,14 @@ def engage_near(
     followed down to the setpoint; if the branch ends before, the tip jumps to the farthest repulsive orbit that can be
     held. NOT_CONVERGED leaves the question to `engage`.
     """
-    free, guess, target = free_amplitude(lever), np.zeros(5), np.zeros(4)
-    certain = False
+    if lever[col.OMEGA] != 1.0 or p[4] == 0.0:
+        return col.NOT_CONVERGED, orbit, spare, found
+    free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
+    force_reach, certain = reach_of(law, p), False
     for share in (0.3, 0.7):
         higher = amplitude + share * (free - amplitude)
-        certain = engage_at_resonance(law, p, lever, higher, guess) and guess[3] < 0.0
+        side = decide(law, p, lever, force_reach, higher, free, caution(lever), top)
+        certain = side == ATTRACTIVE and on_side(law, p, lever, force_reach, higher, side, top, guess)
         if certain:
             break
     if not certain or not begin(law, p, lever, tables, orbit, guess, 0):

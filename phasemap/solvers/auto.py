@@ -36,7 +36,9 @@ class Auto:
         from phasemap._kernels.tables import TABLES
 
         limits = np.array([math.radians(accuracy.phase), accuracy.height])
-        orbit_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, limits, first, last, out, status, solver)
+        orbit_rows(
+            work.law, work.rows, work.lever, TABLES, work.amplitudes, limits, True, first, last, out, status, solver
+        )
         beyond = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS)
         for i in range(first, last):
             if status[i] in beyond:

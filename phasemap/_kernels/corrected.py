@@ -1,0 +1,262 @@
+"""Exact orbits by passes of the lever's response (`response`), with an estimate of the error that is left."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.averaging import mismatch
+from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
+from phasemap._kernels.crest import crest
+from phasemap._kernels.law import OPTIONS, Law, contact_slope, longrange_slope
+from phasemap._kernels.response import (
+    COS,
+    ENTRY,
+    EXIT,
+    FREE,
+    IN,
+    OUT,
+    THETA,
+    TOUCH,
+    TURN_COS,
+    TURN_SIN,
+    WEIGHT,
+    WEIGHTS,
+    G,
+    N,
+    U,
+    W,
+    X,
+    force,
+    grade,
+    lay,
+    relay,
+    respond,
+)
+from phasemap._kernels.tables import barycentric
+
+MOST_PASSES, MOST_MOVES = 24, 4
+ENOUGH = 0.02  # of the first mismatch in a pass may be left, for the next pass changes it again
+SAFETY = 8.0  # over the error that two changes tell
+FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
+LEAST_TRACE = -0.5  # of the monodromy matrix; a period doubles at -1 - exp(-2 pi/Q)
+CLOSED = 5e-7  # largest energy imbalance
+LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
+DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
+# Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors.
+AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL, PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, STATE = range(15)
+BARYCENTRIC = barycentric(X)
+_LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
+_HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
+
+
+@njit(**FREE)
+def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool) -> float:
+    """Fill the state from the force at the nodes; returns the mismatch of the drive."""
+    amplitude = state[AMP]
+    mean, push, drag, work, loss, virial = force(law, p, lever, f, amplitude, state[E], touching)
+    state[MEAN], state[PUSH], state[DRAG] = mean, push, drag
+    state[WORK], state[LOSS], state[VIRIAL] = work, loss, virial
+    return mismatch(lever, amplitude, push, drag)
+
+
+@njit(**FREE)
+def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
+    """Estimated error of P, S and the mean deflection [m] from the number of nodes.
+
+    The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
+    integral.
+    """
+    rest = 0.0
+    for element in range(3):
+        if not (touching if element == 1 else longrange):
+            continue
+        even, odd, size = 0.0, 0.0, 0.0
+        for j in range(N):
+            share = f[G, N * element + j] * f[WEIGHT, N * element + j]
+            even += _HIGHEST[0, j] * share
+            odd += _HIGHEST[1, j] * share
+            size += WEIGHTS[j] * abs(share)
+        rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
+    return 0.1 * rest
+
+
+@njit(**OPTIONS)
+def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
+    """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
+    amplitude, e = state[AMP], state[E]
+    c = e / amplitude
+    if c < DEEPEST or (c >= 1.0 and p[4] == 0.0):
+        return False
+    edge = math.acos(c) if c < 1.0 else 0.0
+    if p[4] != 0.0:
+        grade(f, amplitude, e, reach, edge)
+    lay(f, lever, -edge, edge, p[4] != 0.0)
+    f[W] = 0.0
+    f[U] = 0.0
+    _evaluate(law, p, lever, f, state, c < 1.0)
+    return True
+
+
+@njit(**OPTIONS)
+def balance(
+    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool, hold: bool
+) -> float:
+    """Move e to where the drive is the one given, w as it is; returns the mismatch left. With `hold`, e stays."""
+    amplitude, longrange = state[AMP], p[4] != 0.0
+    relay(f, lever, amplitude, state[E], touching, longrange)
+    first = _evaluate(law, p, lever, f, state, touching)
+    h = first
+    for _ in range(0 if hold else MOST_MOVES):
+        h_before, move = h, -h / state[SLOPE]
+        state[E] += move
+        relay(f, lever, amplitude, state[E], touching, longrange)
+        h = _evaluate(law, p, lever, f, state, touching)
+        if abs(h) < ENOUGH * abs(first):
+            break
+        if 0.3 < (h - h_before) / move / state[SLOPE] < 3.0:
+            state[SLOPE] = (h - h_before) / move
+    return h
+
+
+@njit(**OPTIONS)
+def converge(
+    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
+    limit_phase: float, limit_height: float,
+) -> bool:  # fmt: skip
+    """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
+
+    The error left is taken from the last two changes as if they went on like a geometric series, many times over.
+    """
+    amplitude, omega, longrange = state[AMP], lever[OMEGA], p[4] != 0.0
+    touching = state[E] < amplitude
+    nearest = TOUCH + N // 2 if touching else OUT
+    phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
+    w_before = 0.0
+    ratio_before, slow = 1.0, 0
+    for _ in range(MOST_PASSES):
+        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
+        h = balance(law, p, lever, f, state, touching, hold)
+        state[PASSES] += 1.0
+        x = state[PUSH] + amplitude * (1.0 - omega * omega)
+        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
+        if not (math.isfinite(phase + height) and f[THETA, EXIT] >= f[THETA, ENTRY]):
+            return False
+        phase_last, height_last = phase_change, height_change
+        phase_change = abs(phase - phase_before)
+        height_change = max(abs(height - height_before), abs(f[W, nearest] - w_before))
+        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
+        if ratio >= 0.0:
+            rest = min(max(ratio, 0.4 * ratio_before, 0.04), 0.9)
+            share = SAFETY * rest / (1.0 - rest)
+            nodes = _unresolved(f, touching, longrange)
+            # The conservative force does no work round an orbit.
+            wrong = nodes + 3.0 * abs(state[WORK]) / (math.pi * amplitude)
+            state[PHASE], state[HEIGHT] = phase, height
+            state[ERR_PHASE] = share * max(phase_change, rest * phase_last) + wrong / lever[BASE] + FLOOR_PHASE
+            state[ERR_HEIGHT] = share * max(height_change, rest * height_last) + FLOOR_HEIGHT
+            state[ERR_HEIGHT] += wrong * (1.0 + 4.0 / abs(state[SLOPE] * lever[BASE]))
+            if state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
+                return True
+            slow += ratio > 0.7
+            if slow > 4 or nodes > limit_phase * lever[BASE]:
+                return False
+            ratio_before = ratio
+        phase_before, height_before, w_before = phase, height, f[W, nearest]
+    return False
+
+
+@njit(**FREE)
+def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
+    """Whether the converged orbit touches where it was taken to, and period doubling is far.
+
+    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there.
+    """
+    amplitude, e = state[AMP], state[E]
+    omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
+    touching, longrange = e < amplitude, p[4] != 0.0
+    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
+    x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
+    depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
+    little = 1e-3 * depth
+    for k in range(3 * N):
+        # In the order of time: the element before contact runs backwards.
+        j = N - 1 - k if k < N else k
+        in_contact = N <= j < 2 * N
+        if not (touching if in_contact else longrange):
+            continue
+        d = amplitude * f[COS, j] + f[W, j] - e
+        if d < -little if in_contact else d > little:
+            return False
+        slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
+        kick = WEIGHTS[j % N] * f[WEIGHT, j] * inverse_k * slope / (omega * omega * nu)
+        c, s = f[TURN_COS, j], f[TURN_SIN, j]
+        one, two = kick * (c * x1 + s * y1), kick * (c * x2 + s * y2)
+        x1, y1, x2, y2 = x1 + one * s, y1 - one * c, x2 + two * s, y2 - two * c
+    c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
+    trace = math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
+    return trace > LEAST_TRACE and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
+
+
+@njit(**OPTIONS)
+def closure(lever: np.ndarray, state: np.ndarray) -> float:
+    """Energy in less energy out over energy in, which is what the conservative force leaves behind."""
+    amplitude = state[AMP]
+    return state[WORK] / (math.pi * amplitude * (2.0 * lever[ALPHA0] * lever[OMEGA] * amplitude - state[DRAG]))
+
+
+@njit(**OPTIONS)
+def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray) -> None:
+    """Fill a result row from a converged orbit."""
+    amplitude, stiffness = state[AMP], lever[STIFFNESS]
+    mean, push = -state[MEAN], state[PUSH]
+    row[:] = math.nan
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE], row[col.AMPLITUDE] = (
+        state[HEIGHT],
+        mean,
+        state[PHASE],
+        amplitude,
+    )
+    row[col.INDENTATION] = deepest(f, amplitude) - state[E]
+    row[col.DISSIPATION] = stiffness * state[LOSS]
+    row[col.VIRIAL] = -stiffness * (state[VIRIAL] / (2 * math.pi) + state[MEAN] * mean)
+    row[col.STIFFENING] = push / amplitude
+    row[col.CLOSURE] = closure(lever, state)
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state[ERR_PHASE], state[ERR_HEIGHT]
+
+
+@njit(**OPTIONS)
+def deepest(f: np.ndarray, amplitude: float) -> float:
+    """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
+    touching = f[THETA, EXIT] > f[THETA, ENTRY]
+    theta, w, u = f[THETA], f[W], f[U]
+    first = TOUCH if touching else OUT
+    before = first if touching else IN
+    most = -math.inf
+    for j in range(first, first + N):
+        i, before = before, j
+        most = max(most, amplitude * f[COS, j] + w[j])
+        between, angle = crest(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
+        if touching and between > most:
+            between = amplitude * math.cos(angle) + _in_contact(f, angle)
+        most = max(most, between)
+    return most
+
+
+@njit(**OPTIONS)
+def _in_contact(f: np.ndarray, angle: float) -> float:
+    """Return w at an angle in contact, by the polynomial through all nodes there."""
+    centre, half = 0.5 * (f[THETA, ENTRY] + f[THETA, EXIT]), 0.5 * (f[THETA, EXIT] - f[THETA, ENTRY])
+    x = math.asin((angle - centre) / half) / math.pi + 0.5
+    above, below = 0.0, 0.0
+    for j in range(N):
+        if x == X[j]:
+            return float(f[W, TOUCH + j])
+        share = BARYCENTRIC[j] / (x - X[j])
+        above += share * f[W, TOUCH + j]
+        below += share
+    return above / below

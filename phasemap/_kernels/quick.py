@@ -1,0 +1,144 @@
+"""The cheap path to an exact orbit: averaged decision, then the lever's response, each handed on where it is in doubt.
+
+Where averaging leaves the side open at resonance, the maximum of the mismatch is sought again with the lever's response
+in it, and what it then leaves open is for the curve of exact orbits.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.approach import OPEN, SURE, free_amplitude, settle_side
+from phasemap._kernels.averaging import mismatch
+from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNCLEAR
+from phasemap._kernels.resonance import HEIGHT as HIGHEST
+from phasemap._kernels.response import ALL, FIELDS
+
+TIGHT = 0.015  # mismatch at the exact maximum that decides
+FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
+LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
+STEP = 1e-3  # of the amplitude, for dz0/dA
+
+
+class Room(NamedTuple):
+    """Scratch arrays of the cheap path: nodes, two states, a maximum of the mismatch and its fit."""
+
+    nodes: np.ndarray
+    state: np.ndarray
+    other: np.ndarray
+    top: np.ndarray
+    fit: np.ndarray
+
+
+@njit(**OPTIONS)
+def new_room() -> Room:
+    """Return empty scratch arrays."""
+    return Room(np.zeros((FIELDS, ALL)), np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
+
+
+@njit(**OPTIONS)
+def _held(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: np.ndarray,
+    state: np.ndarray,
+) -> float:  # fmt: skip
+    """Mismatch of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
+    if not start(law, p, lever, reach, f, state):
+        return math.nan
+    if not converge(law, p, lever, f, state, True, 1e-4, math.inf):
+        return math.nan
+    return mismatch(lever, amplitude, state[PUSH], state[DRAG])
+
+
+@njit(**OPTIONS)
+def decide_exactly(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, f: np.ndarray,
+    state: np.ndarray, fit: np.ndarray,
+) -> int:  # fmt: skip
+    """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
+
+    Fills fit = (gap of the maximum, mismatch there, its curvature).
+    """
+    middle = top[GAP]
+    step = 0.3 * (reach + abs(middle))
+    h0 = _held(law, p, lever, reach, amplitude, middle, f, state)
+    if top[HIGHEST] < FAR_BELOW and h0 < FAR_BELOW:
+        return REPULSIVE
+    h1 = _held(law, p, lever, reach, amplitude, middle + step, f, state)
+    h2 = _held(law, p, lever, reach, amplitude, middle - step, f, state)
+    bend = (h1 - 2.0 * h0 + h2) / (step * step)
+    if not bend < 0.0:
+        return UNCLEAR
+    at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
+    h = _held(law, p, lever, reach, amplitude, at, f, state)
+    fit[0], fit[1], fit[2] = at, h, bend
+    highest = max(max(h0, h1), max(h2, h))
+    if not math.isfinite(h):
+        return UNCLEAR
+    if highest > TIGHT:
+        return ATTRACTIVE
+    # The parabola's own maximum must agree, for the points may have missed it.
+    return REPULSIVE if max(highest, h0 - (h1 - h2) ** 2 / (8.0 * step * step * bend)) < -TIGHT else UNCLEAR
+
+
+@njit(**OPTIONS)
+def refine(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, guess: np.ndarray, limits: np.ndarray, f: np.ndarray,
+    state: np.ndarray,
+) -> bool:  # fmt: skip
+    """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE] = guess[2], guess[0] - guess[1], guess[5]
+    return (
+        start(law, p, lever, reach, f, state)
+        and converge(law, p, lever, f, state, False, limits[0], limits[1])
+        and (state[PUSH] > 0.0) == (guess[3] > 0.0)
+        and sound(law, p, lever, reach, f, state)
+    )
+
+
+@njit(**OPTIONS)
+def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
+    """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
+    f, here, there = room.nodes, room.state, room.other
+    there[:] = here
+    move = STEP * here[AMP]
+    there[AMP] += move
+    there[E] += move
+    if not converge(law, p, lever, f, there, False, limits[0], min(limits[1], 1e-2 * move)):
+        return False
+    if not there[HEIGHT] - here[HEIGHT] > LEAST_ALONG * move:
+        return False
+    # Back to where the nodes were.
+    reach = reach_of(law, p)
+    return converge(law, p, lever, f, here, False, limits[0], limits[1]) and sound(law, p, lever, reach, f, here)
+
+
+@njit(**OPTIONS)
+def cheap_orbit(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray,
+    room: Room,
+) -> bool:  # fmt: skip
+    """Exact orbit in room.state; False where its own estimate or the decision on the side does not hold."""
+    reach = reach_of(law, p)
+    if surety == SURE:
+        return refine(law, p, lever, reach, guess, limits, room.nodes, room.state)
+    if surety != OPEN:
+        return False
+    side = REPULSIVE
+    if p[4] != 0.0:
+        narrowest = max(amplitude, free_amplitude(lever) / math.sqrt(3.0))
+        side = decide_exactly(law, p, lever, reach, narrowest, room.top, room.nodes, room.state, room.fit)
+    if side == UNCLEAR or not settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
+        return False
+    if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+        return False
+    return side == REPULSIVE or steep(law, p, lever, limits, room)

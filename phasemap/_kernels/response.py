@@ -1,0 +1,215 @@
+"""Exact orbits from the lever's response to the force it meets: the cheap path.
+
+With the time origin at the first harmonic, d = A cos(theta) + w(theta) - e, where w has neither mean nor first harmonic
+and e = z0 - mean deflection. The lever turns g at an angle phi into motion at theta by the periodic Green's function of
+omega^2 w'' + 2 alpha0 omega w' + w = -g, less its harmonics 0 and 1. With lambda = (-alpha0 + i (1 - alpha0^2)^(1/2)) /
+omega and nu = Im lambda the sum over all harmonics is
+
+    G(theta - phi) = Im[exp(lambda (theta - phi)) (E + H(theta - phi))] / (omega^2 nu),   E = 1/(exp(-2 pi lambda) - 1),
+
+H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi). In air w is some
+hundredths of the indentation, and the passes w -> -G g converge fast; each also moves e to where the drive is the one
+given (`mismatch`; averaging is the pass with w = 0). This file has one pass; `corrected` repeats it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.columns import ALPHA0, OMEGA, STIFFNESS
+from phasemap._kernels.law import OPTIONS, Law, contact_force, damping, longrange_force
+from phasemap._kernels.tables import gauss, integration_matrix
+
+N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
+X, WEIGHTS = gauss(N)
+UPTO = np.ascontiguousarray(integration_matrix(X).T)  # [k, j]: integral of the k-th polynomial up to node j
+_TOUCH_S, _TOUCH_W = np.sin(np.pi * (X - 0.5)), np.pi * np.cos(np.pi * (X - 0.5))
+IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
+# Rows of the scratch array, shape (FIELDS, ALL).
+THETA, COS, SIN, WEIGHT, W, U, G = 0, 1, 2, 3, 4, 5, 6
+GROWTH, TURN_COS, TURN_SIN = 7, 8, 9  # exp(-lambda theta), as size and angle
+RE, IM, SUM_RE, SUM_IM, FAR, FAR_WEIGHT, FIELDS = 10, 11, 12, 13, 14, 15, 16
+FREE = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}}  # sums in any order, so in vectors
+
+
+@njit(**FREE)
+def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray) -> None:
+    """Sine and cosine of factor * angle, to 1e-11 up to 2 pi: polynomials at an eighth, doubled three times."""
+    for j in range(ALL):
+        x = 0.125 * factor * angle[j]
+        q = x * x
+        s = x * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
+        less = q * (-0.5 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * (-1 / 3628800 + q / 479001600)))))
+        s, less = 2.0 * s * (1.0 + less), 2.0 * less * (2.0 + less)
+        s, less = 2.0 * s * (1.0 + less), 2.0 * less * (2.0 + less)
+        sine[j], cosine[j] = 2.0 * s * (1.0 + less), 1.0 + 2.0 * less * (2.0 + less)
+
+
+@njit(**OPTIONS)
+def grade(f: np.ndarray, amplitude: float, e: float, reach: float, edge: float) -> None:
+    """Where the nodes outside contact lie, over the angle from its edge to the far end: sinh(X x)/sinh(X).
+
+    The long-range force has its pole at a distance that sinh then takes away from the nodes.
+    """
+    near = (reach + max(e - amplitude, 0.0)) / amplitude
+    sine = math.sin(edge)
+    width = 2.0 * near / (sine + math.sqrt(sine * sine + 2.0 * near * max(math.cos(edge), 0.1)))
+    most = math.asinh((math.pi - edge) / width)
+    share = 1.0 / math.sinh(most)
+    for j in range(N):
+        large = math.exp(most * X[j])
+        f[FAR, j], f[FAR_WEIGHT, j] = 0.5 * share * (large - 1.0 / large), 0.5 * most * share * (large + 1.0 / large)
+
+
+@njit(**FREE)
+def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
+    """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
+    theta, weight = f[THETA], f[WEIGHT]
+    centre, half = 0.5 * (entry + exit_), 0.5 * (exit_ - entry)
+    before, after = math.pi + entry, math.pi - exit_
+    for j in range(N):
+        theta[TOUCH + j] = centre + half * _TOUCH_S[j]
+        weight[TOUCH + j] = half * _TOUCH_W[j]
+        if longrange:
+            theta[IN + j], weight[IN + j] = entry - before * f[FAR, j], before * f[FAR_WEIGHT, j]
+            theta[OUT + j], weight[OUT + j] = exit_ + after * f[FAR, j], after * f[FAR_WEIGHT, j]
+    theta[ENTRY], theta[EXIT] = entry, exit_
+    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
+    _turn(theta, 1.0, f[SIN], f[COS])
+    nu = math.sqrt(1.0 - alpha0 * alpha0) / omega
+    if nu == 1.0:
+        f[TURN_SIN] = f[SIN]
+        f[TURN_COS] = f[COS]
+    else:
+        _turn(theta, nu, f[TURN_SIN], f[TURN_COS])
+    for j in range(ALL):
+        x = 0.125 * alpha0 / omega * theta[j]
+        grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
+        grow *= grow
+        grow *= grow
+        f[GROWTH, j] = grow * grow
+
+
+@njit(**FREE)
+def _running(f: np.ndarray, first: int) -> tuple[float, float]:
+    """Integrals of g exp(-lambda theta) from an element's start to its nodes; returns those over all of it."""
+    re, im = f[RE, first : first + N], f[IM, first : first + N]
+    sum_re, sum_im = f[SUM_RE, first : first + N], f[SUM_IM, first : first + N]
+    sum_re[:] = 0.0
+    sum_im[:] = 0.0
+    total_re, total_im = 0.0, 0.0
+    for k in range(N):
+        a, b = re[k], im[k]
+        total_re += WEIGHTS[k] * a
+        total_im += WEIGHTS[k] * b
+        upto = UPTO[k]
+        for j in range(N):
+            sum_re[j] += upto[j] * a
+            sum_im[j] += upto[j] * b
+    return total_re, total_im
+
+
+@njit(**FREE)
+def force(
+    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, touching: bool
+) -> tuple[float, float, float, float, float, float]:
+    """Fill g at the nodes; mean, P, S of g, the work of its conservative part, that of damping, and the virial sum."""
+    inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
+    mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    damped = p[8] != 0.0
+    if touching:
+        for j in range(TOUCH, TOUCH + N):
+            d = max(amplitude * f[COS, j] + f[W, j] - e, 0.0)
+            turn = f[U, j] - amplitude * f[SIN, j]
+            g = inverse_k * contact_force(law, d, p)
+            weight = WEIGHTS[j - TOUCH] * f[WEIGHT, j]
+            work += weight * g * turn
+            if damped:
+                drop = 2.0 * omega * damping(law, d, p) * turn
+                loss += weight * drop * turn
+                g += drop
+            f[G, j] = g
+            mean += weight * g
+            push += weight * g * f[COS, j]
+            drag += weight * g * f[SIN, j]
+            virial += weight * g * (amplitude * f[COS, j] + f[W, j])
+    if p[4] != 0.0:
+        for side in range(2):
+            first = IN if side == 0 else OUT
+            for j in range(N):
+                i = first + j
+                d = min(amplitude * f[COS, i] + f[W, i] - e, 0.0)
+                g = inverse_k * longrange_force(law, d, p)
+                f[G, i] = g
+                weight = WEIGHTS[j] * f[WEIGHT, i]
+                work += weight * g * (f[U, i] - amplitude * f[SIN, i])
+                mean += weight * g
+                push += weight * g * f[COS, i]
+                drag += weight * g * f[SIN, i]
+                virial += weight * g * (amplitude * f[COS, i] + f[W, i])
+    return mean / (2 * math.pi), push / math.pi, drag / math.pi, work, loss, virial
+
+
+@njit(**FREE)
+def respond(
+    f: np.ndarray, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
+) -> None:
+    """Replace w and w' by the lever's response to g."""
+    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
+    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
+    for j in range(3 * N):
+        share = f[G, j] * f[WEIGHT, j] * f[GROWTH, j]
+        f[RE, j], f[IM, j] = share * f[TURN_COS, j], -share * f[TURN_SIN, j]
+    in_re, in_im, at_re, at_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if longrange:
+        in_re, in_im = _running(f, IN)
+        out_re, out_im = _running(f, OUT)
+    if touching:
+        at_re, at_im = _running(f, TOUCH)
+    for j in range(N):
+        # The element before contact was integrated backwards.
+        f[SUM_RE, j], f[SUM_IM, j] = in_re - f[SUM_RE, j], in_im - f[SUM_IM, j]
+        f[SUM_RE, TOUCH + j] += in_re
+        f[SUM_IM, TOUCH + j] += in_im
+        f[SUM_RE, OUT + j] += in_re + at_re
+        f[SUM_IM, OUT + j] += in_im + at_im
+    f[SUM_RE, ENTRY], f[SUM_IM, ENTRY] = in_re, in_im
+    f[SUM_RE, EXIT], f[SUM_IM, EXIT] = in_re + at_re, in_im + at_im
+    all_re, all_im = in_re + at_re + out_re, in_im + at_im + out_im
+    # E = 1/(exp(-2 pi lambda) - 1)
+    size = math.exp(-2 * math.pi * a)
+    re, im = size * math.cos(2 * math.pi * nu) - 1.0, -size * math.sin(2 * math.pi * nu)
+    below = 1.0 / (re * re + im * im)
+    e_re, e_im = re * below, -im * below
+    round_re, round_im = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
+    # First harmonic of the response: (P - iS)/(1 - omega^2 + 2 i alpha0 omega)
+    x, y = 1.0 - omega * omega, 2.0 * alpha0 * omega
+    below = 1.0 / (x * x + y * y)
+    h_re, h_im = (push * x - drag * y) * below, (-drag * x - push * y) * below
+    share = 1.0 / (omega * omega * nu)
+    for j in range(ALL):
+        m_re, m_im = round_re + f[SUM_RE, j], round_im + f[SUM_IM, j]
+        shrink = share / f[GROWTH, j]
+        t_re, t_im = shrink * f[TURN_COS, j], shrink * f[TURN_SIN, j]
+        g_im = t_re * m_im + t_im * m_re
+        g_re = t_re * m_re - t_im * m_im
+        c, s = f[COS, j], f[SIN, j]
+        f[W, j] = -g_im + mean + h_re * c - h_im * s
+        f[U, j] = -(a * g_im + nu * g_re) - h_re * s - h_im * c
+
+
+@njit(**FREE)
+def relay(f: np.ndarray, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
+    """Move the nodes to where the contact is now, and w with them."""
+    theta, before = f[THETA], f[RE]
+    before[:] = theta
+    entry, exit_ = 0.0, 0.0
+    if touching:
+        entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])
+        exit_ = theta[EXIT] - (amplitude * f[COS, EXIT] + f[W, EXIT] - e) / (f[U, EXIT] - amplitude * f[SIN, EXIT])
+    lay(f, lever, entry, exit_, longrange)
+    for j in range(ALL):
+        f[W, j] += f[U, j] * (theta[j] - before[j])

@@ -1,0 +1,104 @@
+"""The cheap path to exact orbits, against collocation, which shares only the force law with it."""
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap.scan import run
+from phasemap.solvers.orbit import Orbit
+from phasemap.work import Work, make_work
+
+AIR = {"stiffness": (20.0, 50.0), "quality_factor": (200.0, 850.0), "modulus": (1e9, 2e10)}
+SOFT_LEVER = {"stiffness": (1.0, 4.0), "quality_factor": (60.0, 200.0), "modulus": (5e7, 3e9)}
+STIFF_SAMPLE = {"stiffness": (20.0, 50.0), "quality_factor": (200.0, 850.0), "modulus": (5e10, 3e11)}
+LIQUID = {"stiffness": (0.3, 2.0), "quality_factor": (2.0, 8.0), "modulus": (1e7, 3e8)}
+REGIMES = {"air": AIR, "soft lever": SOFT_LEVER, "stiff sample": STIFF_SAMPLE, "liquid": LIQUID}
+
+
+def drawn(regime: dict[str, tuple[float, float]], scopes: int, pixels: int, seed: int) -> list[Work]:
+    """Materials drawn under microscopes drawn, all over decades."""
+    rng = np.random.default_rng(seed)
+    works = []
+    for _ in range(scopes):
+        stiffness, quality = (np.exp(rng.uniform(*np.log(regime[name]))) for name in ("stiffness", "quality_factor"))
+        scope = pm.Microscope(
+            pm.Cantilever(stiffness, 300e3, quality),
+            pm.Tip(rng.uniform(8e-9, 30e-9)),
+            pm.Drive(rng.uniform(10e-9, 60e-9)),
+            pm.Interaction(decay_length=rng.uniform(0.15e-9, 0.5e-9)),
+        )
+        materials = np.column_stack(
+            [
+                np.exp(rng.uniform(*np.log(regime["modulus"]), pixels)),
+                np.exp(rng.uniform(np.log(1e-3), np.log(0.2), pixels)) * (rng.random(pixels) > 0.2),
+                np.exp(rng.uniform(np.log(1e-3), np.log(0.1), pixels)) * (rng.random(pixels) > 0.2),
+                np.full(pixels, 0.35),
+            ]
+        )
+        amplitude = rng.uniform(0.4, 0.95) * scope.free_amplitude
+        works.append(make_work(materials, False, scope, np.full(pixels, amplitude)))
+    return works
+
+
+@pytest.mark.parametrize("name", REGIMES)
+def test_the_estimated_error_bounds_the_error(name: str) -> None:
+    # Against collocation, itself good to EXACT_PHASE and EXACT_HEIGHT, which is the allowance.
+    inside, seen = 0, 0
+    for work in drawn(REGIMES[name], 8, 50, seed=7):
+        rows, status, used = run(Orbit(), work, pm.Accuracy())
+        exact, exactly, _ = run(Orbit(complete=True), work, pm.Accuracy())
+        assert np.array_equal(status, exactly)
+        cheap = (used == col.CORRECTED) & (status == col.GOOD)
+        phase = abs(rows[cheap, col.PHASE] - exact[cheap, col.PHASE])
+        height = abs(rows[cheap, col.TIP_OFFSET] - exact[cheap, col.TIP_OFFSET])
+        bounded = (phase <= rows[cheap, col.ERROR_PHASE] + 2e-8) & (height <= rows[cheap, col.ERROR_HEIGHT] + 1e-15)
+        inside, seen = inside + int(bounded.sum()), seen + int(cheap.sum())
+        assert np.all(rows[cheap, col.ERROR_PHASE] < np.radians(1e-3))
+        assert np.all(rows[cheap, col.ERROR_HEIGHT] < 1e-12)
+    assert seen > 100
+    assert inside >= 0.999 * seen
+
+
+@pytest.mark.parametrize("name", REGIMES)
+def test_every_observable_is_that_of_the_exact_orbit(name: str) -> None:
+    # Lengths to the 1 pm that was asked for, the indentation also to what cubics between nodes leave of it; energies and
+    # the stiffening to what that means at the depth of a contact.
+    for work in drawn(REGIMES[name], 4, 30, seed=21):
+        rows, _, used = run(Orbit(), work, pm.Accuracy())
+        exact, _, _ = run(Orbit(complete=True), work, pm.Accuracy())
+        cheap = used == col.CORRECTED
+        for column, share in ((col.TIP_OFFSET, 0.0), (col.MEAN, 0.0), (col.AMPLITUDE, 0.0), (col.INDENTATION, 2e-4)):
+            assert np.allclose(rows[cheap, column], exact[cheap, column], rtol=share, atol=1e-12)
+        for column in (col.DISSIPATION, col.VIRIAL, col.STIFFENING):
+            size = abs(exact[cheap, column]).max(initial=0.0)
+            assert np.allclose(rows[cheap, column], exact[cheap, column], rtol=1e-3, atol=1e-5 * size)
+        assert np.all(abs(rows[cheap, col.CLOSURE]) < 1e-6)
+
+
+def test_next_to_the_end_of_the_attractive_branch_both_paths_take_the_same_side() -> None:
+    # Adhesion passes in fine steps through the value at which the attractive branch no longer reaches the setpoint.
+    scope = pm.Microscope(pm.Cantilever(2.0, 300e3, 150.0), pm.Tip(12e-9), pm.Drive(30e-9))
+    materials = np.column_stack(
+        [np.full(400, 1e9), np.geomspace(5e-3, 2e-1, 400), np.full(400, 0.01), np.full(400, 0.35)]
+    )
+    work = make_work(materials, False, scope, np.full(400, 0.7 * scope.free_amplitude))
+    rows, status, _ = run(Orbit(), work, pm.Accuracy())
+    exact, _, _ = run(Orbit(complete=True), work, pm.Accuracy())
+    sides = rows[:, col.STIFFENING] > 0
+    assert np.all(status == col.GOOD)
+    assert np.array_equal(sides, exact[:, col.STIFFENING] > 0)
+    assert 0 < sides.sum() < 400
+    assert (np.diff(sides.astype(int)) != 0).sum() == 1
+
+
+def test_a_tighter_accuracy_is_met_by_more_passes_or_by_collocation() -> None:
+    material, scope = (
+        pm.Material(3e9, adhesion=0.03, damping=0.02),
+        pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9)),
+    )
+    exact = pm.solve_pixel(material, scope, 0.7, solver="orbit")
+    for phase, height in ((1.0, 1e-10), (1e-3, 1e-12), (1e-5, 1e-14), (1e-9, 1e-18)):
+        pixel = pm.solve_pixel(material, scope, 0.7, accuracy=pm.Accuracy(phase, height))
+        assert abs(pixel.phase - exact.phase) <= max(pixel.error_phase, 2e-6)
+        assert pixel.error_phase <= max(phase, 2e-6)
