@@ -2,40 +2,32 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._check import whole
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
+from phasemap.canvas import Canvas
 from phasemap.control import Engage
-from phasemap.dataset import (
-    FLAGS,
-    FLOATS,
-    branch_of,
-    check_variables,
-    describe,
-    flag_attributes,
-    float_attributes,
-    provenance,
-)
+from phasemap.dataset import check_variables, describe, provenance
 from phasemap.errors import InputError, SolveError
 from phasemap.microscope import Microscope
-from phasemap.solvers import Solver, by_name
+from phasemap.paint import Job, paint
+from phasemap.solvers import by_name
 from phasemap.status import Status
 from phasemap.surface import Surface
 from phasemap.work import Work, check_setpoint, make_work
+from phasemap.workers import Progress, run, workers_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = np.ndarray
-Progress = Callable[[int, int], None]
+
+__all__ = ["modelled", "run", "simulate"]
 
 
 def simulate(
@@ -72,7 +64,8 @@ def simulate(
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
-        Called as ``progress(done, total)``, in distinct materials, from the calling thread.
+        Called as ``progress(done, total)`` from the calling thread, in distinct materials, or in pixels where materials
+        are interpolated or too many to be kept.
     threads : int, optional
         All cores by default. The numbers do not depend on it.
 
@@ -94,6 +87,12 @@ def simulate(
     -----
     A material that occurs in many pixels is solved once. A term that no pixel has is not evaluated.
 
+    Where an image has more than some thousand different materials, "auto" solves a few thousand that span them and
+    interpolates (`phasemap.atlas`): never across a jump of the orbit, with an error estimated at materials of the image
+    itself, and the rest is solved one by one. `solver` says "interpolated" there.
+
+    Beside the maps and what is returned, this takes less than 256 MiB for images of up to 4096 x 4096 pixels.
+
     Examples
     --------
     >>> import phasemap as pm
@@ -113,74 +112,22 @@ def simulate(
         raise InputError("accuracy", accuracy, "an Accuracy")
     names = check_variables(variables)
     method = by_name(solver)
-    materials, inverse = surface.unique()
-    work = make_work(
-        materials, surface.viscosity is not None, scope, np.full(len(materials), setpoint * scope.free_amplitude)
-    )
-    rows, status, used = run(method, work, accuracy, threads=threads, progress=progress)
+    canvas = Canvas(surface, names)
+    job = Job(surface, scope, setpoint * scope.free_amplitude, method, accuracy, workers_of(threads), progress)
+    distinct = paint(job, canvas)
     if strict:
-        _refuse_failures(status, inverse)
+        _refuse_failures(canvas.status.reshape(surface.shape))
     solved = time.perf_counter() - started
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
         "accuracy": describe(accuracy), "shape": list(surface.shape), "pixel_size": list(surface.pixel_size),
     }  # fmt: skip
-    image = _image(surface, names, rows, status, used, inverse)
+    image = canvas.image()
     image.attrs.update(provenance(configuration, "simulated"))
-    image.attrs["modelled"] = "; ".join(modelled(work, scope, surface.topography is not None))
-    image.attrs["distinct_materials"] = len(materials)
+    image.attrs["modelled"] = "; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None))
+    image.attrs["distinct_materials"] = distinct
     image.attrs["seconds"] = round(solved, 6)
     return image
-
-
-def run(
-    solver: Solver, work: Work, accuracy: Accuracy, *, threads: int | None = None, progress: Progress | None = None
-) -> tuple[Array, Array, Array]:
-    """Solve work in chunks on several threads.
-
-    Returns
-    -------
-    rows : ndarray, shape (n, COLUMNS)
-    status, solver : ndarray of int8, shape (n,)
-    """
-    count = len(work)
-    rows = np.full((count, col.COLUMNS), np.nan)
-    status, used = np.full(count, col.INVALID, np.int8), np.full(count, -1, np.int8)
-    valid = np.flatnonzero(np.isfinite(work.rows).all(axis=1))
-    if len(valid) < count:
-        part = Work(work.law, np.ascontiguousarray(work.rows[valid]), work.lever, work.amplitudes[valid])
-        rows[valid], status[valid], used[valid] = run(solver, part, accuracy, threads=threads, progress=progress)
-        return rows, status, used
-    workers = min(whole("threads", threads, 1), 64) if threads is not None else _cores()
-    size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
-    starts = range(0, count, size)
-
-    def solve(first: int) -> int:
-        last = min(first + size, count)
-        solver.solve(work, accuracy, first, last, rows, status, used)
-        return last - first
-
-    if count and (workers == 1 or len(starts) == 1):
-        done = 0
-        for first in starts:
-            done += solve(first)
-            if progress is not None:
-                progress(done, count)
-        return rows, status, used
-    with ThreadPoolExecutor(workers) as pool:
-        waiting = {pool.submit(solve, first) for first in starts}
-        done = 0
-        try:
-            while waiting:
-                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                done += sum(future.result() for future in finished)
-                if progress is not None:
-                    progress(done, count)
-        except BaseException:
-            for future in waiting:
-                future.cancel()
-            raise
-    return rows, status, used
 
 
 def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
@@ -198,38 +145,18 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     return names
 
 
-def _image(
-    surface: Surface, names: tuple[str, ...], rows: Array, status: Array, used: Array, inverse: Array
-) -> xr.Dataset:
-    import xarray as xr
-
-    y, x = surface.coords()
-    coords: dict[str, Any] = {
-        "y": ("y", y, {"long_name": "distance from the top of the image", "units": "m", "axis": "Y"}),
-        "x": ("x", x, {"long_name": "distance from the left of the image", "units": "m", "axis": "X"}),
-    }
-    flags = {"branch": branch_of(rows), "status": status, "solver": used}
-    image = xr.Dataset(coords=coords)
-    for name in names:
-        if name in FLAGS:
-            image[name] = (("y", "x"), flags[name][inverse], flag_attributes(name))
-            continue
-        values = FLOATS[name].value(rows)[inverse]
-        if name == "height" and surface.topography is not None:
-            values = values + surface.topography
-        image[name] = (("y", "x"), values, {**float_attributes(name), "ancillary_variables": "status"})
-    return image
+def _largest(surface: Surface, scope: Microscope) -> Work:
+    """Work of one pixel, with the largest of every property; a term is zero there if no pixel has it."""
+    maps = (surface.modulus, surface.adhesion, surface.damping, surface.viscosity, surface.poisson_ratio)
+    largest = np.array([[np.fmax.reduce(values, None) for values in maps if values is not None]])
+    return make_work(np.nan_to_num(largest), surface.viscosity is not None, scope, scope.free_amplitude)
 
 
-def _refuse_failures(status: Array, inverse: Array) -> None:
-    bad = status[inverse] != 0
+def _refuse_failures(status: Array) -> None:
+    bad = status != 0
     if bad.any():
         row, column = (int(i) for i in np.unravel_index(np.argmax(bad), bad.shape))
-        advice = Status.of(int(status[inverse[row, column]])).value
+        advice = Status.of(int(status[row, column])).value
         count = int(bad.sum())
         failed = "1 pixel has no solution; it is" if count == 1 else f"{count} pixels have no solution; the first is"
         raise SolveError(f"{failed} at row {row}, column {column}. {advice}")
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -339,6 +339,28 @@ class Surface:
             object.__setattr__(self, "_unique", found)
         return found
 
+    @property
+    def found(self) -> tuple[FloatArray, IntArray] | None:
+        """What `unique` gives if that is known already, else None."""
+        return self._unique
+
+    def materials(self, pixels: slice | NDArray[np.intp]) -> FloatArray:
+        """Rows as `unique` gives them, shape (n, 4), of some pixels.
+
+        Parameters
+        ----------
+        pixels : slice or ndarray of int
+            In the order of the rows of the image, ``row * nx + column``.
+
+        Examples
+        --------
+        >>> Surface(modulus=[[1e9, 3e9]], adhesion=0.05, pixel_size=4e-9).materials(slice(1, 2)).tolist()
+        [[3000000000.0, 0.05, 0.0, 0.35]]
+        """
+        fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
+        columns = [column.reshape(-1)[pixels] for column in fields if column is not None]
+        return np.column_stack(columns)
+
     def __eq__(self, other: object) -> bool:
         """Whether both have the same values everywhere; where both have NaN they agree."""
         if not isinstance(other, Surface):

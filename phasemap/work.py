@@ -85,8 +85,8 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
     return np.asarray(viscosity * (scope.tip.radius * omega_c / (2 * scope.cantilever.stiffness)))
 
 
-def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: Array) -> Work:
-    """Turn materials into work.
+def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
+    """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
 
     Parameters
     ----------
@@ -94,17 +94,35 @@ def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: Ar
         Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1].
     viscous : bool
     scope : Microscope
-    amplitudes : ndarray, shape (n,)
-        Setpoint amplitudes [m].
     """
     modulus, adhesion, loss, poisson_ratio = materials.T
     stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
-    damping = damping_of(loss, scope) if viscous else loss
+    return stiffness, adhesion, damping_of(loss, scope) if viscous else loss
+
+
+def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope, amplitude: float | Array) -> Work:
+    """Work of what `properties` gives, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius)
     lever = np.array(
         [scope.frequency_ratio, scope.cantilever.damping, scope.cantilever.stiffness, scope.base_amplitude]
     )
-    return Work(scope.interaction.token(), rows, lever, np.ascontiguousarray(amplitudes, dtype=np.float64))
+    amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
+    return Work(scope.interaction.token(), rows, lever, amplitudes)
+
+
+def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array) -> Work:
+    """Turn materials into work.
+
+    Parameters
+    ----------
+    materials : ndarray, shape (n, 4)
+        As for `properties`.
+    viscous : bool
+    scope : Microscope
+    amplitudes : float or ndarray, shape (n,)
+        Setpoint amplitudes [m].
+    """
+    return work_of(*properties(materials, viscous, scope), scope, amplitudes)
 
 
 def material_row(material: Material) -> tuple[Array, bool]:

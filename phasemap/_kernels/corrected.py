@@ -107,7 +107,9 @@ def balance(
 ) -> float:
     """Move e to where the drive is the one given, w as it is; returns the mismatch left. With `hold`, e stays."""
     amplitude, longrange = state[AMP], p[4] != 0.0
-    relay(f, lever, amplitude, state[E], touching, longrange)
+    if hold:
+        relay(f, lever, amplitude, state[E], touching, longrange)
+    # Where e moves next, nodes that are slightly beside the contact will do to say by how much.
     first = _evaluate(law, p, lever, f, state, touching)
     h = first
     for _ in range(0 if hold else MOST_MOVES):

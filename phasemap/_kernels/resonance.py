@@ -19,7 +19,7 @@ from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
-CLOSE = 1e-9  # mismatch left at a crossing
+CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 # Entries of a maximum: gap b = e - A [m], mismatch, P [m] there, and the same gap one step deeper.
 GAP, HEIGHT, PUSH, BEHIND, MAXIMUM = 0, 1, 2, 3, 4

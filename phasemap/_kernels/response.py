@@ -80,9 +80,12 @@ def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange:
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     _turn(theta, 1.0, f[SIN], f[COS])
     nu = math.sqrt(1.0 - alpha0 * alpha0) / omega
-    if nu == 1.0:
-        f[TURN_SIN] = f[SIN]
-        f[TURN_COS] = f[COS]
+    if abs(nu - 1.0) < 3e-4:
+        for j in range(ALL):  # a small angle more, to third order
+            more = (nu - 1.0) * theta[j]
+            less = 1.0 - 0.5 * more * more
+            f[TURN_SIN, j] = f[SIN, j] * less + f[COS, j] * more
+            f[TURN_COS, j] = f[COS, j] * less - f[SIN, j] * more
     else:
         _turn(theta, nu, f[TURN_SIN], f[TURN_COS])
     for j in range(ALL):

@@ -1,0 +1,66 @@
+"""Distinct rows, found through a hash table of bounded size."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.law import OPTIONS
+
+_MIX, _SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
+
+
+@njit(**OPTIONS)
+def digest(row: np.ndarray) -> np.uint64:
+    """64 bits of a row of uint64 that differ where the row differs, as good as surely."""
+    mixed = np.uint64(0)
+    for word in row:
+        mixed = (mixed ^ word) * _MIX
+        mixed ^= mixed >> _SHIFT
+    mixed *= _MIX
+    return mixed ^ (mixed >> _SHIFT)
+
+
+@njit(**OPTIONS)
+def digests(rows: np.ndarray, out: np.ndarray) -> None:
+    """`digest` of every row."""
+    for i in range(len(rows)):
+        out[i] = digest(rows[i])
+
+
+@njit(**OPTIONS)
+def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
+    """Place in the table where this row is, or would be; the table's length is a power of 2."""
+    at = np.int64(digest(row) & np.uint64(len(table) - 1))
+    while table[at] >= 0:
+        same = True
+        for j in range(len(row)):
+            same &= known[table[at], j] == row[j]
+        if same:
+            break
+        at = (at + 1) & (len(table) - 1)
+    return at
+
+
+@njit(**OPTIONS)
+def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -> tuple[int, int]:
+    """Add what rows are new to `known`, of which `count` are there, until it is full.
+
+    Returns how many are known then, and how many rows were taken in.
+    """
+    for i in range(len(rows)):
+        at = slot_of(rows[i], table, known)
+        if table[at] < 0:
+            if count == len(known):
+                return count, i
+            table[at] = count
+            known[count] = rows[i]
+            count += 1
+    return count, len(rows)
+
+
+@njit(**OPTIONS)
+def look_up(rows: np.ndarray, table: np.ndarray, known: np.ndarray, out: np.ndarray) -> None:
+    """Number of every row among the known."""
+    for i in range(len(rows)):
+        out[i] = table[slot_of(rows[i], table, known)]

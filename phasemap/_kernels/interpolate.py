@@ -1,0 +1,237 @@
+"""Evaluation of an atlas: which piece a material lies in, and the Chebyshev sums of that piece.
+
+A material is a point x = (x0, x1, x2). A binary tree leads to its piece: a node compares a coordinate with a value, or
+x2 with a border, a surface x2 = s(x0, x1) given by a Chebyshev sum. In a piece, x2 becomes u by the place between the
+piece's lower and upper end, which are numbers or borders, and the coordinates (x0, x1, u) are scaled to [-1, 1].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.law import OPTIONS
+
+CUT, BORDER, LEAF = 0, 1, 2  # kinds of tree nodes
+PLAIN, ROOT_LOW, ROOT_HIGH, ROOT_BOTH = 0, 1, 2, 3  # how u goes with the place rho between the ends
+LOW, HIGH = 0, 1
+LANES = 32  # points whose sums are taken together
+MOST = 33  # coefficients along one coordinate
+OUTSIDE = -1
+SLACK = 1e-9  # of the width of a piece by which rounding may lead a point out of it
+
+_SUMS = {**OPTIONS, "fastmath": {"contract", "nsz"}}
+
+
+@njit(**OPTIONS)
+def scaled(x: float, low: float, high: float) -> float:
+    """Put x of [low, high] into [-1, 1]; 0 where the interval is a point."""
+    return (2.0 * x - low - high) / (high - low) if high > low else 0.0
+
+
+@njit(**OPTIONS)
+def border(
+    x0: float, x1: float, which: int, boxes: np.ndarray, sizes: np.ndarray, starts: np.ndarray, coefficients: np.ndarray
+) -> float:
+    """Height x2 of a border at (x0, x1), by Clenshaw's recurrence in both."""
+    box = boxes[which]
+    a, b = scaled(x0, box[0], box[1]), scaled(x1, box[2], box[3])
+    rows, columns, start = sizes[which, 0], sizes[which, 1], starts[which]
+    one, two = 0.0, 0.0
+    for i in range(rows - 1, -1, -1):
+        first, second = 0.0, 0.0
+        at = start + i * columns
+        for j in range(columns - 1, 0, -1):
+            first, second = coefficients[at + j] + 2.0 * b * first - second, first
+        value = coefficients[at] + b * first - second
+        if i > 0:
+            one, two = value + 2.0 * a * one - two, one
+        else:
+            one = value + a * one - two
+    return one
+
+
+@njit(**OPTIONS)
+def place(rho: float, form: int) -> float:
+    """u of the relative place rho between the lower and the upper end of a layer."""
+    rho = min(max(rho, 0.0), 1.0)
+    if form == ROOT_LOW:
+        return math.sqrt(rho)
+    if form == ROOT_HIGH:
+        return 1.0 - math.sqrt(1.0 - rho)
+    if form == ROOT_BOTH:
+        return math.asin(math.sqrt(rho)) * (2.0 / math.pi)
+    return rho
+
+
+@njit(**OPTIONS)
+def locate(
+    points: np.ndarray,
+    nodes: np.ndarray,
+    values: np.ndarray,
+    border_boxes: np.ndarray,
+    border_sizes: np.ndarray,
+    border_starts: np.ndarray,
+    border_coefficients: np.ndarray,
+    piece_boxes: np.ndarray,
+    piece_ends: np.ndarray,
+    piece_forms: np.ndarray,
+    piece: np.ndarray,
+    inside: np.ndarray,
+) -> None:
+    """Find the piece of every point, and where in it the point is.
+
+    Parameters
+    ----------
+    points : ndarray, shape (3, n)
+    nodes : ndarray of int, shape (nodes, 4)
+        Kind; coordinate or border or piece; node below; node above.
+    values : ndarray, shape (nodes,)
+        Where a coordinate is cut.
+    border_boxes, border_sizes, border_starts, border_coefficients : ndarray
+        Per border its box (low, high of x0, of x1), coefficients along x0 and x1, and where they begin in the last.
+    piece_boxes : ndarray, shape (pieces, 6)
+        Low and high of x0, x1, u.
+    piece_ends : ndarray, shape (pieces, 2)
+        Lower and upper end in x2 where it is a number.
+    piece_forms : ndarray of int, shape (pieces, 3)
+        Lower border or -1, upper border or -1, form of u.
+    piece : ndarray of int32, shape (n,)
+        Receives the piece, OUTSIDE where there is none.
+    inside : ndarray, shape (3, n)
+        Receives the coordinates in [-1, 1].
+    """
+    for i in range(points.shape[1]):
+        x0, x1, x2 = points[0, i], points[1, i], points[2, i]
+        piece[i] = OUTSIDE
+        if not math.isfinite(x0 + x1 + x2):
+            continue
+        node, under, over, low, high = 0, -1, -1, 0.0, 0.0  # the borders met last below and above the point
+        while nodes[node, 0] != LEAF:
+            which = nodes[node, 1]
+            if nodes[node, 0] == CUT:
+                above = points[which, i] >= values[node]
+            else:
+                height = border(x0, x1, which, border_boxes, border_sizes, border_starts, border_coefficients)
+                above = x2 >= height
+                if above:
+                    under, low = which, height
+                else:
+                    over, high = which, height
+            node = nodes[node, 3] if above else nodes[node, 2]
+        which = nodes[node, 1]
+        if which == OUTSIDE:
+            continue
+        lower, upper = piece_forms[which, LOW], piece_forms[which, HIGH]
+        if lower < 0:
+            low = piece_ends[which, LOW]
+        elif lower != under:
+            low = border(x0, x1, lower, border_boxes, border_sizes, border_starts, border_coefficients)
+        if upper < 0:
+            high = piece_ends[which, HIGH]
+        elif upper != over:
+            high = border(x0, x1, upper, border_boxes, border_sizes, border_starts, border_coefficients)
+        u = place((x2 - low) / (high - low), piece_forms[which, 2]) if high > low else x2 - low
+        box = piece_boxes[which]
+        if (box[0] == box[1] and x0 != box[0]) or (box[2] == box[3] and x1 != box[2]) or (high == low and u != 0.0):
+            continue
+        a, b, c = scaled(x0, box[0], box[1]), scaled(x1, box[2], box[3]), scaled(u, box[4], box[5])
+        if max(abs(a), abs(b), abs(c)) <= 1.0 + SLACK:
+            piece[i] = which
+            inside[0, i], inside[1, i], inside[2, i] = a, b, c
+
+
+@njit(**_SUMS)
+def polynomials(t: np.ndarray, count: int, out: np.ndarray) -> None:
+    """Chebyshev polynomials 0 ... count - 1 of LANES points."""
+    for lane in range(LANES):
+        out[0, lane] = 1.0
+    if count > 1:
+        for lane in range(LANES):
+            out[1, lane] = t[lane]
+    for k in range(2, count):
+        for lane in range(LANES):
+            out[k, lane] = 2.0 * t[lane] * out[k - 1, lane] - out[k - 2, lane]
+
+
+@njit(**_SUMS)
+def evaluate(
+    piece: np.ndarray,
+    inside: np.ndarray,
+    wanted: np.ndarray,
+    piece_sizes: np.ndarray,
+    length_starts: np.ndarray,
+    lengths: np.ndarray,
+    coefficient_starts: np.ndarray,
+    coefficients: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Sum the Chebyshev series of every point that `locate` found a piece for.
+
+    The points of a piece are taken together, LANES at a time.
+
+    Parameters
+    ----------
+    piece, inside : ndarray
+        From `locate`.
+    wanted : ndarray of int
+        Which of the functions.
+    piece_sizes : ndarray of int, shape (pieces, 3)
+        Most coefficients along x0, x1, u.
+    length_starts, coefficient_starts : ndarray of int, shape (pieces, functions)
+        Where those of a function begin in `lengths`, one for each (i, j), and in `coefficients`, the first of them
+        along u for each (i, j).
+    out : ndarray, shape (len(wanted), n)
+        Filled where a point has a piece.
+    """
+    count, pieces = len(piece), len(piece_sizes)
+    first = np.zeros(pieces + 2, np.int64)
+    for i in range(count):
+        first[piece[i] + 2] += 1
+    for k in range(1, pieces + 2):
+        first[k] += first[k - 1]
+    at = first.copy()
+    order = np.empty(count, np.int64)
+    for i in range(count):
+        order[at[piece[i] + 1]] = i
+        at[piece[i] + 1] += 1
+    t = np.zeros((3, LANES))
+    p0, p1, p2 = np.empty((MOST, LANES)), np.empty((MOST, LANES)), np.empty((MOST, LANES))
+    inner, middle, total = np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    for which in range(pieces):
+        for begin in range(first[which + 1], first[which + 2], LANES):
+            width = min(LANES, first[which + 2] - begin)
+            for lane in range(width):
+                t[0, lane], t[1, lane] = inside[0, order[begin + lane]], inside[1, order[begin + lane]]
+                t[2, lane] = inside[2, order[begin + lane]]
+            polynomials(t[0], piece_sizes[which, 0], p0)
+            polynomials(t[1], piece_sizes[which, 1], p1)
+            polynomials(t[2], piece_sizes[which, 2], p2)
+            for f in range(len(wanted)):
+                at_length = length_starts[which, wanted[f]]
+                at_coefficient = coefficient_starts[which, wanted[f]]
+                for lane in range(LANES):
+                    total[lane] = 0.0
+                for i in range(piece_sizes[which, 0]):
+                    for lane in range(LANES):
+                        middle[lane] = 0.0
+                    for j in range(piece_sizes[which, 1]):
+                        length = lengths[at_length]
+                        at_length += 1
+                        if length == 0:
+                            continue
+                        for lane in range(LANES):
+                            inner[lane] = 0.0
+                        for k in range(length):
+                            factor = coefficients[at_coefficient + k]
+                            for lane in range(LANES):
+                                inner[lane] += factor * p2[k, lane]
+                        at_coefficient += length
+                        for lane in range(LANES):
+                            middle[lane] += inner[lane] * p1[j, lane]
+                    for lane in range(LANES):
+                        total[lane] += middle[lane] * p0[i, lane]
+                for lane in range(width):
+                    out[f, order[begin + lane]] = total[lane]

@@ -1,0 +1,76 @@
+"""Exact orbits near orbits that are known: no engagement, the branch is that of the guess."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.batch import judge, parameters, polish, tolerance_of
+from phasemap._kernels.collocation import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbit import begin, newton
+from phasemap._kernels.trace import relay
+
+MOST_STEPS = 12
+
+
+@njit(**OPTIONS)
+def nearby_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitudes: np.ndarray,
+    guesses: np.ndarray,
+    group: int,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+) -> None:
+    """Orbit of every row in [first, last) next to its guess.
+
+    Parameters
+    ----------
+    guesses : ndarray, shape (n, 4)
+        Tip offset [m], mean deflection [m], phase [rad], and how far off the tip offset may be [m]. An orbit farther
+        away, or one that is not stable, gets the status NOT_CONVERGED.
+    group : int
+        So many rows, one after another, are close to each other: each may start from the one before.
+    """
+    orbit, spare = new_orbit(), new_orbit()
+    guess, target = np.zeros(5), np.zeros(4)
+    omega = lever[col.OMEGA]
+    for i in range(first, last):
+        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
+        z0, mean, phase, away = guesses[i, 0], guesses[i, 1], guesses[i, 2], guesses[i, 3]
+        guess[0], guess[1], guess[2] = z0, mean, amplitude
+        guess[3] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
+        guess[4] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
+        tolerance = tolerance_of(law, p, lever)
+        done = col.NOT_CONVERGED
+        for warm in (True, False):
+            if warm and (i % group == 0 or i == first or status[i - 1] != col.GOOD):
+                continue
+            if warm:
+                head = orbit.head
+                head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[3], guess[4]
+                if not relay(law, p, lever, tables, orbit, spare):
+                    continue
+                orbit, spare = spare, orbit
+            elif not begin(law, p, lever, tables, orbit, guess, 0):
+                continue
+            done, _, orbit, spare = newton(
+                law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
+            )
+            if done == col.GOOD:
+                done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+            if done == col.GOOD and judge(row) == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < away:
+                break
+            done = col.NOT_CONVERGED
+        if done != col.GOOD:
+            row[:] = math.nan
+        status[i] = done

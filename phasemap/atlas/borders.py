@@ -1,0 +1,396 @@
+"""Borders between orbits of different kind, as surfaces over stiffness and damping.
+
+Along the adhesion, with all else fixed, the orbits follow one another in layers: the tip presses deep into the surface;
+at some adhesion it stays on the attractive branch, where the orbit changes by a jump; and with still more adhesion it
+does not touch any more. There the orbit is continuous, but has a kink. Both borders change smoothly with stiffness and
+damping. They are found here by bisection with exact orbits and interpolated.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.atlas import chebyshev, folds
+from phasemap.atlas.chebyshev import scaled, unscaled
+from phasemap.atlas.oracle import DEPTH, FUNCTIONS, HEIGHT, Oracle
+
+Array = NDArray[np.float64]
+
+SCAN = 17  # points on a line
+HALVINGS = 7  # after which the step of a smooth function has become small
+SMALLEST = 5e-12  # step of the tip offset [m] that is taken for a jump
+JUMP = 0.3  # share of a step that stays in a jump
+EXACT = 4e-6  # width, over the adhesion, to which a jump is located
+SMOOTH = 1e-5  # last coefficients of a border, over the adhesion
+ROUGH = 1e-4  # the same where the error is measured instead
+TRUSTED = 1e-6  # error of a border at its nodes, over the adhesion
+BESIDE = 1e-4  # distance from a border, over the adhesion, that is surely on one side
+WIDEN = 4.0  # how far beyond the adhesions met a border is followed
+SIZES = (3, 5, 9)
+FINEST = 17  # nodes of a border along one coordinate
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """A surface x2 = s(x0, x1).
+
+    Parameters
+    ----------
+    box : tuple of float
+        Low and high of x0, and of x1.
+    coefficients : ndarray, shape (n0, n1)
+    error : float
+        Of s, estimated.
+    sudden : bool
+        Whether the orbit jumps there; else it has a kink.
+    """
+
+    box: tuple[float, float, float, float]
+    coefficients: Array
+    error: float
+    sudden: bool
+
+    def height(self, x0: Array, x1: Array) -> Array:
+        """x2 of the border."""
+        rows, columns = self.coefficients.shape
+        first = chebyshev.polynomials(scaled(x0, *self.box[:2]), rows)
+        second = chebyshev.polynomials(scaled(x1, *self.box[2:]), columns)
+        return np.asarray(np.einsum("ni,ij,nj->n", first, self.coefficients, second))
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Orbits along lines of varying adhesion, each array of shape (lines, points)."""
+
+    heights: Array
+    offsets: Array  # of the tip
+    depths: Array  # of the contact
+
+    def steps(self) -> Array:
+        """How much the tip offset changes from point to point; infinite where only one of two orbits is held."""
+        held = np.isfinite(self.offsets)
+        step = abs(np.diff(self.offsets, axis=1))
+        step[held[:, 1:] != held[:, :-1]] = np.inf
+        return np.nan_to_num(step, nan=0.0, posinf=np.inf)
+
+
+def _above(oracle: Oracle, feet: Array, heights: Array, function: int) -> Array:
+    """A function of the orbits at heights (lines, points) above feet (lines, 2)."""
+    return _orbits(oracle, feet, heights)[..., function]
+
+
+def _orbits(oracle: Oracle, feet: Array, heights: Array) -> Array:
+    points = np.empty((*heights.shape, 3))
+    points[..., :2] = feet[:, None]
+    points[..., 2] = heights
+    return oracle(points.reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))
+
+
+def _scan(oracle: Oracle, feet: Array, low: Array, high: Array) -> _Lines:
+    share = np.linspace(0, 1, SCAN)
+    heights = low[:, None] + (high - low)[:, None] * share
+    orbits = _orbits(oracle, feet, heights)
+    return _Lines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
+
+
+@dataclass(frozen=True, eq=False)
+class _Brackets:
+    """A pair of points on every line, between which a border lies."""
+
+    low: Array
+    high: Array
+    offset_low: Array
+    offset_high: Array
+
+    @property
+    def step(self) -> Array:
+        step = abs(self.offset_high - self.offset_low)
+        return np.where(np.isfinite(self.offset_high) != np.isfinite(self.offset_low), np.inf, np.nan_to_num(step))
+
+    def halved(self, oracle: Oracle, feet: Array, where: NDArray[np.bool_]) -> _Brackets:
+        """Keep, on the lines `where`, the half in which the tip offset changes more."""
+        middle = 0.5 * (self.low + self.high)
+        offset = np.full(len(feet), np.nan)
+        offset[where] = _above(oracle, feet[where], middle[where][:, None], HEIGHT)[:, 0]
+        lower = _Brackets(self.low, middle, self.offset_low, offset).step
+        upper = _Brackets(middle, self.high, offset, self.offset_high).step
+        up, down = where & (upper > lower), where & ~(upper > lower)
+        return _Brackets(
+            np.where(up, middle, self.low),
+            np.where(down, middle, self.high),
+            np.where(up, offset, self.offset_low),
+            np.where(down, offset, self.offset_high),
+        )
+
+
+def _largest_step(lines: _Lines) -> _Brackets:
+    rows, at = np.arange(len(lines.heights)), lines.steps().argmax(axis=1)
+    return _Brackets(
+        lines.heights[rows, at], lines.heights[rows, at + 1], lines.offsets[rows, at], lines.offsets[rows, at + 1]
+    )
+
+
+def _jumps(oracle: Oracle, feet: Array, lines: _Lines) -> tuple[_Brackets, NDArray[np.bool_]]:
+    """Bracket the largest step on every line, and whether it is a jump."""
+    brackets = _largest_step(lines)
+    before = brackets.step
+    where = before > 0
+    for _ in range(HALVINGS):
+        brackets = brackets.halved(oracle, feet, where)
+    with np.errstate(invalid="ignore"):
+        jumps = where & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
+    return brackets, jumps
+
+
+class Undecided(Exception):
+    """The borders over this box do not form whole layers."""
+
+
+def find_borders(oracle: Oracle, box: tuple[float, float, float, float], low: float, high: float) -> list[Border]:
+    """Borders above a box of (x0, x1) that matter for adhesions between low and high, from below.
+
+    Raises
+    ------
+    Undecided
+        If a border exists over a part of the box only, or is not smooth.
+    """
+    feet = _feet(box)
+    lines = _scan(oracle, feet, np.full(len(feet), low), np.full(len(feet), high))
+    brackets, jumps = _jumps(oracle, feet, lines)
+    touching = lines.depths > 0
+    grazing = np.isfinite(lines.depths).all() and bool(touching.any() and not touching.all())
+    found: list[Border] = []
+    if jumps.any():
+        if not jumps.all():
+            brackets = _followed(oracle, feet, brackets, jumps, low, high)
+        jump = _Located(oracle, box, low, high).jump(brackets)
+        found.append(jump.border)
+        above = jump.depth_above
+        if not (np.isfinite(above).all() or np.isnan(above).all()) or (above > 0).any() != (above > 0).all():
+            raise Undecided
+        grazing = bool((above > 0).all() and (lines.depths[:, -1] < 0).any())
+    if grazing:
+        found.append(_Located(oracle, box, low, high).graze(found[0] if found else None))
+    for lower, upper in itertools.pairwise(found):
+        _check_order(lower, upper)
+    return found
+
+
+def _feet(box: tuple[float, float, float, float]) -> Array:
+    """Centre and corners of a box, each once."""
+    middle = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
+    corners = [(x0, x1) for x0 in box[:2] for x1 in box[2:]]
+    return np.array(list(dict.fromkeys([middle, *corners])))
+
+
+def _followed(
+    oracle: Oracle, feet: Array, brackets: _Brackets, jumps: NDArray[np.bool_], low: float, high: float
+) -> _Brackets:
+    """Look for the jump beyond the adhesions met, on the lines that have none among them."""
+    missing = np.flatnonzero(~jumps)
+    count = len(missing)
+    lines = _scan(oracle, feet[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
+    more, found = _jumps(oracle, feet[missing], lines)
+    if not found.all():
+        raise Undecided
+    joined = []
+    for old, new in (
+        (brackets.low, more.low), (brackets.high, more.high), (brackets.offset_low, more.offset_low),
+        (brackets.offset_high, more.offset_high),
+    ):  # fmt: skip
+        old = old.copy()
+        old[missing] = new
+        joined.append(old)
+    return _Brackets(*joined)
+
+
+def _check_order(lower: Border, upper: Border) -> None:
+    grid = [chebyshev.nodes(9) if lower.box[2 * i] < lower.box[2 * i + 1] else np.zeros(1) for i in (0, 1)]
+    x0, x1 = np.meshgrid(unscaled(grid[0], *lower.box[:2]), unscaled(grid[1], *lower.box[2:]), indexing="ij")
+    below, above = lower.height(x0.ravel(), x1.ravel()), upper.height(x0.ravel(), x1.ravel())
+    if ((above - below) < 0.01 * above).any():
+        raise Undecided
+
+
+@dataclass(frozen=True, eq=False)
+class _Jump:
+    border: Border
+    depth_above: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Located:
+    """A border over a box, by interpolation between the nodes at which it is located."""
+
+    oracle: Oracle
+    box: tuple[float, float, float, float]
+    low: float
+    high: float
+
+    def _nodes(self, sizes: tuple[int, int]) -> Array:
+        x0 = unscaled(chebyshev.nodes(sizes[0]), *self.box[:2])
+        x1 = unscaled(chebyshev.nodes(sizes[1]), *self.box[2:])
+        return np.stack(np.meshgrid(x0, x1, indexing="ij"), -1).reshape(-1, 2)
+
+    def _sizes(self, size: int) -> tuple[int, int]:
+        box = self.box
+        return (size if box[1] > box[0] else 1), (size if box[3] > box[2] else 1)
+
+    def jump(self, brackets: _Brackets) -> _Jump:
+        """Locate a jump at more and more nodes, from the brackets at centre and corners."""
+        least = 0.5 * float(np.min(brackets.step))
+        if self.oracle.scope.frequency_ratio != 1:
+            return self._halving(brackets, least)
+        border = self._at_folds(brackets)
+        if border is None:
+            raise Undecided
+        return _Jump(border, self._depth_above(border))
+
+    def _at_folds(self, brackets: _Brackets) -> Border | None:
+        """The border as the end of the attractive branch, if that can be followed."""
+        feet = _feet(self.box)
+        known = folds.start(self.oracle, feet, brackets.high)
+        if known is None:
+            return None
+        sizes = self._sizes(3)
+        nodes = self._nodes(sizes)
+        guess, off = folds.plane(feet, known, nodes, self.box)
+        while max(sizes) <= FINEST:
+            ends = folds.follow_all(self.oracle, nodes, guess, off)
+            heights = None if ends is None else folds.lost(ends)
+            if ends is None or heights is None:
+                return None
+            border = self._border(heights.reshape(sizes), True, 0.0)
+            finer = self._finer(border, ROUGH * float(heights.max()))
+            if finer == sizes:
+                return self._measured(border, ends, sizes)
+            nodes = self._nodes(finer)
+            guess, off = folds.interpolated(ends, sizes, nodes, self.box)
+            sizes = finer
+        return None
+
+    def _measured(self, border: Border, ends: list[folds.Ends], sizes: tuple[int, int]) -> Border | None:
+        """The border with its error, from the true one at some points between the nodes."""
+        between = _between(self.box)
+        found = folds.follow_all(self.oracle, between, folds.interpolated(ends, sizes, between, self.box)[0], 0.0)
+        heights = None if found is None else folds.lost(found)
+        if heights is None:
+            return None
+        error = 3 * float(abs(border.height(between[:, 0], between[:, 1]) - heights).max())
+        return replace(border, error=error + TRUSTED * float(heights.max()))
+
+    def _finer(self, border: Border, enough: float) -> tuple[int, int]:
+        """Nodes along x0 and x1, more along what is not resolved yet."""
+        tails = [float(chebyshev.tail(border.coefficients, axis, 2)) for axis in (0, 1)]
+        rows, columns = border.coefficients.shape
+        return (2 * rows - 1 if tails[0] > enough else rows), (2 * columns - 1 if tails[1] > enough else columns)
+
+    def _depth_above(self, border: Border) -> Array:
+        """Depth of the contact right above the border, after engagement."""
+        feet = _feet(self.box)
+        height = border.height(feet[:, 0], feet[:, 1])
+        room = max(BESIDE, 4 * border.error / float(height.min())) * height
+        return _above(self.oracle, feet, (height + room)[:, None], DEPTH)[:, 0]
+
+    def _halving(self, brackets: _Brackets, least: float) -> _Jump:
+        feet = _feet(self.box)
+        rough = 0.5 * (brackets.low + brackets.high)
+        guess, spread = _plane(feet, rough, self.box)
+        border = None
+        for size in SIZES:
+            sizes = self._sizes(size)
+            nodes = self._nodes(sizes)
+            centre = guess(nodes) if border is None else border.height(nodes[:, 0], nodes[:, 1])
+            half = max(1.5 * spread, 0.02 * float(centre.max())) if border is None else 4 * border.error
+            located = self._bisect(nodes, centre, np.full(len(nodes), half), least)
+            heights = 0.5 * (located.low + located.high)
+            border = self._border(heights.reshape(sizes), True, EXACT * float(heights.max()))
+            if (size > SIZES[0] and border.error < SMOOTH * float(heights.max())) or sizes == (1, 1):
+                return _Jump(border, self._depth_above(border))
+        if border is not None and border.error < ROUGH * float(heights.max()):
+            return _Jump(border, self._depth_above(border))
+        raise Undecided
+
+    def _bisect(self, feet: Array, centre: Array, half: Array, least: float) -> _Brackets:
+        """Locate the jump near `centre`; a step larger than `least` is one."""
+        for _ in range(6):
+            low, high = np.maximum(centre - half, 0.0), centre + half
+            offsets = _above(self.oracle, feet, np.column_stack([low, high]), HEIGHT)
+            brackets = _Brackets(low, high, offsets[:, 0], offsets[:, 1])
+            missed = ~(brackets.step > least)
+            if not missed.any():
+                break
+            half = np.where(missed, 4 * half, half)
+        else:
+            raise Undecided
+        while (where := brackets.high - brackets.low > EXACT * centre).any():
+            brackets = brackets.halved(self.oracle, feet, where)
+        if not (brackets.step > 0.5 * least).all():
+            raise Undecided
+        return brackets
+
+    def graze(self, below: Border | None) -> Border:
+        """Where the tip just touches: the depth of the contact passes zero."""
+        border = None
+        for size in SIZES:
+            sizes = self._sizes(size)
+            nodes = self._nodes(sizes)
+            floor = np.zeros(len(nodes)) if below is None else below.height(nodes[:, 0], nodes[:, 1]) + 2 * below.error
+            if border is None:
+                low, high = np.maximum(floor, self.low / WIDEN), np.full(len(nodes), self.high * WIDEN)
+            else:
+                centre = border.height(nodes[:, 0], nodes[:, 1])
+                low, high = np.maximum(floor, centre - 8 * border.error), centre + 8 * border.error
+            heights = self._root(nodes, low, high)
+            border = self._border(heights.reshape(sizes), False, 1e-9 * float(heights.max()))
+            if border.error < SMOOTH * float(heights.max()):
+                return border
+        raise Undecided
+
+    def _root(self, feet: Array, low: Array, high: Array) -> Array:
+        """Zero of the depth between low, where the tip touches, and high, where it does not (Illinois)."""
+        depths = _above(self.oracle, feet, np.column_stack([low, high]), DEPTH)
+        f_low, f_high = depths[:, 0].copy(), depths[:, 1].copy()
+        if not ((f_low > 0) & (f_high < 0)).all():
+            raise Undecided
+        low, high = low.copy(), high.copy()
+        at = low
+        for _ in range(40):
+            at = (low * f_high - high * f_low) / (f_high - f_low)
+            f = _above(self.oracle, feet, at[:, None], DEPTH)[:, 0]
+            if not np.isfinite(f).all():
+                raise Undecided
+            if (abs(f) < 1e-15).all():
+                break
+            up = f > 0
+            # The end that stays counts half, so that it does not stay for ever.
+            f_high, f_low = np.where(up, 0.5 * f_high, f), np.where(up, f, 0.5 * f_low)
+            low, high = np.where(up, at, low), np.where(up, high, at)
+        return at
+
+    def _border(self, heights: Array, sudden: bool, error: float) -> Border:
+        coefs = chebyshev.coefficients(heights, [0, 1])
+        tails = [float(chebyshev.tail(coefs, axis, 2)) for axis in (0, 1)]
+        return Border(self.box, coefs, max(error, *tails), sudden)
+
+
+def _between(box: tuple[float, float, float, float]) -> Array:
+    """A few more points of a box, where no node of an interpolant is."""
+    shares = np.array([[0.31, 0.72], [0.62, 0.17], [0.11, 0.41], [0.83, 0.88]])
+    low, high = np.array(box[::2]), np.array(box[1::2])
+    return np.asarray(low + (high - low) * shares)
+
+
+def _plane(
+    feet: Array, heights: Array, box: tuple[float, float, float, float]
+) -> tuple[Callable[[Array], Array], float]:
+    """Surface through heights at centre and corners, and how far it misses them."""
+    matrix = folds.basis(feet, box)
+    fitted = np.linalg.lstsq(matrix, heights, rcond=None)[0]
+    missed = float(abs(matrix @ fitted - heights).max())
+    return (lambda at: folds.basis(at, box) @ fitted), missed

@@ -1,0 +1,174 @@
+"""How an atlas comes about: borders first, then cells between them, cut where they are too rough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels.interpolate import BORDER, CUT, LEAF, OUTSIDE
+from phasemap.atlas.atlas import Atlas
+from phasemap.atlas.borders import Border, Undecided, find_borders
+from phasemap.atlas.cells import Cell, Piece, best_form, fit
+from phasemap.atlas.chebyshev import unscaled
+from phasemap.atlas.oracle import Oracle
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float, float, float]  # low and high of x0, x1, x2
+
+WORTH = 0.5  # exact orbits that a cell may take, over those it saves
+LEAST = 100  # materials for which a cell is tried at all
+COLUMN = 1000  # exact orbits that a search for borders takes
+ROOM = 0.01  # by which the box of the sample is widened
+MARGIN = 2e-4  # least share of a layer next to a jump that is left to exact orbits
+DEEPEST = 14  # cuts one after another
+
+
+def build(oracle: Oracle, sample: Array, count: int, tolerances: Array) -> Atlas:
+    """Make an atlas for the materials of an image.
+
+    Parameters
+    ----------
+    oracle : Oracle
+    sample : ndarray, shape (n, 3)
+        Points drawn from the image, each once; without any, the atlas is empty.
+    count : int
+        How many distinct ones the image has.
+    tolerances : ndarray, shape (functions,)
+
+    Returns
+    -------
+    Atlas
+    """
+    if not len(sample):
+        return Atlas.of([[LEAF, OUTSIDE, -1, -1]], [0.0], [], [])
+    extent = np.ptp(sample, axis=0)
+    builder = _Builder(oracle, tolerances, count / len(sample), np.where(extent > 0, extent, 1.0))
+    builder.column(_box_of(sample, oracle.axes.lowest), sample, 0)
+    return Atlas.of(builder.nodes, builder.values, builder.borders, builder.pieces)
+
+
+def _box_of(points: Array, lowest: Array) -> Box:
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = ROOM * (high - low)
+    low, high = np.maximum(low - room, np.minimum(lowest, low)), high + room
+    (a, b, c), (d, e, f) = low.tolist(), high.tolist()
+    return a, d, b, e, c, f
+
+
+class _Builder:
+    """Grows the tree of an atlas."""
+
+    def __init__(self, oracle: Oracle, tolerances: Array, weight: float, extent: Array) -> None:
+        self.oracle, self.tolerances, self.weight = oracle, tolerances, weight
+        self.extent = extent
+        self.nodes: list[list[int]] = []
+        self.values: list[float] = []
+        self.borders: list[Border] = []
+        self.pieces: list[Piece] = []
+
+    def _node(self, kind: int, which: int, value: float = 0.0) -> int:
+        self.nodes.append([kind, which, -1, -1])
+        self.values.append(value)
+        return len(self.nodes) - 1
+
+    def _budget(self, materials: Array) -> int:
+        return int(WORTH * self.weight * len(materials)) if len(materials) * self.weight >= LEAST else 0
+
+    def column(self, box: Box, materials: Array, depth: int) -> int:
+        """Everything above a box of (x0, x1): its layers, or the two halves of it."""
+        if self._budget(materials) < COLUMN or depth > DEEPEST:
+            return self._node(LEAF, OUTSIDE)
+        low, high = box[4], box[5]
+        try:
+            borders = find_borders(self.oracle, (box[0], box[1], box[2], box[3]), low, high)
+        except Undecided:
+            return self._cut_column(box, materials, depth)
+        if borders:
+            return self._layers(box, materials, depth, borders)
+        return self.cell(Cell((*box[:4], 0.0, 1.0 if high > low else 0.0), low, high), materials, depth)
+
+    def _cut_column(self, box: Box, materials: Array, depth: int) -> int:
+        """Two halves of a box of (x0, x1), cut across its longer side."""
+        sides = [(box[2 * axis + 1] - box[2 * axis]) / self.extent[axis] for axis in (0, 1)]
+        axis = int(np.argmax(sides))
+        if sides[axis] == 0:
+            return self._node(LEAF, OUTSIDE)
+        at = 0.5 * (box[2 * axis] + box[2 * axis + 1])
+        node = self._node(CUT, axis, at)
+        above = materials[:, axis] >= at
+        for side, part in ((2, materials[~above]), (3, materials[above])):
+            half = list(box)
+            half[2 * axis + (side == 2)] = at
+            a, b, c, d, e, f = half
+            self.nodes[node][side] = self.column((a, b, c, d, e, f), part, depth + 1)
+        return node
+
+    def _layers(self, box: Box, materials: Array, depth: int, borders: list[Border]) -> int:
+        """Chain of borders, with the layer below each."""
+        lowest = min(box[4], 0.8 * _extremes(borders[0])[0])
+        highest = max(box[5], 1.25 * _extremes(borders[-1])[1])
+        ends: list[float | Border] = [lowest, *borders, highest]
+        chain = [self._node(BORDER, self._number(border)) for border in borders]
+        for i, node in enumerate(chain):
+            inside = materials[:, 2] < borders[i].height(materials[:, 0], materials[:, 1])
+            self.nodes[node][2] = self._layer(box, ends[i], ends[i + 1], materials[inside], depth)
+            materials = materials[~inside]
+            if i + 1 < len(chain):
+                self.nodes[node][3] = chain[i + 1]
+        self.nodes[chain[-1]][3] = self._layer(box, ends[-2], ends[-1], materials, depth)
+        return chain[0]
+
+    def _layer(self, box: Box, lower: float | Border, upper: float | Border, materials: Array, depth: int) -> int:
+        if not self._budget(materials):
+            return self._node(LEAF, OUTSIDE)
+        cell = Cell((*box[:4], 0.0, 1.0), lower, upper)
+        cell = replace(cell, form=best_form(self.oracle, cell, self.tolerances))
+        x0, x1 = materials[:, 0], materials[:, 1]
+        low = lower.height(x0, x1) if isinstance(lower, Border) else lower
+        high = upper.height(x0, x1) if isinstance(upper, Border) else upper
+        cell = cell.margins(float(np.min(high - low)), MARGIN)
+        outside = (abs(cell.inside(materials)) > 1).any(axis=1)
+        return self.cell(cell, materials[~outside], depth)
+
+    def cell(self, cell: Cell, materials: Array, depth: int) -> int:
+        """A leaf with the interpolant of a cell, or the two halves of it."""
+        budget = self._budget(materials)
+        found = fit(self.oracle, cell, self.tolerances, materials, budget) if budget else None
+        if isinstance(found, Piece):
+            self.pieces.append(found)
+            return self._node(LEAF, len(self.pieces) - 1)
+        if found is None or found.hopeless or depth > DEEPEST:
+            return self._node(LEAF, OUTSIDE)
+        at = 0.5 * sum(cell.side(found.axis))
+        level = cell.level(at) if found.axis == 2 else at
+        node = (
+            self._node(BORDER, self._number(level)) if isinstance(level, Border) else self._node(CUT, found.axis, level)
+        )
+        above = cell.inside(materials)[:, found.axis] >= 0.0
+        for side, half, part in zip(
+            (2, 3), cell.halves(found.axis, at), (materials[~above], materials[above]), strict=True
+        ):
+            self.nodes[node][side] = self._again(half, part, depth + 1)
+        return node
+
+    def _again(self, cell: Cell, materials: Array, depth: int) -> int:
+        """A half of a cell: where no border was known, there may be one in it."""
+        if isinstance(cell.lower, Border) or isinstance(cell.upper, Border):
+            return self.cell(cell, materials, depth)
+        low, high = (cell.level(u) for u in cell.side(2))
+        assert isinstance(low, float) and isinstance(high, float)
+        return self.column((*cell.box[:4], low, high), materials, depth)
+
+    def _number(self, border: Border) -> int:
+        self.borders.append(border)
+        return len(self.borders) - 1
+
+
+def _extremes(border: Border) -> tuple[float, float]:
+    """Lowest and highest adhesion of a border over its box, nearly."""
+    t = np.linspace(-1, 1, 9)
+    x0, x1 = np.meshgrid(unscaled(t, *border.box[:2]), unscaled(t, *border.box[2:]))
+    heights = border.height(x0.ravel(), x1.ravel())
+    return float(heights.min()), float(heights.max())

@@ -1,0 +1,295 @@
+"""Cells of the coordinates, and the interpolants fitted in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
+from phasemap.atlas import chebyshev
+from phasemap.atlas.borders import Border
+from phasemap.atlas.chebyshev import scaled, unscaled
+from phasemap.atlas.oracle import HEIGHT, PHASE, Oracle
+
+Array = NDArray[np.float64]
+End = float | Border
+
+FIRST = 5  # nodes along a coordinate to begin with
+MOST = 17  # before a cell is split
+SHARE = 0.3  # of the tolerance that the last coefficients along one coordinate may have
+STUCK = 20.0  # last coefficients over the tolerance above which more nodes must help at once
+NEGLIGIBLE = 0.005  # of the tolerance: coefficients left out
+NEAR, NEAREST = 5.0, 2e-11  # how far from an interpolant an orbit may be: over its last coefficients, and [m]
+SAFETY = 3.0  # of the largest error found by trial, in the estimate
+FLOOR = 0.01  # of the tolerance, in the estimate: the error of the orbits themselves
+TRIALS = (24, 192)  # least and most materials of the image on which a cell is tried
+TRIED = 1 / 40  # share of them
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A box in (x0, x1, u), with u the place between the lower and the upper end of a layer.
+
+    Parameters
+    ----------
+    box : tuple of float
+        Low and high of x0, x1 and u.
+    lower, upper : float or Border
+        Ends of the layer in x2.
+    form : int
+        How u goes with the relative place (`phasemap._kernels.interpolate`): evenly, or with roots at borders, where
+        orbits change with the root of the distance.
+    """
+
+    box: tuple[float, float, float, float, float, float]
+    lower: End
+    upper: End
+    form: int = PLAIN
+
+    def side(self, axis: int) -> tuple[float, float]:
+        """Low and high of one coordinate."""
+        return self.box[2 * axis], self.box[2 * axis + 1]
+
+    def points(self, x0: Array, x1: Array, u: Array) -> Array:
+        """Points (n, 3) of places in the layer."""
+        low, high = _height(self.lower, x0, x1), _height(self.upper, x0, x1)
+        return np.column_stack([x0, x1, np.maximum(low + (high - low) * _share(u, self.form), 0.0)])
+
+    def inside(self, points: Array) -> Array:
+        """Coordinates in [-1, 1] of points (n, 3); beyond where they lie outside."""
+        low, high = _height(self.lower, points[:, 0], points[:, 1]), _height(self.upper, points[:, 0], points[:, 1])
+        thickness = np.where(high > low, high - low, 1.0)
+        places = (points[:, 0], points[:, 1], _place((points[:, 2] - low) / thickness, self.form))
+        return np.column_stack([scaled(place, *self.side(axis)) for axis, place in enumerate(places)])
+
+    def margins(self, thickness: float, least: float) -> Cell:
+        """Leave out what is too near to a jump for the border's error, at least the share `least` of the layer."""
+        low, high = self.side(2)
+        if isinstance(self.lower, Border) and self.lower.sudden:
+            low = float(_place(np.array(max(least, 4 * self.lower.error / thickness)), self.form))
+        if isinstance(self.upper, Border) and self.upper.sudden:
+            high = float(_place(np.array(1 - max(least, 4 * self.upper.error / thickness)), self.form))
+        return replace(self, box=(*self.box[:4], low, high))
+
+    def level(self, u: float) -> End:
+        """The surface of one u in x2."""
+        share = float(_share(np.array(u), self.form))
+        if not isinstance(self.lower, Border) and not isinstance(self.upper, Border):
+            return self.lower + (self.upper - self.lower) * share
+        border = self.lower if isinstance(self.lower, Border) else self.upper
+        assert isinstance(border, Border)
+        low, high = (
+            end.coefficients if isinstance(end, Border) else np.array([[end]]) for end in (self.lower, self.upper)
+        )
+        mixed = np.zeros(np.maximum(low.shape, high.shape))
+        mixed[: low.shape[0], : low.shape[1]] += (1 - share) * low
+        mixed[: high.shape[0], : high.shape[1]] += share * high
+        return Border(border.box, mixed, 0.0, False)
+
+    def halves(self, axis: int, at: float) -> tuple[Cell, Cell]:
+        """The cell cut in two across a coordinate."""
+        low, high = list(self.box), list(self.box)
+        low[2 * axis + 1] = high[2 * axis] = at
+        a, b, c, d, e, f = low
+        g, h, i, j, k, m = high
+        return replace(self, box=(a, b, c, d, e, f)), replace(self, box=(g, h, i, j, k, m))
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A cell with its interpolant.
+
+    Parameters
+    ----------
+    cell : Cell
+    coefficients : ndarray, shape (n0, n1, n2, functions)
+    errors : ndarray, shape (2,)
+        Estimated, of height [m] and phase [rad].
+    """
+
+    cell: Cell
+    coefficients: Array
+    errors: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rough:
+    """A cell in which no interpolant was accepted, and the coordinate across which it changes most."""
+
+    axis: int
+    hopeless: bool = False
+
+
+def _height(end: End, x0: Array, x1: Array) -> Array:
+    return end.height(x0, x1) if isinstance(end, Border) else np.full(len(x0), end)
+
+
+def _share(u: Array, form: int) -> Array:
+    """Relative place in a layer of u; the reverse of `phasemap._kernels.interpolate.place`."""
+    if form == ROOT_LOW:
+        return u * u
+    if form == ROOT_HIGH:
+        return 1 - (1 - u) ** 2
+    return np.asarray(np.sin(0.5 * np.pi * u) ** 2) if form == ROOT_BOTH else u
+
+
+def _place(share: Array, form: int) -> Array:
+    share = np.clip(share, 0, 1)
+    if form == ROOT_LOW:
+        return np.sqrt(share)
+    if form == ROOT_HIGH:
+        return 1 - np.sqrt(1 - share)
+    return np.arcsin(np.sqrt(share)) * (2 / np.pi) if form == ROOT_BOTH else share
+
+
+def evaluate(coefs: Array, inside: Array) -> Array:
+    """Interpolant at coordinates in [-1, 1], shape (n, functions)."""
+    p0, p1, p2 = (chebyshev.polynomials(inside[:, axis], coefs.shape[axis]) for axis in range(3))
+    return np.asarray(np.einsum("ni,nj,nk,ijkf->nf", p0, p1, p2, coefs, optimize=True))
+
+
+class Fit:
+    """An interpolant in the making: exact orbits on a grid that grows along the coordinate that needs it."""
+
+    def __init__(self, oracle: Oracle, cell: Cell, first: int = FIRST) -> None:
+        self.oracle, self.cell = oracle, cell
+        sizes = [first if high > low else 1 for low, high in map(cell.side, range(3))]
+        self.values = self._solve([chebyshev.nodes(size) for size in sizes])
+
+    def _solve(self, nodes: list[Array], known: Array | None = None) -> Array:
+        """Exact orbits on a grid, near those of an interpolant if one is known."""
+        grid = np.meshgrid(*nodes, indexing="ij")
+        inside = np.column_stack([t.reshape(-1) for t in grid])
+        points = self.cell.points(*(unscaled(inside[:, axis], *self.cell.side(axis)) for axis in range(3)))
+        if known is None:
+            values = self.oracle(points)
+        else:
+            guesses = evaluate(known, inside)
+            off = sum(chebyshev.tail(known, axis, 3)[HEIGHT] for axis in range(3))
+            values = self.oracle.near(points, guesses, np.full(len(points), NEAR * off + NEAREST))
+            lost = np.isnan(values).any(axis=1)
+            if lost.any():
+                values[lost] = self.oracle(points[lost])
+        return values.reshape(*grid[0].shape, -1)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Nodes along each coordinate."""
+        return self.values.shape[:3]
+
+    def growth(self, axis: int) -> int:
+        """How many more exact orbits `grow` asks for."""
+        size = self.sizes[axis]
+        return (size - 1) * int(np.prod(self.sizes)) // size
+
+    def grow(self, axis: int) -> None:
+        """Put a node between each two along a coordinate."""
+        nodes = [chebyshev.nodes(size) for size in self.sizes]
+        nodes[axis] = chebyshev.nodes(2 * self.sizes[axis] - 1)[1::2]
+        shape = list(self.values.shape)
+        shape[axis] = 2 * shape[axis] - 1
+        values = np.empty(shape)
+        at: list[slice] = [slice(None)] * 4
+        at[axis] = slice(None, None, 2)
+        values[tuple(at)] = self.values
+        at[axis] = slice(1, None, 2)
+        values[tuple(at)] = self._solve(nodes, self.coefficients())
+        self.values = values
+
+    def coefficients(self) -> Array:
+        """Chebyshev coefficients, shape (n0, n1, n2, functions)."""
+        return chebyshev.coefficients(self.values, [0, 1, 2])
+
+    def tails(self, tolerances: Array) -> Array:
+        """Last coefficients along each coordinate over the tolerance, the largest of all functions."""
+        coefs = self.coefficients()
+        return np.array([float((chebyshev.tail(coefs, axis, 3) / tolerances).max()) for axis in range(3)])
+
+
+def fit(oracle: Oracle, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
+    """Interpolate in a cell, with at most `budget` exact orbits.
+
+    Parameters
+    ----------
+    oracle : Oracle
+    cell : Cell
+    tolerances : ndarray, shape (functions,)
+    materials : ndarray, shape (n, 3)
+        Points of the image in this cell, on some of which the interpolant is tried.
+    budget : int
+    """
+    asked = oracle.asked
+    if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:
+        return Rough(0, hopeless=True)
+    making = Fit(oracle, cell)
+    trial = _Trial(oracle, cell, materials, tolerances)
+    grown, before = -1, np.full(3, np.inf)
+    while True:
+        if not np.isfinite(making.values).all():
+            return Rough(_bad_axis(making.values))
+        tails = making.tails(tolerances)
+        if grown >= 0 and tails[grown] > max(STUCK, 0.5 * before[grown]):
+            return Rough(grown)
+        if (tails < SHARE).all():
+            piece = trial.passed(making.coefficients())
+            if piece is not None:
+                return piece
+        order = [int(axis) for axis in np.argsort(-tails) if 1 < making.sizes[axis]]
+        if not order:
+            return Rough(0, hopeless=True)
+        growing = [axis for axis in order if making.sizes[axis] < MOST]
+        axis = order[0]
+        if axis not in growing or oracle.asked - asked + making.growth(axis) > budget:
+            return Rough(axis)
+        grown, before = axis, tails
+        making.grow(axis)
+
+
+def _bad_axis(values: Array) -> int:
+    """The coordinate along which being held or not changes most often."""
+    held = np.isfinite(values).all(axis=-1)
+    changes = [np.count_nonzero(np.diff(held, axis=axis)) / max(1, held.shape[axis] - 1) for axis in range(3)]
+    return int(np.argmax(changes))
+
+
+class _Trial:
+    """Exact orbits at materials of the image, to measure an interpolant by; solved when first asked for."""
+
+    def __init__(self, oracle: Oracle, cell: Cell, materials: Array, tolerances: Array) -> None:
+        self.oracle, self.cell, self.tolerances = oracle, cell, tolerances
+        count = int(np.clip(len(materials) * TRIED, *TRIALS))
+        chosen = np.unique(np.linspace(0, len(materials) - 1, count).astype(np.intp))
+        self.points = materials[chosen]
+        self.inside = cell.inside(self.points)
+        self.values: Array | None = None
+
+    def passed(self, coefs: Array) -> Piece | None:
+        """Return the piece if its estimated errors are within the tolerances."""
+        if self.values is None:
+            self.values = self.oracle(self.points)
+        coefs = np.where(abs(coefs) < NEGLIGIBLE * self.tolerances, 0.0, coefs)
+        errors = abs(evaluate(coefs, self.inside) - self.values)
+        if not np.isfinite(errors).all():
+            return None
+        estimates = SAFETY * errors.max(axis=0)
+        if (estimates > self.tolerances).any():
+            return None
+        return Piece(self.cell, coefs, (estimates + FLOOR * self.tolerances)[[HEIGHT, PHASE]])
+
+
+def best_form(oracle: Oracle, cell: Cell, tolerances: Array) -> int:
+    """The form of u along which orbits in the middle of a layer change most evenly."""
+    forms = [PLAIN]
+    lower, upper = isinstance(cell.lower, Border), isinstance(cell.upper, Border)
+    forms += [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
+    if len(forms) == 1:
+        return PLAIN
+    middle = [0.5 * sum(cell.side(axis)) for axis in (0, 1)]
+    line = (middle[0], middle[0], middle[1], middle[1], *cell.side(2))
+    rough = {}
+    for form in forms:
+        tails = Fit(oracle, replace(cell, box=line, form=form), 17).tails(tolerances)
+        rough[form] = float(np.nan_to_num(tails, nan=np.inf).max())
+    return min(forms, key=lambda form: rough[form])

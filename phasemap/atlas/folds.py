@@ -1,0 +1,218 @@
+"""Where the attractive branch ends, from orbits beside its end.
+
+At fixed amplitude, two orbits meet where the branch ends, the stable one and one nearer to the surface, and beyond that
+adhesion there is none. So the adhesion is a smooth function of the tip offset with a minimum there, w = w_f + c (z -
+z_f)^2 + ..., and a few orbits on the branch tell where the end is. They are found from one another, without engagement.
+
+The branch is lost where it ends at any amplitude between the free one and the setpoint. Its end needs the most adhesion
+at the amplitude 3^(-1/2) of the free one, for harmonic orbits at resonance; for a lower setpoint the largest of the
+values around that amplitude counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.atlas import chebyshev
+from phasemap.atlas.chebyshev import scaled
+from phasemap.atlas.oracle import HEIGHT, Oracle
+
+Array = NDArray[np.float64]
+
+SHARES = (4.5, 3.0, 2.0, 1.2)
+"""How far beyond the end orbits are looked for, over how far off the end may be."""
+STEPS = (0.1, 0.035, 0.012, 3e-3, 6e-4)  # on the way there
+WIDEST, NEAREST = 0.2, 2e-5  # how far off, over the adhesion: where the search gives up, and where it ends
+ENOUGH = 4e-4  # where it may end, if orbits nearer to the end are not found
+MOST = 20  # steps of it
+FIRST = (1e-3, 4e-3, 0.01, 0.02)  # how far beyond the end orbits are engaged to begin with, over the adhesion
+SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
+NARROWEST = 1 / math.sqrt(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Ends of the attractive branch above some points of (x0, x1).
+
+    Parameters
+    ----------
+    adhesion : ndarray, shape (n,)
+        w_f [J/m2].
+    orbit : ndarray, shape (n, functions)
+        The orbit there.
+    curvature : ndarray, shape (n,)
+        c [J/m2 per m2].
+    """
+
+    adhesion: Array
+    orbit: Array
+    curvature: Array
+
+    @property
+    def table(self) -> Array:
+        """All of it in columns, each smooth and of one sign or none; shape (n, 2 + functions)."""
+        return np.column_stack([self.adhesion, np.log(self.curvature), self.orbit])
+
+    @classmethod
+    def of(cls, table: Array) -> Ends:
+        """The reverse of `table`."""
+        return cls(table[:, 0], table[:, 2:], np.exp(table[:, 1]))
+
+
+def follow(oracle: Oracle, feet: Array, guess: Ends, off: float, amplitude: float) -> Ends | None:
+    """Find the ends above feet (n, 2) from guesses that are `off` at most, relatively; None if that fails anywhere."""
+    ends, off, nearest = guess, max(off, 10 * NEAREST), NEAREST
+    for _ in range(MOST):
+        found = _around(oracle, feet, ends, off * np.array(SHARES), amplitude)
+        if found is None:
+            off *= 1.6
+            if off < ENOUGH:
+                nearest = max(nearest, off)
+            if off > WIDEST:
+                return None
+            continue
+        moved, ends = float(abs(found.adhesion / ends.adhesion - 1).max()), found
+        if off <= nearest:
+            return ends
+        off = max(nearest, min(max(0.5 * moved, 0.1 * off), 0.9 * off))
+    return None
+
+
+def _around(oracle: Oracle, feet: Array, ends: Ends, shares: Array, amplitude: float) -> Ends | None:
+    """Ends from orbits at these shares beyond them, largest first.
+
+    Next to the end, Newton's method needs an orbit from slightly farther away to start from.
+    """
+    if not (ends.adhesion > 0).all():
+        return None
+    steps = [step for step in STEPS if step > 2 * shares[0]]
+    chain = np.concatenate([steps, shares])
+    count, tries = len(feet), len(chain)
+    adhesion = ends.adhesion[:, None] * (1 + chain)
+    points = np.column_stack([np.repeat(feet, tries, axis=0), adhesion.reshape(-1)])
+    above = np.sqrt(ends.adhesion[:, None] * chain / ends.curvature[:, None])
+    guesses = np.repeat(ends.orbit, tries, axis=0)
+    guesses[:, HEIGHT] += above.reshape(-1)
+    away = 3 * above.reshape(-1)
+    values = oracle.near(points, guesses, away, amplitude, tries).reshape(count, tries, -1)
+    used = slice(None, len(steps) - 1 if steps else None, -1)
+    return minimum(adhesion[:, used], values[:, used]) if np.isfinite(values[:, used]).all() else None
+
+
+def around(oracle: Oracle) -> tuple[float, ...]:
+    """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
+    narrowest = NARROWEST * oracle.scope.free_amplitude
+    if oracle.amplitude >= narrowest:
+        return (oracle.amplitude,)
+    return (1 - SPREAD) * narrowest, narrowest, (1 + SPREAD) * narrowest
+
+
+def start(oracle: Oracle, feet: Array, adhesion: Array) -> list[Ends] | None:
+    """Find the ends above feet (n, 2) at these amplitudes, from adhesions slightly beyond them."""
+    amplitudes = around(oracle)
+    middle = amplitudes[len(amplitudes) // 2]
+    tried = adhesion[:, None] * (1 + np.array(FIRST))
+    points = np.column_stack([np.repeat(feet, len(FIRST), axis=0), tried.reshape(-1)])
+    values = oracle(points, middle).reshape(*tried.shape, -1)
+    rough = minimum(tried, values) if np.isfinite(values).all() else None
+    ends = None if rough is None else follow(oracle, feet, rough, 0.0, middle)
+    if ends is None:
+        return None
+    moved = []
+    for amplitude in amplitudes:
+        orbit = ends.orbit.copy()
+        orbit[:, HEIGHT] += amplitude - middle
+        moved.append(Ends(ends.adhesion, orbit, ends.curvature))
+    return follow_all(oracle, feet, moved, 0.0 if len(amplitudes) == 1 else SPREAD**2)
+
+
+def follow_all(oracle: Oracle, feet: Array, guesses: list[Ends], off: float) -> list[Ends] | None:
+    """`follow` at each of the amplitudes."""
+    every = [follow(oracle, feet, guess, off, a) for guess, a in zip(guesses, around(oracle), strict=True)]
+    found = [ends for ends in every if ends is not None]
+    return found if len(found) == len(every) else None
+
+
+def lost(every: list[Ends]) -> Array | None:
+    """Adhesion below which the branch is lost on the way to the setpoint: the largest of all amplitudes."""
+    if len(every) == 1:
+        return every[0].adhesion
+    below, middle, above = (ends.adhesion for ends in every)
+    slope, bend = 0.5 * (above - below), 0.5 * (above + below) - middle
+    return middle - 0.25 * slope**2 / bend if (bend < 0).all() else None
+
+
+def minimum(adhesion: Array, values: Array) -> Ends | None:
+    """The end of the branch, from orbits at four adhesions; shapes (n, 4) and (n, 4, functions).
+
+    Adhesion as a cubic of the tip offset has its minimum there.
+    """
+    heights = values[..., HEIGHT]
+    origin, scale = heights[:, :1], np.ptp(heights, axis=1, keepdims=True)
+    if not (scale > 0).all():
+        return None
+    t = (heights - origin) / scale
+    if not (np.diff(t, axis=1) > 0).all():
+        return None
+    matrix = t[..., None] ** np.arange(4)
+    cubic = np.linalg.solve(matrix, adhesion[..., None])[..., 0]
+    square = np.zeros_like(cubic)
+    square[:, :3] = np.linalg.solve(matrix[:, :3, :3], adhesion[:, :3, None])[..., 0]
+    # Far from the end, a cubic may have no minimum.
+    b = np.where((_discriminant(cubic) > 0)[:, None], cubic, square)
+    at = -b[:, 1] / (b[:, 2] + np.sqrt(np.maximum(_discriminant(b), 0.0)))
+    curvature = (b[:, 2] + 3 * b[:, 3] * at) / scale[:, 0] ** 2
+    if not (np.isfinite(at).all() and (curvature > 0).all() and (at < 0).all()):
+        return None
+    at = np.maximum(at, -2.0)
+    powers = at[:, None] ** np.arange(4)
+    orbit = np.einsum("np,npf->nf", powers, np.linalg.solve(matrix, values))
+    return Ends((powers * b).sum(axis=1), orbit, curvature)
+
+
+def _discriminant(b: Array) -> Array:
+    """A quarter of that of b1 + 2 b2 t + 3 b3 t^2."""
+    return np.asarray(b[:, 2] ** 2 - 3 * b[:, 3] * b[:, 1])
+
+
+def basis(at: Array, box: tuple[float, float, float, float]) -> Array:
+    """Columns 1, t0, t1, t0 t1; less where the box is flat."""
+    ones = np.ones(len(at))
+    along = [scaled(at[:, i], *box[2 * i : 2 * i + 2]) for i in (0, 1) if box[2 * i + 1] > box[2 * i]]
+    columns = [ones, *along]
+    if len(along) == 2:
+        columns.append(along[0] * along[1])
+    return np.column_stack(columns)
+
+
+def plane(
+    feet: Array, known: list[Ends], nodes: Array, box: tuple[float, float, float, float]
+) -> tuple[list[Ends], float]:
+    """Ends of the branch above nodes, from those at centre and corners, and how far off they may be, relatively."""
+    every = np.column_stack([ends.table for ends in known])
+    scale = abs(every).max(axis=0) + 1e-300
+    matrix = basis(feet, box)
+    fitted = np.linalg.lstsq(matrix, every / scale, rcond=None)[0]
+    off = abs(matrix @ fitted - every / scale)[:, 0].max()
+    return _apart((basis(nodes, box) @ fitted) * scale, len(known)), float(off)
+
+
+def interpolated(
+    known: list[Ends], sizes: tuple[int, int], nodes: Array, box: tuple[float, float, float, float]
+) -> tuple[list[Ends], float]:
+    """The same from the ends on a coarser grid."""
+    every = np.column_stack([ends.table for ends in known])
+    coefs = chebyshev.coefficients(every.reshape(*sizes, -1), [0, 1])
+    off = sum(float(abs(np.take(coefs[..., 0], -1, axis=axis)).max()) for axis in (0, 1) if sizes[axis] > 1)
+    p0 = chebyshev.polynomials(scaled(nodes[:, 0], *box[:2]), sizes[0])
+    p1 = chebyshev.polynomials(scaled(nodes[:, 1], *box[2:]), sizes[1])
+    found = _apart(np.asarray(np.einsum("ni,ijf,nj->nf", p0, coefs, p1)), len(known))
+    return found, off / float(known[0].adhesion.min())
+
+
+def _apart(table: Array, count: int) -> list[Ends]:
+    return [Ends.of(part) for part in np.split(table, count, axis=1)]

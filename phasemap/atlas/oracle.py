@@ -1,0 +1,110 @@
+"""The exact orbits that an atlas is made of."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap.accuracy import Accuracy
+from phasemap.atlas.axes import Axes
+from phasemap.microscope import Microscope
+from phasemap.solvers import by_name
+from phasemap.work import Work, work_of
+from phasemap.workers import run, spread
+
+Array = NDArray[np.float64]
+
+FUNCTIONS = (col.TIP_OFFSET, col.PHASE, col.MEAN, col.INDENTATION, col.DISSIPATION, col.VIRIAL)
+"""Result columns that are interpolated; the others follow from these."""
+HEIGHT, PHASE, MEAN, DEPTH = 0, 1, 2, 3  # places in FUNCTIONS
+
+CHUNK = 400  # orbits that a thread takes at a time
+
+
+class Oracle:
+    """Exact orbits at points of the coordinates, and how many were asked for.
+
+    Parameters
+    ----------
+    scope : Microscope
+    amplitude : float
+        At the setpoint [m].
+    axes : Axes
+    workers : int
+        Threads.
+    accuracy : Accuracy, optional
+        Of the orbits.
+    """
+
+    def __init__(
+        self, scope: Microscope, amplitude: float, axes: Axes, workers: int, accuracy: Accuracy | None = None
+    ) -> None:
+        self.scope, self.amplitude, self.axes = scope, amplitude, axes
+        self.asked = 0
+        self._workers, self._accuracy = workers, accuracy or Accuracy()
+
+    def _work(self, points: Array, amplitude: float | None) -> Work:
+        self.asked += len(points)
+        return work_of(*self.axes.materials(points.T), self.scope, amplitude or self.amplitude)
+
+    def __call__(self, points: Array, amplitude: float | None = None) -> Array:
+        """FUNCTIONS after engagement.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3)
+        amplitude : float, optional
+            In place of that at the setpoint [m].
+
+        Returns
+        -------
+        ndarray, shape (n, 6)
+            NaN where no orbit is held.
+        """
+        work = self._work(points, amplitude)
+        rows, status, _ = run(by_name("orbit"), work, self._accuracy, threads=self._workers)
+        return _functions(rows, status)
+
+    def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
+        """FUNCTIONS of the orbits next to guesses, without engagement, which is cheaper near a jump.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3)
+        guesses : ndarray, shape (n, functions)
+            As from this oracle; tip offset, phase and mean deflection are used.
+        away : ndarray, shape (n,)
+            How far off the tip offset may be [m].
+        amplitude : float, optional
+            In place of that at the setpoint [m].
+        group : int
+            So many points, one after another, are close to each other.
+
+        Returns
+        -------
+        ndarray, shape (n, 6)
+            NaN where there is no stable orbit so near.
+        """
+        from phasemap._kernels.nearby import nearby_rows
+        from phasemap._kernels.tables import TABLES
+
+        work, count = self._work(points, amplitude), len(points)
+        rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
+        starts = np.column_stack([guesses[:, [HEIGHT, MEAN, PHASE]], away])
+
+        def solve(first: int, last: int) -> None:
+            nearby_rows(
+                work.law, work.rows, work.lever, TABLES, work.amplitudes, starts, group, first, last, rows, status
+            )
+
+        # Threads take whole groups, so that what an orbit starts from does not depend on their number.
+        size = group * max(1, min(CHUNK, -(-count // (4 * self._workers))) // group)
+        spread(solve, [*range(0, count, size), count] if count else [], self._workers, None)
+        return _functions(rows, status)
+
+
+def _functions(rows: Array, status: NDArray[np.int8]) -> Array:
+    values: Array = rows[:, FUNCTIONS]
+    values[status != col.GOOD] = np.nan
+    return values

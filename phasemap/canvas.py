@@ -1,0 +1,72 @@
+"""The variables of an image while they are filled, some pixels at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.surface import Surface
+
+Array = np.ndarray
+Pixels = slice | NDArray[np.intp]
+
+PENDING = -1  # status of a pixel that is not filled yet
+
+
+class Canvas:
+    """Arrays of the variables asked for, and of nothing else.
+
+    Parameters
+    ----------
+    surface : Surface
+    names : tuple of str
+        Image variables, `status` among them.
+    """
+
+    def __init__(self, surface: Surface, names: tuple[str, ...]) -> None:
+        count = surface.shape[0] * surface.shape[1]
+        self._surface, self.names = surface, names
+        self._arrays = {
+            name: np.full(count, PENDING, np.int8) if name in FLAGS else np.full(count, np.nan) for name in names
+        }
+
+    @property
+    def status(self) -> Array:
+        """Status codes of all pixels, PENDING where nothing was put; shape (pixels,)."""
+        return self._arrays["status"]
+
+    def values(self, rows: Array, status: Array, used: Array) -> dict[str, Array]:
+        """Variables of result rows, shape (..., COLUMNS), on a flat surface."""
+        flags = {"status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows)}
+        return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in self.names}
+
+    def put(self, pixels: Pixels, values: dict[str, Array]) -> None:
+        """Fill in what `values` gave, one entry a pixel."""
+        for name, value in values.items():
+            if name == "height" and self._surface.topography is not None:
+                value = value + self._surface.topography.reshape(-1)[pixels]
+            self._arrays[name][pixels] = value
+
+    def image(self) -> xr.Dataset:
+        """The image as a Dataset that shares the arrays."""
+        import xarray as xr
+
+        y, x = self._surface.coords()
+        coords: dict[str, Any] = {
+            "y": ("y", y, {"long_name": "distance from the top of the image", "units": "m", "axis": "Y"}),
+            "x": ("x", x, {"long_name": "distance from the left of the image", "units": "m", "axis": "X"}),
+        }
+        image = xr.Dataset(coords=coords)
+        for name, flat in self._arrays.items():
+            attributes: dict[str, Any] = (
+                flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}
+            )
+            image[name] = (("y", "x"), flat.reshape(self._surface.shape), attributes)
+        return image

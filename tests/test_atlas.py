@@ -1,0 +1,243 @@
+"""Images in which every pixel is a different material: interpolated, and as exact as asked for."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap import generate
+from phasemap._kernels import columns as col
+from phasemap._kernels import interpolate as kernel
+from phasemap.atlas import Atlas, Oracle
+from phasemap.atlas.axes import Axes
+from phasemap.atlas.borders import find_borders
+from phasemap.atlas.cells import Cell, Piece, evaluate
+from phasemap.dataset import SOLVER_NAMES
+
+AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+SHARP = pm.Microscope(pm.Cantilever(40.0, 300e3, 5000.0), pm.Tip(10e-9), pm.Drive(20e-9))
+SOFT = pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0), pm.Tip(10e-9), pm.Drive(40e-9))
+DAMPED = pm.Microscope(pm.Cantilever(5.0, 60e3, 30.0), pm.Tip(10e-9), pm.Drive(20e-9))
+BESIDE = pm.Microscope(AIR.cantilever, AIR.tip, pm.Drive(20e-9, frequency=299.5e3))
+SIDE = 144  # more than twice as many pixels as are solved one by one
+Range = tuple[float, float]
+
+
+def between(low: float, high: float, seed: int, shape: tuple[int, int], decades: bool) -> np.ndarray:
+    """A rough map from low to high, evenly distributed."""
+    rough = generate.roughness(shape, 1e-9, rms=1e-9, correlation_length=20e-9, seed=seed)
+    share = rough.reshape(-1).argsort().argsort().reshape(shape) / (rough.size - 1)
+    return low * (high / low) ** share if decades else low + (high - low) * share
+
+
+def surface_of(
+    modulus: Range, adhesion: Range, damping: Range, seed: int = 0, shape: tuple[int, int] = (SIDE, SIDE)
+) -> pm.Surface:
+    return pm.Surface(
+        between(*modulus, 3 * seed, shape, True),
+        between(*adhesion, 3 * seed + 1, shape, False),
+        between(*damping, 3 * seed + 2, shape, False),
+        pixel_size=1e-9,
+    )
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    scope: pm.Microscope
+    setpoint: float
+    modulus: Range
+    adhesion: Range
+    damping: Range
+    interpolated: float  # least share of the pixels
+
+    def surface(self, seed: int = 0) -> pm.Surface:
+        return surface_of(self.modulus, self.adhesion, self.damping, seed)
+
+
+CROSSING = Case("from repulsive to attractive", AIR, 0.7, (1e9, 1e10), (0.05, 0.3), (0, 0.05), 0.9)
+CASES = (
+    Case("repulsive", AIR, 0.7, (1e9, 1e10), (0.01, 0.05), (0, 0.05), 0.999),
+    CROSSING,
+    Case("some without adhesion, high Q", SHARP, 0.7, (1e9, 1e10), (0, 0.05), (0, 0.02), 0.9),
+    Case("soft lever, two decades of modulus", SOFT, 0.8, (1e8, 1e10), (0.0, 0.02), (0.001, 0.1), 0.5),
+    Case("low setpoint", AIR, 0.5, (2e9, 2e10), (0.05, 0.25), (0, 0.02), 0.0),
+    Case("low Q", DAMPED, 0.7, (3e8, 3e9), (1e-3, 0.02), (0.001, 0.05), 0.9),
+    Case("beside resonance", BESIDE, 0.7, (1e9, 1e10), (0.01, 0.1), (0, 0.05), 0.9),
+)
+
+
+def assert_within(image: xr.Dataset, exact: xr.Dataset, phase: float, height: float) -> None:
+    """Every pixel on the right branch, within the accuracy, and almost every one within its own estimate."""
+    assert np.array_equal(image.status, exact.status)
+    assert np.array_equal(image.branch, exact.branch)
+    errors = {name: abs(image[name].values - exact[name].values) for name in ("phase", "height")}
+    assert np.nanmax(errors["phase"]) <= phase
+    assert np.nanmax(errors["height"]) <= height
+    interpolated = image.solver.values == col.INTERPOLATED
+    for name, error in errors.items():
+        bounded = error <= image[f"error_{name}"].values
+        # 99.9 %, and one pixel more where they are few.
+        assert np.count_nonzero(interpolated & ~bounded) <= 1 + 1e-3 * interpolated.sum()
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_an_interpolated_image_is_within_the_accuracy_and_its_own_estimates(case: Case) -> None:
+    surface = case.surface()
+    image = pm.simulate(surface, case.scope, case.setpoint)
+    exact = pm.simulate(surface, case.scope, case.setpoint, solver="orbit")
+    assert_within(image, exact, 0.01, 1e-12)
+    assert (image.solver.values == col.INTERPOLATED).mean() >= case.interpolated
+
+
+def test_a_tighter_accuracy_is_met_too() -> None:
+    surface = CASES[0].surface(seed=1)
+    accuracy = pm.Accuracy(phase=1e-4, height=1e-14)
+    image = pm.simulate(surface, AIR, 0.7, accuracy=accuracy)
+    assert_within(image, pm.simulate(surface, AIR, 0.7, solver="orbit"), 1e-4, 1e-14)
+
+
+def test_the_other_variables_are_as_exact() -> None:
+    # Lengths as the height, but thirty times that for the indentation, as the solvers find it; energies as what the
+    # phase's error does to them, k u0 A times that for the dissipation.
+    surface = CROSSING.surface(seed=2)
+    image, exact = pm.simulate(surface, AIR, 0.7), pm.simulate(surface, AIR, 0.7, solver="orbit")
+    energy = 40.0 * (20e-9 / 400) * 14e-9 * np.radians(0.01)
+    for name, limit in {
+        "mean_deflection": 1e-12, "indentation": 3e-11, "tip_offset": 1e-12, "dissipation": np.pi * energy,
+        "virial": energy / 2, "amplitude": 1e-18,
+    }.items():  # fmt: skip
+        assert float(abs(image[name] - exact[name]).max()) <= limit
+
+
+def test_a_map_of_one_quantity_is_interpolated_along_that_alone() -> None:
+    surface = pm.Surface(
+        2e9, between(0.05, 0.3, 0, (SIDE, SIDE), False), viscosity=3.0, pixel_size=1e-9, shape=(SIDE, SIDE)
+    )
+    image = pm.simulate(surface, AIR, 0.7)
+    assert_within(image, pm.simulate(surface, AIR, 0.7, solver="orbit"), 0.01, 1e-12)
+    assert (image.solver.values == col.INTERPOLATED).mean() > 0.9
+
+
+def test_a_map_of_the_poisson_ratio_needs_no_coordinate_of_its_own() -> None:
+    # Modulus and Poisson's ratio act through the contact stiffness.
+    surface = pm.Surface(
+        between(1e9, 1e10, 0, (SIDE, SIDE), True), 0.02, poisson_ratio=between(0.2, 0.5, 1, (SIDE, SIDE), False),
+        pixel_size=1e-9,
+    )  # fmt: skip
+    image = pm.simulate(surface, AIR, 0.7)
+    assert_within(image, pm.simulate(surface, AIR, 0.7, solver="orbit"), 0.01, 1e-12)
+    assert (image.solver.values == col.INTERPOLATED).mean() > 0.99
+
+
+def test_the_numbers_do_not_depend_on_threads_nor_on_what_is_asked_for() -> None:
+    surface = CROSSING.surface(seed=3)
+    one, many = pm.simulate(surface, AIR, 0.7, threads=1), pm.simulate(surface, AIR, 0.7, threads=3)
+    some = pm.simulate(surface, AIR, 0.7, variables=("height", "virial"))
+    assert set(some.data_vars) == {"height", "virial", "status"}
+    for name in one.data_vars:
+        assert np.array_equal(one[name], many[name], equal_nan=True)
+        assert name not in some or np.array_equal(one[name], some[name])
+
+
+def test_pixels_without_a_material_stay_invalid() -> None:
+    modulus = between(1e9, 1e10, 0, (SIDE, SIDE), True)
+    modulus[3, 4:9] = np.nan
+    surface = pm.Surface(modulus, 0.02, pixel_size=1e-9, allow_nan=True)
+    image = pm.simulate(surface, AIR, 0.7)
+    assert np.array_equal(image.status == pm.Status.invalid.code, np.isnan(modulus))
+    assert np.array_equal(np.isnan(image.phase), np.isnan(modulus))
+    assert np.all(image.solver.values[np.isnan(modulus)] == -1)
+    with pytest.raises(pm.SolveError, match="5 pixels have no solution; the first is at row 3, column 4"):
+        pm.simulate(surface, AIR, 0.7, strict=True)
+
+
+def test_an_image_without_any_material_is_invalid_throughout() -> None:
+    nothing = np.full((SIDE, SIDE), np.nan)
+    surface = pm.Surface(nothing, between(0.05, 0.3, 0, nothing.shape, False), pixel_size=1e-9, allow_nan=True)
+    assert np.all(pm.simulate(surface, AIR, 0.7).status == pm.Status.invalid.code)
+
+
+def test_topography_is_added_to_the_height() -> None:
+    topography = between(0, 1e-7, 5, (SIDE, SIDE), False)
+    plain = CASES[0].surface()
+    surface = pm.Surface(plain.modulus, plain.adhesion, plain.damping, topography=topography, pixel_size=1e-9)
+    rough, flat = (pm.simulate(s, AIR, 0.7, variables=("height",)) for s in (surface, plain))
+    assert np.allclose(rough.height - flat.height, topography, rtol=0, atol=1e-21)
+
+
+def test_few_materials_are_solved_once_each_and_not_interpolated() -> None:
+    few = np.random.default_rng(0).integers(0, 50, (400, 400))
+    surface = pm.Surface(1e9 * (1 + few), 0.02, pixel_size=1e-9)
+    image = pm.simulate(surface, AIR, 0.7)
+    assert image.attrs["distinct_materials"] == 50
+    assert not np.any(image.solver == SOLVER_NAMES.index("interpolated"))
+    alone = pm.simulate(pm.Surface(1e9 * (1 + np.arange(50.0))[None], 0.02, pixel_size=1e-9), AIR, 0.7)
+    assert np.array_equal(image.phase.values, alone.phase.values[0][few])
+
+
+def test_progress_counts_pixels_to_the_end() -> None:
+    seen: list[tuple[int, int]] = []
+    image = pm.simulate(CROSSING.surface(), AIR, 0.7, progress=lambda done, total: seen.append((done, total)))
+    assert image.attrs["distinct_materials"] == SIDE**2
+    assert seen[-1] == (SIDE**2, SIDE**2)
+    assert seen == sorted(seen)
+
+
+def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
+    shape = (1024, 1024)
+    surface = surface_of((1e9, 1e10), (0.01, 0.05), (0, 0.05), shape=shape)
+    pm.simulate(CASES[0].surface(), AIR, 0.7)  # compiles
+    tracemalloc.start()
+    image = pm.simulate(surface, AIR, 0.7, variables=("height", "phase"))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # Two float maps and the status are returned. The rest is blocks of 2^15 pixels, the same for an image of any size,
+    # but for the digests that are sorted to count the materials, 8 bytes a pixel up to 2^22 of them.
+    assert peak - image.nbytes < 64 * 2**20
+
+
+class TestParts:
+    def test_a_jump_lies_where_engagement_jumps(self) -> None:
+        oracle = Oracle(AIR, 0.7 * AIR.free_amplitude, Axes(True, 0.0), 1)
+        stiffness = np.log(np.array([2e9, 6e9]))
+        jump, graze = find_borders(oracle, (*stiffness, 0.0, 0.0), 0.05, 0.3)
+        assert (jump.sudden, graze.sudden) == (True, False)
+        x0, x1 = np.log(np.array([2.3e9, 3.7e9, 5.1e9])), np.zeros(3)
+        height = jump.height(x0, x1)
+        assert jump.error < 1e-5 * height.min()
+        for share, sign in ((-1, 1), (1, -1)):
+            phase = oracle(np.column_stack([x0, x1, height * (1 + 5e-5 * share)]))[:, 1]
+            assert np.all(np.sign(phase) == sign)
+        depth = oracle(np.column_stack([x0, x1, graze.height(x0, x1)]))[:, 3]
+        assert np.all(abs(depth) < 1e-14)
+
+    def test_coordinates_go_there_and_back(self) -> None:
+        stiffness, adhesion, damping = np.array([0.0, 1e8, 1e11]), np.array([0.0, 0.1, 0.2]), np.array([0.0, 1e-3, 2])
+        for first in (0, 1):
+            axes = Axes.around(stiffness[first:], damping[first:])
+            back = axes.materials(axes.points(stiffness[first:], adhesion[first:], damping[first:]))
+            for given, got in zip((stiffness, adhesion, damping), back, strict=True):
+                assert np.allclose(given[first:], got, rtol=1e-12, atol=1e-15)
+
+    @pytest.mark.parametrize("form", [kernel.PLAIN, kernel.ROOT_LOW, kernel.ROOT_HIGH, kernel.ROOT_BOTH])
+    def test_the_kernel_sums_what_numpy_sums_and_compiled_what_plain_python_does(self, form: int) -> None:
+        rng = np.random.default_rng(form)
+        cell = Cell((-1.0, 2.0, 0.0, 1.0, 0.1, 1.0), 0.5, 2.0, form)
+        coefficients = rng.standard_normal((3, 4, 5, 6))
+        atlas = Atlas.of([[kernel.LEAF, 0, -1, -1]], [0.0], [], [Piece(cell, coefficients, np.zeros(2))])
+        points = np.column_stack([rng.uniform(-1, 2, 50), rng.uniform(0, 1, 50), rng.uniform(0.4, 2.1, 50)])
+        piece, values = atlas(np.ascontiguousarray(points.T), np.arange(6))
+        inside = (abs(cell.inside(points)) <= 1).all(axis=1) & (points[:, 2] >= 0.5) & (points[:, 2] <= 2.0)
+        assert np.array_equal(piece[inside], np.zeros(inside.sum()))
+        expected = evaluate(coefficients, cell.inside(points))
+        assert np.allclose(values.T[inside], expected[inside], rtol=0, atol=1e-12)
+        assert np.isnan(values[:, piece < 0]).all()
+        again, where = np.empty(50, np.int32), np.empty((3, 50))
+        kernel.locate.py_func(np.ascontiguousarray(points.T), *atlas.tree, again, where)
+        assert np.array_equal(again, piece)
