@@ -25,6 +25,7 @@ TIGHT = 0.015  # mismatch at the exact maximum that decides
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 STEP = 1e-3  # of the amplitude, for dz0/dA
+GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
 
 class Room(NamedTuple):
@@ -91,12 +92,41 @@ def decide_exactly(
 
 @njit(**OPTIONS)
 def refine(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, guess: np.ndarray, limits: np.ndarray, f: np.ndarray,
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    reach: float,
+    guess: np.ndarray,
+    limits: np.ndarray,
+    f: np.ndarray,
     state: np.ndarray,
 ) -> bool:  # fmt: skip
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
+    amplitude, e = guess[2], guess[0] - guess[1]
+    if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
+        return True
+    if p[4] == 0.0 or abs(e - amplitude) > GRAZING * reach:
+        return False
+    # The averaged orbit just touches and the exact one just does not, or the other way round.
+    e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
+    return _pass_from(law, p, lever, reach, guess, e, limits, f, state)
+
+
+@njit(**OPTIONS)
+def _pass_from(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    reach: float,
+    guess: np.ndarray,
+    e: float,
+    limits: np.ndarray,
+    f: np.ndarray,
+    state: np.ndarray,
+) -> bool:  # fmt: skip
+    """Passes from a harmonic orbit with this e, which settles whether the tip touches."""
     state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = guess[2], guess[0] - guess[1], guess[5]
+    state[AMP], state[E], state[SLOPE] = guess[2], e, guess[5]
     return (
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
