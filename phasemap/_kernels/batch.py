@@ -1,7 +1,7 @@
-"""Loops over pixels: parameter rows in, result rows and status codes out.
+"""Orbits by collocation, for the pixels that the cheap path leaves, and every orbit of one pixel.
 
-Each loop works on a slice and can run in a thread of its own (nogil). Which orbit the controller finds
-is decided alike for all solvers: by the averaged curve where that is safe, by the curve of exact orbits elsewhere.
+Which orbit the controller finds is decided alike for all solvers: by averaging where that is safe, by exact orbits near
+the end of a branch, and along the whole curve of exact orbits where that is not enough.
 """
 
 from __future__ import annotations
@@ -12,44 +12,22 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import (
-    DOUBTFUL,
-    SURE,
-    averaged_orbits,
-    far_start,
-    free_amplitude,
-    question,
-    scale_of,
-)
-from phasemap._kernels.approach import engage as engage_averaged
+from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, Orbit, new_orbit
-from phasemap._kernels.corrected import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE
-from phasemap._kernels.corrected import report as report_corrected
 from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.march import approach, settle
-from phasemap._kernels.mesh import carry_over, find_contacts, lay, reach_of
+from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
-from phasemap._kernels.quick import cheap_orbit, new_room
+from phasemap._kernels.quick import LOWEST_Q, engage, parameters
 from phasemap._kernels.resonance import MAXIMUM
 from phasemap._kernels.trace import collect, engage_near, seed
 from phasemap._kernels.trace import engage as engage_exact
 
-LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
-MOST_PERIODS = 200_000  # that a march may take to settle
 EXACT_PHASE, EXACT_HEIGHT = 2e-8, 1e-15  # [rad, m], errors left by collocation, found against independent orbits
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
-
-
-@njit(**OPTIONS)
-def parameters(row: np.ndarray) -> tuple[float, ...]:
-    """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
-    return (
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11]
-    )  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -89,43 +67,6 @@ def polish(
 
 
 @njit(**OPTIONS)
-def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
-    """Fill a result row from an averaged orbit, guess = (z0, mean deflection, A, P, S)."""
-    stiffness = lever[col.STIFFNESS]
-    z0, mean, amplitude, push, drag = guess[0], guess[1], guess[2], guess[3], guess[4]
-    row[:] = math.nan
-    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE] = z0, mean, amplitude
-    row[col.PHASE] = phase_of(lever, guess)
-    row[col.INDENTATION] = amplitude + mean - z0
-    row[col.DISSIPATION] = -math.pi * stiffness * amplitude * drag
-    row[col.VIRIAL] = stiffness * (mean * mean - 0.5 * amplitude * push)
-    row[col.STIFFENING] = push / amplitude
-
-
-@njit(**OPTIONS)
-def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
-    """Phase [rad] from (z0, mean deflection, A, P, S)."""
-    omega = lever[col.OMEGA]
-    return math.atan2(
-        guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
-    )
-
-
-@njit(**OPTIONS)
-def averaging_suffices(
-    lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
-) -> bool:
-    """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
-    phase_error = abs(phase_of(lever, guess) - state[PHASE]) + state[ERR_PHASE]
-    height_error = abs(guess[0] - state[HEIGHT]) + state[ERR_HEIGHT]
-    if not (phase_error < limits[0] and height_error < limits[1]):
-        return False
-    averaged_row(lever, guess, row)
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
-    return True
-
-
-@njit(**OPTIONS)
 def exact_orbit(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
     orbits: Orbits, row: np.ndarray,
@@ -161,105 +102,29 @@ def exact_orbit(
 
 
 @njit(**OPTIONS)
-def orbit_rows(
+def exact_rows(
     law: Law,
     rows: np.ndarray,
     lever: np.ndarray,
     tables: np.ndarray,
     amplitudes: np.ndarray,
-    limits: np.ndarray,
-    average: bool,
     first: int,
     last: int,
     out: np.ndarray,
     status: np.ndarray,
     solver: np.ndarray,
 ) -> None:
-    """Orbit of every row in [first, last) after engagement.
-
-    limits = (phase [rad], height [m]) lets a cheaper orbit stand where its error is smaller, the averaged one with
-    `average`; zeros ask for collocation. `solver` receives col.AVERAGING, col.CORRECTED or col.ORBIT.
-    """
+    """Orbit by collocation of every row in [first, last) whose status is PENDING."""
     orbits = (new_orbit(), new_orbit(), new_orbit(), new_orbit())
-    room = new_room()
-    guess = np.zeros(6)
-    high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
+    guess, top = np.zeros(6), np.zeros(MAXIMUM)
     for i in range(first, last):
+        if status[i] != col.PENDING:
+            continue
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
         row[:] = math.nan
-        if high_q:
-            averaged, surety = engage_averaged(law, p, lever, amplitude, guess, room.top)
-            if averaged != col.GOOD:
-                surety = DOUBTFUL
-        else:
-            surety = question(law, p, lever, amplitude, room.top)
-        if limits[0] > 0.0 and cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room):
-            status[i] = col.GOOD
-            if average and averaging_suffices(lever, guess, room.state, limits, row):
-                solver[i] = col.AVERAGING
-            else:
-                report_corrected(lever, room.nodes, room.state, row)
-                solver[i] = col.CORRECTED
-            continue
+        surety = engage(law, p, lever, amplitude, guess, top)
         status[i], orbits = exact_orbit(law, p, lever, tables, amplitude, surety, guess, orbits, row)
         solver[i] = col.ORBIT
-
-
-@njit(**OPTIONS)
-def averaging_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    tables: np.ndarray,
-    amplitudes: np.ndarray,
-    first: int,
-    last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
-) -> None:
-    """First-order averaged orbit of every row in [first, last), on the branch that engagement finds."""
-    guess, top, exact = np.zeros(6), np.zeros(MAXIMUM), np.zeros(2)
-    one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
-    high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
-    for i in range(first, last):
-        p, amplitude = parameters(rows[i]), amplitudes[i]
-        out[i] = math.nan
-        solver[i] = col.AVERAGING
-        done, surety = engage_averaged(law, p, lever, amplitude, guess, top)
-        if not high_q or done != col.GOOD or surety != SURE:
-            orbit_rows(
-                law,
-                rows[i : i + 1],
-                lever,
-                tables,
-                amplitudes[i : i + 1],
-                exact,
-                False,
-                0,
-                1,
-                one,
-                one_status,
-                one_solver,
-            )
-            done = one_status[0]
-            if done == col.GOOD:
-                done = nearest(averaged_orbits(law, p, lever, amplitude), one[0], guess)
-        status[i] = done
-        if done == col.GOOD:
-            averaged_row(lever, guess, out[i])
-
-
-@njit(**OPTIONS)
-def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
-    """Fill `guess` with the averaged orbit nearest to the exact one of `row`, on the same side of free stiffness."""
-    best = math.inf
-    for i in range(len(candidates)):
-        apart = abs(candidates[i, 0] - row[col.TIP_OFFSET])
-        if (candidates[i, 3] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
-            best = apart
-            guess[:5] = candidates[i]
-    return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT
 
 
 @njit(**OPTIONS)
@@ -277,58 +142,3 @@ def every_orbit(
             if amplitude == value or len(guesses) > count:
                 count = seed(law, p, lever, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]
-
-
-@njit(**OPTIONS)
-def march_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    tables: np.ndarray,
-    amplitudes: np.ndarray,
-    eta: float,
-    first: int,
-    last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
-) -> None:
-    """Settled orbit of every row in [first, last) by time integration, started near the orbit that engagement finds.
-
-    Where neither averaging nor the curve of exact orbits says which one that is, the tip is engaged from far in time.
-    """
-    guess, top, exact, start = np.zeros(6), np.zeros(MAXIMUM), np.zeros(2), np.zeros(4)
-    one, one_status, one_solver = np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8)
-    high_q = lever[col.ALPHA0] < 0.5 / LOWEST_Q
-    free = free_amplitude(lever)
-    for i in range(first, last):
-        p, amplitude = parameters(rows[i]), amplitudes[i]
-        solver[i] = col.MARCH
-        done, surety = engage_averaged(law, p, lever, amplitude, guess, top)
-        start[0], start[1], start[2], start[3] = guess[0], guess[1], amplitude, 0.5 * math.pi - phase_of(lever, guess)
-        if not high_q or done != col.GOOD or surety != SURE:
-            orbit_rows(
-                law,
-                rows[i : i + 1],
-                lever,
-                tables,
-                amplitudes[i : i + 1],
-                exact,
-                False,
-                0,
-                1,
-                one,
-                one_status,
-                one_solver,
-            )
-            done = one_status[0]
-            start[0], start[1], start[3] = one[0, col.TIP_OFFSET], one[0, col.MEAN], 0.5 * math.pi - one[0, col.PHASE]
-        if done == col.GOOD:
-            done = settle(law, rows[i], lever, amplitude, start, eta, 1.0, MOST_PERIODS, out[i])
-        elif done == col.NOT_CONVERGED or done == col.TOO_MANY_CONTACTS:
-            far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
-            step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free
-            done = approach(law, rows[i], lever, amplitude, far, step, eta, 1.0, MOST_PERIODS, out[i])
-        if done != col.GOOD:
-            out[i] = math.nan
-        status[i] = done

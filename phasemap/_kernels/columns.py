@@ -31,6 +31,7 @@ NOT_SETTLED = 4
 INVALID = 5
 TOO_MANY_CONTACTS = 6
 NO_AVERAGED_ORBIT = 7
+PENDING = -1  # between two kernels only
 
 # Solver codes.
 AVERAGING = 0

@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.batch import judge, parameters, polish, tolerance_of
+from phasemap._kernels.batch import judge, polish, tolerance_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.orbit import begin, newton
+from phasemap._kernels.quick import parameters
 from phasemap._kernels.trace import relay
 
 MOST_STEPS = 12

@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import OPEN, SURE, free_amplitude, settle_side
+from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, free_amplitude, question, settle_side
+from phasemap._kernels.approach import engage as engage_averaged
 from phasemap._kernels.averaging import mismatch
+from phasemap._kernels.columns import ALPHA0, GOOD
 from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
@@ -21,6 +23,7 @@ from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNC
 from phasemap._kernels.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.response import ALL, FIELDS
 
+LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TIGHT = 0.015  # mismatch at the exact maximum that decides
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
@@ -36,6 +39,23 @@ class Room(NamedTuple):
     other: np.ndarray
     top: np.ndarray
     fit: np.ndarray
+
+
+@njit(**OPTIONS)
+def parameters(row: np.ndarray) -> tuple[float, ...]:
+    """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
+    return (
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11]
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray) -> int:
+    """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
+    if lever[ALPHA0] > 0.5 / LOWEST_Q:
+        return question(law, p, lever, amplitude, top)
+    status, surety = engage_averaged(law, p, lever, amplitude, guess, top)
+    return surety if status == GOOD else DOUBTFUL
 
 
 @njit(**OPTIONS)

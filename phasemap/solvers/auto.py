@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.solvers.march import March
+from phasemap.solvers.orbit import solve_exactly
 from phasemap.work import Work
 
 
 class Auto:
     """Per pixel: the averaged orbit where its estimated error meets the accuracy, else the exact orbit, else the march.
 
-    The error of averaging is estimated by one Newton step towards the exact orbit.
+    The error of averaging is its distance from the orbit corrected by the lever's response, and what is left in that.
     """
 
     name = "auto"
@@ -32,13 +31,7 @@ class Auto:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        from phasemap._kernels.batch import orbit_rows
-        from phasemap._kernels.tables import TABLES
-
-        limits = np.array([math.radians(accuracy.phase), accuracy.height])
-        orbit_rows(
-            work.law, work.rows, work.lever, TABLES, work.amplitudes, limits, True, first, last, out, status, solver
-        )
+        solve_exactly(work, accuracy.phase, accuracy.height, True, first, last, out, status, solver)
         beyond = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS)
         for i in range(first, last):
             if status[i] in beyond:

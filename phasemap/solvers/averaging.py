@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap.accuracy import Accuracy
+from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.work import Work
 
 
@@ -29,7 +30,23 @@ class Averaging:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        from phasemap._kernels.batch import averaging_rows
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.cheap import averaged_near_rows
 
-        averaging_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
+        if engage_averaged(work, first, last, out, status, solver):
+            averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
+
+
+def engage_averaged(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> bool:
+    """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
+    from phasemap._kernels import columns as col
+    from phasemap._kernels.cheap import averaging_rows
+
+    waiting = averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
+    if not waiting:
+        return False
+    doubtful = first + np.flatnonzero(status[first:last] == col.PENDING)
+    part = Work(work.law, np.ascontiguousarray(work.rows[doubtful]), work.lever, work.amplitudes[doubtful])
+    rows, found, used = np.empty((waiting, col.COLUMNS)), np.empty(waiting, np.int8), np.empty(waiting, np.int8)
+    solve_exactly(part, PHASE, LENGTH, False, 0, waiting, rows, found, used)
+    out[doubtful], status[doubtful], solver[doubtful] = rows, found, used
+    return True

@@ -6,6 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
+from phasemap.solvers.averaging import engage_averaged
 from phasemap.work import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
@@ -41,9 +42,9 @@ class March:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        from phasemap._kernels.batch import march_rows
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.marching import march_rows
 
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
-        march_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, eta, first, last, out, status, solver)
+        engage_averaged(work, first, last, out, status, solver)
+        march_rows(work.law, work.rows, work.lever, work.amplitudes, eta, first, last, out, status, solver)

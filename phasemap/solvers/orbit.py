@@ -42,12 +42,38 @@ class Orbit:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        from phasemap._kernels.batch import orbit_rows
+        phase, height = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
+        solve_exactly(work, phase, height, False, first, last, out, status, solver)
+
+
+def solve_exactly(
+    work: Work,
+    phase: float,
+    height: float,
+    average: bool,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> None:
+    """Take the cheap path where its error is below `phase` [degree] and `height` [m], else collocation.
+
+    With `average` an averaged orbit may stand. Collocation is compiled when the first pixel needs it.
+    """
+    from phasemap._kernels import columns as col
+    from phasemap._kernels.cheap import cheap_rows
+
+    waiting = last - first
+    if phase > 0:
+        limits = np.array([math.radians(phase), height])
+        waiting = cheap_rows(
+            work.law, work.rows, work.lever, work.amplitudes, limits, average, first, last, out, status, solver
+        )
+    else:
+        status[first:last] = col.PENDING
+    if waiting:
+        from phasemap._kernels.batch import exact_rows
         from phasemap._kernels.tables import TABLES
 
-        limits = np.array([math.radians(min(accuracy.phase, PHASE)), min(accuracy.height, LENGTH)])
-        if self.complete:
-            limits[:] = 0.0
-        orbit_rows(
-            work.law, work.rows, work.lever, TABLES, work.amplitudes, limits, False, first, last, out, status, solver
-        )
+        exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)

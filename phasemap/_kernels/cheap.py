@@ -1,0 +1,158 @@
+"""Loops over pixels for what is cheap: averaged orbits, and orbits corrected by the lever's response.
+
+Each loop works on a slice and can run in a thread of its own (nogil). Pixels that these methods cannot decide or not
+solve well enough are left PENDING: for collocation, which is compiled only where there are some.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import SURE, averaged_orbits
+from phasemap._kernels.corrected import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.quick import cheap_orbit, engage, new_room, parameters
+from phasemap._kernels.resonance import MAXIMUM
+
+
+@njit(**OPTIONS)
+def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
+    """Fill a result row from an averaged orbit, guess = (z0, mean deflection, A, P, S)."""
+    stiffness = lever[col.STIFFNESS]
+    z0, mean, amplitude, push, drag = guess[0], guess[1], guess[2], guess[3], guess[4]
+    row[:] = math.nan
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE] = z0, mean, amplitude
+    row[col.PHASE] = phase_of(lever, guess)
+    row[col.INDENTATION] = amplitude + mean - z0
+    row[col.DISSIPATION] = -math.pi * stiffness * amplitude * drag
+    row[col.VIRIAL] = stiffness * (mean * mean - 0.5 * amplitude * push)
+    row[col.STIFFENING] = push / amplitude
+
+
+@njit(**OPTIONS)
+def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
+    """Phase [rad] from (z0, mean deflection, A, P, S)."""
+    omega = lever[col.OMEGA]
+    return math.atan2(
+        guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
+    )
+
+
+@njit(**OPTIONS)
+def averaging_suffices(
+    lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
+) -> bool:
+    """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
+    phase_error = abs(phase_of(lever, guess) - state[PHASE]) + state[ERR_PHASE]
+    height_error = abs(guess[0] - state[HEIGHT]) + state[ERR_HEIGHT]
+    if not (phase_error < limits[0] and height_error < limits[1]):
+        return False
+    averaged_row(lever, guess, row)
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
+    return True
+
+
+@njit(**OPTIONS)
+def cheap_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    amplitudes: np.ndarray,
+    limits: np.ndarray,
+    average: bool,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> int:
+    """Orbit of every row in [first, last) after engagement, where the cheap path is good enough; returns how many wait.
+
+    limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
+    stand. `solver` receives col.AVERAGING or col.CORRECTED.
+    """
+    room = new_room()
+    guess = np.zeros(6)
+    waiting = 0
+    for i in range(first, last):
+        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
+        row[:] = math.nan
+        surety = engage(law, p, lever, amplitude, guess, room.top)
+        if not cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room):
+            status[i] = col.PENDING
+            waiting += 1
+            continue
+        status[i] = col.GOOD
+        if average and averaging_suffices(lever, guess, room.state, limits, row):
+            solver[i] = col.AVERAGING
+        else:
+            report(lever, room.nodes, room.state, row)
+            solver[i] = col.CORRECTED
+    return waiting
+
+
+@njit(**OPTIONS)
+def averaging_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    amplitudes: np.ndarray,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> int:
+    """First-order averaged orbit of every row in [first, last) where averaging decides; returns how many wait."""
+    guess, top = np.zeros(6), np.zeros(MAXIMUM)
+    waiting = 0
+    for i in range(first, last):
+        out[i] = math.nan
+        solver[i] = col.AVERAGING
+        if engage(law, parameters(rows[i]), lever, amplitudes[i], guess, top) == SURE:
+            status[i] = col.GOOD
+            averaged_row(lever, guess, out[i])
+        else:
+            status[i] = col.PENDING
+            waiting += 1
+    return waiting
+
+
+@njit(**OPTIONS)
+def averaged_near_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    amplitudes: np.ndarray,
+    first: int,
+    last: int,
+    out: np.ndarray,
+    status: np.ndarray,
+    solver: np.ndarray,
+) -> None:
+    """Replace exact orbits, which told the branch, by the averaged ones next to them."""
+    guess = np.zeros(6)
+    for i in range(first, last):
+        if status[i] == col.GOOD and solver[i] != col.AVERAGING:
+            candidates = averaged_orbits(law, parameters(rows[i]), lever, amplitudes[i])
+            status[i] = nearest(candidates, out[i], guess)
+            out[i] = math.nan
+            if status[i] == col.GOOD:
+                averaged_row(lever, guess, out[i])
+        solver[i] = col.AVERAGING
+
+
+@njit(**OPTIONS)
+def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
+    """Fill `guess` with the averaged orbit nearest to the exact one of `row`, on the same side of free stiffness."""
+    best = math.inf
+    for i in range(len(candidates)):
+        apart = abs(candidates[i, 0] - row[col.TIP_OFFSET])
+        if (candidates[i, 3] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
+            best = apart
+            guess[:5] = candidates[i]
+    return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT
