@@ -13,16 +13,18 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
-from phasemap._kernels.collocation import HOLD_AMPLITUDE, Orbit, new_orbit
+from phasemap._kernels.collocation import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit, new_orbit
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
-from phasemap._kernels.quick import LOWEST_Q, engage, parameters
+from phasemap._kernels.quick import FAR_OFF, LOWEST_Q, engage, parameters
 from phasemap._kernels.resonance import MAXIMUM
+from phasemap._kernels.snap import HANGING
 from phasemap._kernels.trace import collect, engage_near, seed
 from phasemap._kernels.trace import engage as engage_exact
 
 TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
+RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
 EXACT_PHASE, EXACT_HEIGHT = 2e-8, 1e-15  # [rad, m], errors left by collocation, found against independent orbits
@@ -33,7 +35,8 @@ CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 @njit(**OPTIONS)
 def tolerance_of(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     """Last change [m] of an orbit that is converged."""
-    return min(TOLERANCE, 1e-3 * scale_of(law, p, lever, free_amplitude(lever)))
+    free = free_amplitude(lever)
+    return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(law, p, lever, free))
 
 
 @njit(**OPTIONS)
@@ -50,7 +53,7 @@ def polish(
 ) -> tuple[int, Orbit, Orbit]:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
     status = report(law, p, lever, tables, orbit, row)
-    level, target, tolerance = 0, np.zeros(4), tolerance_of(law, p, lever)
+    level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(law, p, lever)
     while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
         level += 1
         if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
@@ -74,22 +77,38 @@ def exact_orbit(
     """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve."""
     orbit, spare, saved, found = orbits
     target, tolerance = np.zeros(4), tolerance_of(law, p, lever)
-    done = col.NOT_CONVERGED
-    if surety == SURE and begin(law, p, lever, tables, orbit, guess, 0):
-        done, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
-        if done == col.GOOD:
-            done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+    level = 0 if surety == SURE else FINEST + 1
+    while level <= FINEST and begin(law, p, lever, tables, orbit, guess, level):
+        done, _, orbit, spare = newton(
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 12
+        )
+        level += 1
+        if done != col.GOOD:
+            continue  # finer elements change less from pass to pass
+        done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
         same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
-        if done == col.GOOD and same and judge(row) == col.GOOD:
+        near = abs(row[col.TIP_OFFSET] - guess[0]) < FAR_OFF * amplitude
+        if done == col.GOOD and same and near and judge(row) == col.GOOD:
             row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
             return col.GOOD, (orbit, spare, saved, found)
+        break
     done = col.NOT_CONVERGED
     if lever[col.ALPHA0] < 0.5 / LOWEST_Q:
         done, orbit, spare, found = engage_near(law, p, lever, tables, amplitude, tolerance, orbit, spare, saved, found)
-    if done != col.GOOD:
+    # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
+    level, hanging, done = 0, HANGING, done if done == col.GOOD else col.NOT_SETTLED
+    while done != col.GOOD:
         done, orbit, spare, found = engage_exact(
-            law, p, lever, tables, amplitude, 0, tolerance, orbit, spare, saved, found
+            law, p, lever, tables, amplitude, level, tolerance, hanging, orbit, spare, saved, found
         )
+        if done == col.NOT_SETTLED and hanging < math.inf:
+            level, hanging = 0, math.inf
+        elif done == col.NOT_CONVERGED and level == 0 and hanging < math.inf:
+            level = 1
+        else:
+            break
+    if done == col.NOT_SETTLED:
+        done = col.NOT_CONVERGED
     if done == col.GOOD:
         done, found, spare = polish(law, p, lever, tables, found, spare, row)
     if done == col.GOOD:

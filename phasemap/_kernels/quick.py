@@ -27,6 +27,7 @@ LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TIGHT = 0.015  # mismatch at the exact maximum that decides
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
+FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 STEP = 1e-3  # of the amplitude, for dz0/dA
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
@@ -151,6 +152,7 @@ def _pass_from(
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
         and (state[PUSH] > 0.0) == (guess[3] > 0.0)
+        and abs(state[HEIGHT] - guess[0]) < FAR_OFF * guess[2]
         and sound(law, p, lever, reach, f, state)
     )
 

@@ -43,11 +43,15 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
 from phasemap._kernels.orbit import begin, finish, floquet, newton
 from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, decide, on_side
+from phasemap._kernels.snap import HANGING, land, lets_go, loosened, pressed_in, pulled
 
 MOST_POINTS = 1500
 CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative to the setpoint
 FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many free amplitudes
+NEAR_END = 2e-3  # of the setpoint: nearer than this to the end of a branch, the whole curve is followed
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
+FARTHEST_AT_ALL = 1e-2  # [m], the same whatever the amplitude
+NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner of the curve
 # Entries of a point of the curve: tip offset, amplitude, largest Floquet multiplier, the unit tangent in scaled gap and
 # amplitude, the derivatives of z0, A, P and S along it, the length of the step that led there, and det(1 - monodromy).
@@ -159,7 +163,7 @@ def advance(
     level = int(orbit.head[COUNT, LEVEL])
     copy_orbit(orbit, saved)
     before = point.copy()
-    gap_scale = scales(reach, point[ZP], point[AP])[0]
+    coarse = 1e-3 * scales(reach, point[ZP], point[AP])[0]
     while step > SMALLEST_STEP:
         z0, amplitude = before[ZP] + step * before[DZ], before[AP] + step * before[DA]
         orbit.head[VALUE, Z0], orbit.head[VALUE, A] = z0, amplitude
@@ -170,7 +174,7 @@ def advance(
             r_z, r_a = row_of(reach, before)
             target = np.array([r_z, r_a, z0, amplitude])
             status, steps, orbit, spare = newton(
-                law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, 1e-3 * gap_scale, 8
+                law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, coarse, 8
             )
             if status == col.GOOD:
                 point[:] = before
@@ -306,6 +310,9 @@ def cross(
     `start` holds the orbit at `before`. Where Newton's method lands on another piece of the curve, the curve is
     followed again in shorter steps.
     """
+    if hold == HOLD_AMPLITUDE:
+        # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
+        tolerance *= max(1.0, 1e-2 * abs((after[ZP] - before[ZP]) / (after[AP] - before[AP])))
     good, orbit, spare = settle_on(
         law, p, lever, tables, reach, hold, value, before, after, after, orbit, spare, tolerance
     )
@@ -338,6 +345,221 @@ def cross(
 
 
 @njit(**OPTIONS)
+def lower(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitude: float,
+    tolerance: float,
+    reach: float,
+    hanging: float,
+    point: np.ndarray,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+    found: Orbit,
+) -> tuple[int, float, Orbit, Orbit, Orbit]:
+    """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, returned last.
+
+    The second value is the tip offset at which the tip leaves the curve: where its orbit is no longer stable, or the
+    lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above `hanging`
+    belongs to orbits that hang on an unstable equilibrium.
+    """
+    step, lowest, have, highest = FIRST_STEP, 1e300, False, 10.0 * (abs(point[ZP]) + point[AP] + reach)
+    left = math.nan
+    for _ in range(MOST_POINTS):
+        before = point.copy()
+        status, step, orbit, spare = advance_watching(
+            law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved
+        )
+        if status != col.GOOD:
+            if pressed_in(law, p, lever, orbit):
+                status = col.NO_STABLE_ORBIT
+            return status, min(lowest, before[ZP]) if math.isnan(left) else left, orbit, spare, found
+        z0, a = point[ZP], point[AP]
+        if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
+            copy_orbit(orbit, found)
+            have, found, spare = cross(
+                law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, found, saved, spare, tolerance
+            )
+            if not have:
+                status = col.NO_STABLE_ORBIT if pressed_in(law, p, lever, orbit) else col.NOT_CONVERGED
+                return status, lowest if math.isnan(left) else left, orbit, spare, found
+        elif a > amplitude >= before[AP] and z0 >= lowest:
+            have = False  # the tip lands before that crossing
+        if have and z0 < lowest:
+            return col.GOOD, left, orbit, spare, found
+        if math.isnan(left) and not point[FP] < 1.0 and z0 < lowest:
+            left = z0
+        lowest = min(lowest, z0)
+        away = z0 > highest and orbit.head[COUNT, CONTACTS] == 0 and a < 2.0 * free_amplitude(lever)
+        if point[FP] > hanging or away:
+            return col.NOT_SETTLED, lowest if math.isnan(left) else left, orbit, spare, found
+        if orbit.head[COUNT, CONTACTS] == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
+            break
+    return col.NO_STABLE_ORBIT, lowest, orbit, spare, found
+
+
+@njit(**OPTIONS)
+def retract(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitude: float,
+    tolerance: float,
+    reach: float,
+    point: np.ndarray,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+    found: Orbit,
+) -> tuple[int, Orbit, Orbit, Orbit]:
+    """Follow a branch of smaller amplitude as the tip offset is raised, to the orbit that holds `amplitude`.
+
+    Where the branch ends first the tip is pulled off and jumps across the setpoint.
+    """
+    step, sudden = 0.1, lets_go(law, p, lever)
+    for _ in range(MOST_POINTS):
+        before = point.copy()
+        status, step, orbit, spare = advance_watching(
+            law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved
+        )
+        if status != col.GOOD:
+            return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, orbit, spare, found
+        if before[AP] < amplitude <= point[AP]:
+            copy_orbit(orbit, found)
+            good, found, spare = cross(
+                law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, found, saved, spare, tolerance
+            )
+            return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
+        if point[ZP] < before[ZP] or point[DZ] < 0.0:
+            return col.NO_STABLE_ORBIT, orbit, spare, found
+        if not point[FP] < 1.0:
+            # A multiplier past one is a fold, past minus one it doubles the period.
+            gone = point[DET] < 0.0 or point[FP] > HANGING or p[4] == 0.0
+            return col.NO_STABLE_ORBIT if gone else col.UNSTABLE, orbit, spare, found
+    return col.NOT_CONVERGED, orbit, spare, found
+
+
+@njit(**OPTIONS)
+def only_offset(reach: float, orbit: Orbit, sense: float, point: np.ndarray) -> None:
+    """Set the tangent of a point so that `mark` turns it to where the tip offset rises (sense 1) or falls (-1)."""
+    gap_scale, a_scale = scales(reach, orbit.head[VALUE, Z0], orbit.head[VALUE, A])
+    point[:] = 0.0
+    point[TG], point[TA] = sense, sense * a_scale / gap_scale
+
+
+@njit(**OPTIONS)
+def joined(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    z0: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+) -> tuple[bool, Orbit, Orbit]:
+    """Whether stable orbits join this one (lost) to near the tip offset z0, the amplitude rising with the tip offset.
+
+    Near is enough: a tip that hits a force that jumps goes through doubled periods before it comes to this branch.
+    """
+    near = NEAR * free_amplitude(lever)
+    reach, point = scale_of(law, p, lever, free_amplitude(lever)), np.zeros(POINT)
+    sense = 1.0 if z0 > orbit.head[VALUE, Z0] else -1.0
+    only_offset(reach, orbit, sense, point)
+    good, step = mark(law, p, lever, tables, orbit, reach, point), 0.1
+    for _ in range(MOST_POINTS):
+        if not good or not point[FP] < 1.0 or not point[DZ] * sense > 0.0 or not point[DA] * sense > 0.0:
+            return False, orbit, spare
+        if (point[ZP] - z0) * sense >= -near:
+            return True, orbit, spare
+        status, step, orbit, spare = advance(law, p, lever, tables, reach, point, step, orbit, spare, saved)
+        good = status == col.GOOD
+    return False, orbit, spare
+
+
+@njit(**OPTIONS)
+def tapping(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitude: float,
+    z0: float,
+    level: int,
+    tolerance: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+    found: Orbit,
+) -> tuple[bool, Orbit, Orbit, Orbit]:
+    """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
+    target = np.zeros(4)
+    for guess in averaged_orbits(law, p, lever, amplitude):
+        if guess[3] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+            continue
+        status, _, orbit, spare = newton(
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 20
+        )
+        if status != col.GOOD or not orbit.head[VALUE, P] > 0.0:
+            continue
+        copy_orbit(orbit, found)
+        good, orbit, spare = joined(law, p, lever, tables, z0, orbit, spare, saved)
+        if good:
+            return True, orbit, spare, found
+    return False, orbit, spare, found
+
+
+@njit(**OPTIONS)
+def engage_landed(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    amplitude: float,
+    z0: float,
+    level: int,
+    tolerance: float,
+    orbit: Orbit,
+    spare: Orbit,
+    saved: Orbit,
+    found: Orbit,
+) -> tuple[int, Orbit, Orbit, Orbit]:
+    """`engage` from the orbit on which the tip lands at `z0`, lowered further or retracted to the setpoint."""
+    reach = scale_of(law, p, lever, free_amplitude(lever))
+    good, orbit, spare = land(law, p, lever, tables, z0, level, orbit, spare)
+    if not good:
+        good, orbit, spare, found = tapping(
+            law, p, lever, tables, amplitude, z0, level, tolerance, orbit, spare, saved, found
+        )
+        return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
+    down, point = orbit.head[VALUE, A] > amplitude, np.zeros(POINT)
+    if not down:
+        z0 = loosened(law, p, lever, z0, amplitude)
+        good, orbit, spare = land(law, p, lever, tables, z0, level, orbit, spare)
+        if not good:
+            return col.NOT_CONVERGED, orbit, spare, found
+    only_offset(reach, orbit, -1.0 if down else 1.0, point)
+    if not mark(law, p, lever, tables, orbit, reach, point):
+        return col.NOT_CONVERGED, orbit, spare, found
+    if not down:
+        status, orbit, spare, found = retract(
+            law, p, lever, tables, amplitude, tolerance, reach, point, orbit, spare, saved, found
+        )
+        # Above resonance contact brings the lever nearer to it: the tip may as well have landed on a large oscillation.
+        if status == col.NO_STABLE_ORBIT and lever[col.OMEGA] > 1.0:
+            status = col.NOT_CONVERGED
+        return status, orbit, spare, found
+    status, _, orbit, spare, found = lower(
+        law, p, lever, tables, amplitude, tolerance, reach, HANGING, point, orbit, spare, saved, found
+    )
+    return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
+
+
+@njit(**OPTIONS)
 def engage(
     law: Law,
     p: np.ndarray,
@@ -346,12 +568,17 @@ def engage(
     amplitude: float,
     level: int,
     tolerance: float,
+    hanging: float,
     orbit: Orbit,
     spare: Orbit,
     saved: Orbit,
     found: Orbit,
 ) -> tuple[int, Orbit, Orbit, Orbit]:
-    """Approach from far along exact orbits to the one that holds `amplitude`; it is returned last."""
+    """Approach from far along exact orbits to the one that holds `amplitude`; it is returned last.
+
+    Where the curve's multiplier passes `hanging` the tip is taken to land elsewhere; NOT_SETTLED if it is not
+    known where.
+    """
     reach = scale_of(law, p, lever, free_amplitude(lever))
     status, orbit, spare = start_far(law, p, lever, tables, orbit, spare, amplitude, level)
     if status != col.GOOD:
@@ -360,30 +587,17 @@ def engage(
     point[TG] = -1.0
     if not mark(law, p, lever, tables, orbit, reach, point):
         return col.NOT_CONVERGED, orbit, spare, found
-    step, lowest, have = FIRST_STEP, 1e300, False
-    for _ in range(MOST_POINTS):
-        before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            law, p, lever, tables, reach, point, step, AP, amplitude, orbit, spare, saved
+    status, left, orbit, spare, found = lower(
+        law, p, lever, tables, amplitude, tolerance, reach, hanging, point, orbit, spare, saved, found
+    )
+    # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
+    grazing = p[4] == 0.0 and pulled(law, p, lever) > 0.0
+    if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
+        done, orbit, spare, found = engage_landed(
+            law, p, lever, tables, amplitude, left, level, tolerance, orbit, spare, saved, found
         )
-        if status != col.GOOD:
-            return status, orbit, spare, found
-        z0, a = point[ZP], point[AP]
-        if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
-            copy_orbit(orbit, found)
-            have, found, spare = cross(
-                law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, found, saved, spare, tolerance
-            )
-            if not have:
-                return col.NOT_CONVERGED, orbit, spare, found
-        elif a > amplitude >= before[AP] and z0 >= lowest:
-            have = False  # the tip lands before that crossing
-        if have and z0 < lowest:
-            return col.GOOD, orbit, spare, found
-        lowest = min(lowest, z0)
-        if orbit.head[COUNT, CONTACTS] == PERMANENT and a < 0.3 * amplitude:
-            break
-    return col.NO_STABLE_ORBIT, orbit, spare, found
+        return status if done == col.NOT_CONVERGED else done, orbit, spare, found
+    return status, orbit, spare, found
 
 
 @njit(**OPTIONS)
@@ -434,7 +648,10 @@ def engage_near(
         if status != col.GOOD:
             return col.NOT_CONVERGED, orbit, spare, found
         ended = point[AP] > before[AP] or point[ZP] > before[ZP]
-        if before[AP] > amplitude >= point[AP] and not ended:
+        crossed = before[AP] > amplitude >= point[AP]
+        if ended and (crossed or min(before[AP], point[AP]) < (1.0 + NEAR_END) * amplitude):
+            return col.NOT_CONVERGED, orbit, spare, found  # which comes first takes smaller steps to tell
+        if crossed:
             copy_orbit(orbit, found)
             good, found, spare = cross(
                 law, p, lever, tables, reach, HOLD_AMPLITUDE, amplitude, before, point, found, saved, spare, tolerance

@@ -1,0 +1,150 @@
+"""Where the tip lands when the oscillation it came in with ends: in contact for good, or tapping.
+
+A surface that attracts more steeply than the lever is stiff holds the lever itself: at some tip offset the oscillation
+is caught and the tip stays in contact, about the static equilibrium. No curve of orbits that can be followed leads
+there: it passes orbits that hang on an unstable equilibrium, or ends where the tip first touches a force that jumps.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import free_amplitude
+from phasemap._kernels.collocation import (
+    CONTACTS,
+    COUNT,
+    HOLD_OFFSET,
+    TRANSFER,
+    VALUE,
+    Z0,
+    A,
+    Orbit,
+    linearise,
+)
+from phasemap._kernels.law import OPTIONS, Law, contact_force, contact_slope, damping, longrange_slope
+from phasemap._kernels.mesh import PERMANENT
+from phasemap._kernels.orbit import begin, floquet, newton
+
+HANGING = 1e4  # a multiplier as large belongs to an orbit that hangs on an unstable equilibrium, or grazes
+LINEAR = 0.3  # of the depth, a swing that the surface answers like a spring
+PRECISION = 1e-6  # of the amplitude, at which a landing is known
+
+
+@njit(**OPTIONS)
+def pulled(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """How far [m] adhesion at first contact bends the lever."""
+    return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
+
+
+@njit(**OPTIONS)
+def pressed_in(law: Law, p: np.ndarray, lever: np.ndarray, orbit: Orbit) -> bool:
+    """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
+    if orbit.head[COUNT, CONTACTS] != PERMANENT:
+        return False
+    return orbit.head[VALUE, Z0] < -(30.0 * free_amplitude(lever) + 20.0 * pulled(law, p, lever) + 1e-7)
+
+
+@njit(**OPTIONS)
+def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float:
+    """Deepest depth [m] at which the lever rests in contact; NaN if it does at none."""
+    inverse_k = 1.0 / lever[col.STIFFNESS]
+    high = 2.0 * (abs(z0) + pulled(law, p, lever)) + 1e-12
+    while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:
+        high *= 2.0
+    low = high
+    for _ in range(200):
+        low = 0.7 * high
+        if z0 + low + inverse_k * contact_force(law, low, p) <= 0.0:
+            break
+        high = low
+    else:
+        return math.nan
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if z0 + middle + inverse_k * contact_force(law, middle, p) <= 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@njit(**OPTIONS)
+def lets_go(law: Law, p: np.ndarray, lever: np.ndarray) -> bool:
+    """Whether a tip that loses contact is gone: adhesion ends there, or falls more steeply than the lever is stiff."""
+    if p[4] == 0.0:
+        return pulled(law, p, lever) > 0.0
+    return lever[col.STIFFNESS] + longrange_slope(law, 0.0, p) < 0.0
+
+
+@njit(**OPTIONS)
+def swing(law: Law, p: np.ndarray, lever: np.ndarray, d: float) -> float:
+    """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
+    omega = lever[col.OMEGA]
+    slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
+    alpha = damping(law, d, p) if p[8] != 0.0 else 0.0
+    return lever[col.BASE] / math.hypot(1.0 + slope - omega * omega, 2.0 * (lever[col.ALPHA0] + alpha) * omega)
+
+
+@njit(**OPTIONS)
+def loosened(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, amplitude: float) -> float:
+    """Tip offset to which the resting lever can be retracted before it swings by much of its depth or the setpoint.
+
+    So far the oscillation is linear about the rest, and there is no need to follow it.
+    """
+    d = static_depth(law, p, lever, z0)
+    for _ in range(2000):
+        following = 0.98 * d
+        if not swing(law, p, lever, following) < min(0.9 * amplitude, LINEAR * following):
+            break
+        offset = -following - contact_force(law, following, p) / lever[col.STIFFNESS]
+        if not offset > z0:
+            break
+        d, z0 = following, offset
+    return z0
+
+
+@njit(**OPTIONS)
+def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.ndarray) -> bool:
+    """Fill `guess` with the small oscillation about the lever's rest in contact; False if it rests at no depth."""
+    omega = lever[col.OMEGA]
+    d = static_depth(law, p, lever, z0)
+    if math.isnan(d):
+        return False
+    slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
+    alpha = damping(law, d, p) if p[8] != 0.0 else 0.0
+    amplitude = swing(law, p, lever, d)
+    guess[0], guess[1], guess[2] = z0, z0 + d, amplitude
+    guess[3], guess[4] = slope * amplitude, -2.0 * alpha * omega * amplitude
+    return amplitude > 0.0 and math.isfinite(amplitude)
+
+
+@njit(**OPTIONS)
+def held_there(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, guess: np.ndarray, level: int,
+    orbit: Orbit, spare: Orbit,
+) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+    """Go from a harmonic orbit to the exact one at this tip offset; True if it is stable."""
+    target = np.array([z0, 0.0, 0.0, 0.0])
+    if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+        return False, orbit, spare
+    status, _, orbit, spare = newton(
+        law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[2], 20
+    )
+    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit)
+    return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
+
+
+@njit(**OPTIONS)
+def land(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, level: int, orbit: Orbit, spare: Orbit
+) -> tuple[bool, Orbit, Orbit]:
+    """The stable orbit in contact for good on which the tip lands at this tip offset; False if there is none."""
+    guess = np.zeros(6)
+    # A tip that swings by more than it rests deep leaves contact.
+    if not resting(law, p, lever, z0, guess) or guess[2] > guess[1] - z0:
+        return False, orbit, spare
+    return held_there(law, p, lever, tables, z0, guess, level, orbit, spare)

@@ -1,0 +1,137 @@
+"""Whole images in which every pixel is another material: time, and error against collocation on random pixels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.accuracy import Accuracy
+from phasemap.generate import roughness
+from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.scan import run, simulate
+from phasemap.solvers.orbit import Orbit
+from phasemap.surface import Surface
+from phasemap.work import make_work
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = np.ndarray
+Range = tuple[float, float]
+
+SIZE, QUICK_SIZE = 1024, 256
+CHECKED, QUICK_CHECKED = 4000, 400
+"""Random pixels that are solved by collocation."""
+_AIR = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9))
+_SOFT = Microscope(Cantilever(2.0, 70e3, 150.0), Tip(10e-9), Drive(30e-9))
+
+
+@dataclass(frozen=True)
+class Map:
+    """An image with three independent rough maps.
+
+    Parameters
+    ----------
+    name : str
+    scope : Microscope
+    setpoint : float
+    modulus, adhesion, damping : (float, float)
+        Least and largest [Pa, J/m2, 1]; modulus and damping are spread over the decades between.
+    """
+
+    name: str
+    scope: Microscope
+    setpoint: float
+    modulus: Range
+    adhesion: Range
+    damping: Range
+
+
+MAPS = (
+    Map("repulsive everywhere", _AIR, 0.7, (1e9, 1e10), (0.01, 0.05), (1e-3, 0.05)),
+    Map("attractive and repulsive", _AIR, 0.7, (1e9, 1e10), (0.02, 0.3), (1e-3, 0.05)),
+    Map("the same at a low setpoint", _AIR, 0.5, (1e9, 1e10), (0.02, 0.3), (1e-3, 0.05)),
+    Map("soft lever, soft and lossy sample", _SOFT, 0.7, (1e8, 5e9), (0.005, 0.1), (1e-3, 0.2)),
+)
+
+
+def rough(size: int, limits: Range, seed: int, decades: bool) -> Array:
+    """Return a rough map between two values, spread over the decades between them or evenly."""
+    heights = roughness((size, size), 1e-9, rms=1e-9, correlation_length=size * 1e-9 / 6, seed=seed)
+    share = (heights - heights.min()) / np.ptp(heights)
+    low, high = limits
+    return np.asarray(low * (high / low) ** share if decades else low + share * (high - low))
+
+
+def surface_of(one: Map, size: int, seed: int) -> Surface:
+    """The surface of a map."""
+    return Surface(
+        rough(size, one.modulus, 3 * seed, True),
+        adhesion=rough(size, one.adhesion, 3 * seed + 1, False),
+        damping=rough(size, one.damping, 3 * seed + 2, True),
+        pixel_size=1e-9,
+    )
+
+
+def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:
+    """Simulate every map, and solve random pixels of it by collocation.
+
+    Parameters
+    ----------
+    quick : bool
+        Smaller images.
+    seed : int
+    progress : callable
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim "image": image_time [s], image_pixels, image_interpolated [1], image_phase_error [degree] and
+        image_height_error [m] (largest), image_bounded [1] and image_failed [1].
+    """
+    import xarray as xr
+
+    size, checked = (QUICK_SIZE, QUICK_CHECKED) if quick else (SIZE, CHECKED)
+    rows = []
+    for one in MAPS:
+        progress(f"image, {one.name}")
+        surface = surface_of(one, size, seed)
+        simulate(surface_of(one, 128, seed), one.scope, one.setpoint)  # compiles
+        started = time.perf_counter()
+        image = simulate(surface, one.scope, one.setpoint)
+        rows.append((time.perf_counter() - started, *_compare(one, surface, image, checked, seed)))
+    names = ("time", "interpolated", "phase_error", "height_error", "bounded", "failed")
+    long_names = (
+        "time of the whole image on all cores, after compilation", "part of the pixels that were interpolated",
+        "largest error of the phase on the pixels checked", "largest error of the height on the pixels checked",
+        "part of the pixels checked on which the estimated errors bound the true ones", "part without an orbit",
+    )  # fmt: skip
+    units = ("s", "1", "degree", "m", "1", "1")
+    columns = {
+        f"image_{name}": ("image", values, {"long_name": long_name, "units": unit})
+        for name, values, long_name, unit in zip(names, np.array(rows).T, long_names, units, strict=True)
+    }
+    return xr.Dataset(columns, {"image": [one.name for one in MAPS]}, {"image_size": size, "image_checked": checked})
+
+
+def _compare(one: Map, surface: Surface, image: xr.Dataset, checked: int, seed: int) -> tuple[float, ...]:
+    """Interpolated part, largest errors, part that is bounded, part that failed."""
+    pixels = np.random.default_rng(seed).choice(image.phase.size, checked, replace=False)
+    materials = surface.materials(pixels)
+    work = make_work(materials, False, one.scope, np.full(checked, one.setpoint * one.scope.free_amplitude))
+    exact, status, _ = run(Orbit(complete=True), work, Accuracy())
+    held = status == col.GOOD
+    seen = {
+        name: image[name].values.reshape(-1)[pixels] for name in ("phase", "tip_offset", "error_phase", "error_height")
+    }
+    phase = abs(seen["phase"] - np.degrees(exact[:, col.PHASE]))[held]
+    height = abs(seen["tip_offset"] - exact[:, col.TIP_OFFSET])[held]
+    bounded = (phase <= seen["error_phase"][held]) & (height <= seen["error_height"][held])
+    interpolated = float((image["solver"].values == col.INTERPOLATED).mean())
+    failed = float((image["status"].values != col.GOOD).mean())
+    return interpolated, float(phase.max()), float(height.max()), float(bounded.mean()), failed
