@@ -40,7 +40,7 @@ from phasemap.io.netcdf import save
 
 # What the README claims of "orbit", as ratios of time per pixel at equal error in one run. The margins are wide: a test
 # machine is shared, and few pixels are timed.
-FASTER_THAN = {"march": 1.5, "numbalsoda": 2.0, "heyoka": 2.0, "scipy": 100.0}
+FASTER_THAN = {"march": 2.0, "numbalsoda": 5.0, "heyoka": 5.0, "scipy": 100.0}
 IN_AIR = ("air, hard sample", "air, soft sample")
 
 

@@ -62,8 +62,8 @@ def test_the_estimated_error_bounds_the_error(name: str) -> None:
 
 @pytest.mark.parametrize("name", REGIMES)
 def test_every_observable_is_that_of_the_exact_orbit(name: str) -> None:
-    # Lengths to the 1 pm that was asked for, the indentation also to what cubics between nodes leave of it; energies and
-    # the stiffening to what that means at the depth of a contact.
+    # Lengths to the 1 pm that was asked for, the indentation also to what cubics between nodes leave of it; energies
+    # and the stiffening to what that means at the depth of a contact.
     for work in drawn(REGIMES[name], 4, 30, seed=21):
         rows, _, used = run(Orbit(), work, pm.Accuracy())
         exact, _, _ = run(Orbit(complete=True), work, pm.Accuracy())
