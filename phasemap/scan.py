@@ -134,8 +134,10 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     """What acts in this work, in words."""
     rows = work.rows
     names = [f"{scope.interaction.law.name} contact"]
-    if np.any(rows[:, col.LONGRANGE] != 0):
+    if np.any(rows[:, col.LONGRANGE] > rows[:, col.BIAS]):
         names.append("inverse-square attraction")
+    if np.any(rows[:, col.BIAS] != 0):
+        names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):
         names.append(f"damping with depth^{scope.interaction.damping_exponent:g}")
     if scope.tip.modulus is not None:

@@ -10,7 +10,8 @@ class Status(Enum):
 
     good = "The orbit was found and is stable."
     no_stable_orbit = (
-        "No stable orbit holds this setpoint: the amplitude jumps across it. Change the setpoint or the free amplitude."
+        "No stable orbit holds this setpoint, or is left here: the amplitude jumps across it. "
+        "Change the setpoint or the free amplitude."
     )
     not_converged = "The solver did not converge. Try solver='march', and please report the pixel's parameters."
     unstable = (
@@ -18,9 +19,16 @@ class Status(Enum):
         "Raise the setpoint or lower the amplitude."
     )
     not_settled = "The march did not settle in the allowed periods. Use solver='orbit', or allow more periods."
-    invalid = "The maps have no valid material here (NaN)."
+    invalid = (
+        "The maps have no valid material here (NaN), or adhesion without stiffness, "
+        "which a contact law with a neck cannot have."
+    )
     too_many_contacts = "The tip bounces more often per period than the solver follows. Use solver='march'."
     no_averaged_orbit = "First-order averaging has no orbit on the branch the tip takes. Use solver='orbit'."
+    creates_energy = (
+        "The neck of this contact law breaks within reach of the long-range force, so that a loop would create energy. "
+        "Use contact='maugis' or 'dmt', a shorter decay_length, or decay_length=None."
+    )
 
     @property
     def code(self) -> int:

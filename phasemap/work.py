@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._check import number
+from phasemap._kernels import columns as col
 from phasemap.errors import InputError
+from phasemap.interaction import RELEASE
 from phasemap.material import Material
 from phasemap.microscope import Microscope, Tip
 
@@ -41,6 +43,12 @@ class Work:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def refused(self) -> Array:
+        """Status codes (int8): GOOD where there is something to solve, or what a mark of `Interaction.columns` says."""
+        creates = np.isneginf(self.rows[:, RELEASE])
+        solvable = np.isfinite(self.rows).all(axis=1)
+        return np.where(solvable, col.GOOD, np.where(creates, col.CREATES_ENERGY, col.INVALID)).astype(np.int8)
 
 
 def check_setpoint(setpoint: object) -> float:
@@ -123,6 +131,20 @@ def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: fl
         Setpoint amplitudes [m].
     """
     return work_of(*properties(materials, viscous, scope), scope, amplitudes)
+
+
+def work_of_material(material: Material, scope: Microscope, amplitude: float) -> Work:
+    """Work of one material, at a setpoint amplitude [m].
+
+    Raises
+    ------
+    InputError
+        If the laws of interaction cannot have this material.
+    """
+    row, viscous = material_row(material)
+    stiffness, adhesion, damping = properties(row, viscous, scope)
+    scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius)
+    return work_of(stiffness, adhesion, damping, scope, amplitude)
 
 
 def material_row(material: Material) -> tuple[Array, bool]:

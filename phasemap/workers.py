@@ -73,8 +73,8 @@ def run(
     """
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
-    status, used = np.full(count, col.INVALID, np.int8), np.full(count, -1, np.int8)
-    valid = np.flatnonzero(np.isfinite(work.rows).all(axis=1))
+    status, used = work.refused(), np.full(count, -1, np.int8)
+    valid = np.flatnonzero(status == col.GOOD)
     if len(valid) < count:
         part = Work(work.law, np.ascontiguousarray(work.rows[valid]), work.lever, work.amplitudes[valid])
         rows[valid], status[valid], used[valid] = run(solver, part, accuracy, threads=threads, progress=progress)

@@ -9,7 +9,9 @@ is one scalar equation for c. (The paper replaces omega_e^2 - omega^2 by (1 + om
 order; here the free lever is kept exact.) The integrals use Gauss nodes that know the exponents of the integrand:
 
 * contact: sin(theta/2) = sin(theta0/2) sin(psi), so that d = A (1 - c) cos(psi)^2 and half-integer powers are smooth;
-* outside: u = tan(theta/2) = u0 + delta x / (1 - x), delta the distance to the pole of the long-range force.
+* outside: u = tan(theta/2) = u0 + delta x / (1 - x), delta the distance to the pole of the long-range force;
+* neck (laws with a depth of release d_r < 0): the way out stays in contact until d = d_r, at theta_r; with
+  theta = theta_r - (theta_r - theta0) x^2 a root of the force at release is smooth.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ _X, _W = gauss(16)
 _FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2  # u = u0 + delta _FAR_X; the weight has dtheta = 2 du/(1 + u^2)
 _X, _W = gauss(10)
 _COS2, _SIN2, _TOUCH_W = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 2, _W * np.pi * np.cos(_X * np.pi / 2)
+_NECK_X, _NECK_W = gauss(20)
 _X, _W = gauss(40)
 _DEEP_COS2, _DEEP_SIN2 = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 2
 _DEEP_W = _W * np.pi * np.cos(_X * np.pi / 2)
@@ -36,11 +39,64 @@ _SUMS = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}}  # sums may be t
 DEEP = -0.6  # below this c the contact integrals need the finer nodes
 
 
-@njit(**_SUMS)
-def harmonics(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
+@njit(**OPTIONS)
+def _neck(
+    law: Law, p: np.ndarray, reach: float, amplitude: float, c: float, hanging: bool
 ) -> tuple[float, float, float]:
-    """P, S and A0 [m] of the harmonic orbit of this amplitude that touches where cos(theta) > c."""
+    """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
+
+    On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
+    A tip that hangs is never released, and has no way in.
+    """
+    length = -p[10] / amplitude
+    start = math.sqrt((1.0 - c) / (1.0 + c)) if c > -1.0 else math.inf
+    x_end = -1.0 if hanging else c - length
+    if hanging:
+        width = 2.0 * math.atan(1.0 / start)
+        end = math.pi
+    else:
+        far = math.sqrt((1.0 - x_end) / (1.0 + x_end))
+        width = 2.0 * math.atan(2.0 * length / ((1.0 + c) * (1.0 + x_end) * (far + start) * (1.0 + far * start)))
+        end = 2.0 * math.atan(far)
+    share = 1.0 if hanging else 0.5
+    bottom = amplitude * (x_end - c) if hanging else p[10]
+    mean, push, loss = 0.0, 0.0, 0.0
+    for i in range(len(_NECK_X)):
+        x = _NECK_X[i]
+        back = width * x * x  # theta_r - theta
+        theta = end - back
+        d = bottom + 2.0 * amplitude * math.sin(0.5 * back) * math.sin(end - 0.5 * back)
+        f = share * _NECK_W[i] * 2.0 * width * x * contact_force(law, d, p)
+        mean += f
+        push += f * math.cos(theta)
+        loss += f * math.sin(theta)
+    if hanging:
+        return mean, push, 0.0
+    if p[4] != 0.0:
+        ratio = 0.5 * reach / amplitude * (1.0 + start * start) ** 2
+        delta = math.sqrt(start * start + ratio) - start
+        if delta < 1e-4 * start:
+            delta = 0.5 * ratio / start
+        rise = far - start
+        last = rise / (delta + rise)
+        for i in range(len(_NECK_X)):
+            x = last * _NECK_X[i]
+            more = delta * x / (1.0 - x)
+            u = start + more
+            below = 1.0 / (1.0 + u * u)
+            f = 0.5 * last * _NECK_W[i] * 2.0 * delta / (1.0 - x) ** 2 * below
+            f *= longrange_force(law, -amplitude * more * (u + start) * below * (1.0 + c), p)
+            mean -= f
+            push -= f * (2.0 * below - 1.0)
+            loss -= f * 2.0 * u * below
+    return mean, push, loss
+
+
+@njit(**_SUMS)
+def _even(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float, outside: bool
+) -> tuple[float, float, float]:
+    """P, S and A0 [m] without a neck: the same way in and out; without the long-range force unless `outside`."""
     inverse_k = 1.0 / lever[STIFFNESS]
     mean, push, loss = 0.0, 0.0, 0.0  # integrals of F, F cos and alpha_s sin^2 over 0 ... pi
     damped = p[8] != 0.0
@@ -69,7 +125,7 @@ def harmonics(
                 push += share * f * x
                 if damped:
                     loss += share * damping(law, d, p) * (1.0 - x * x)
-    if p[4] != 0.0 and c > -1.0:
+    if outside and p[4] != 0.0 and c > -1.0:
         least = max(c - 1.0, 0.0)  # smallest gap over A
         start2 = (1.0 - c) / (1.0 + c) if c < 1.0 else 0.0
         start = math.sqrt(start2)
@@ -88,6 +144,23 @@ def harmonics(
     mean *= -inverse_k / math.pi
     push *= 2.0 * inverse_k / math.pi
     return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
+
+
+@njit(**OPTIONS)
+def harmonics(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
+) -> tuple[float, float, float]:
+    """P, S and A0 [m] of the harmonic orbit of this amplitude that touches where cos(theta) > c.
+
+    A neck that is longer than the tip withdraws is never released.
+    """
+    if p[10] == 0.0 or abs(c) >= 1.0:
+        return _even(law, p, lever, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
+    hanging = amplitude * (c + 1.0) < -p[10]
+    push, drag, mean = _even(law, p, lever, reach, amplitude, c, not hanging)
+    more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, hanging)
+    share = 2.0 / (math.pi * lever[STIFFNESS])
+    return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean
 
 
 @njit(**OPTIONS)

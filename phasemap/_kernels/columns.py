@@ -2,6 +2,8 @@
 
 # Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11.
 CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
+BIAS = 11  # attraction [N] of an electrostatic bias in contact
+RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 
 # Entries of the lever, shape (4,): omega [1], alpha0 [1], stiffness [N/m], base amplitude u0 [m].
 OMEGA, ALPHA0, STIFFNESS, BASE = 0, 1, 2, 3
@@ -22,6 +24,22 @@ ERROR_PHASE = 11  # estimated [rad]
 ERROR_HEIGHT = 12  # estimated [m]
 COLUMNS = 13
 
+# Columns of a full row, shape (FULL,): the above, and
+MEAN_FORCE = 13  # of the surface on the tip [N], positive repulsive
+PEAK_FORCE = 14  # largest [N]
+LEAST_FORCE = 15  # smallest [N]
+CONTACT_TIME = 16  # in contact, necks included, over the period [1]
+HARMONIC = 17  # amplitudes of the harmonics 2 ... 6 of the deflection [m]
+HARMONICS = 5
+TRACE = 22  # of the monodromy matrix [1]
+PRODUCT = 23  # of the two multipliers [1]
+START_Z, START_V, START_HELD = 24, 25, 26  # z [m], dz/dtau [m], whether in contact or neck, at drive phase 0
+PARAMETER = 27  # m [1]
+KIND = 28  # what made the row: one of those below
+INDEX = 29  # of the value asked for
+FULL = 30
+ON_THE_WAY, WANTED, FOLD, END, TURN = 0, 1, 2, 3, 4  # FOLD: the control turns; TURN: the value wanted does
+
 # Status codes; `phasemap.status.Status` says them in words.
 GOOD = 0
 NO_STABLE_ORBIT = 1
@@ -31,6 +49,7 @@ NOT_SETTLED = 4
 INVALID = 5
 TOO_MANY_CONTACTS = 6
 NO_AVERAGED_ORBIT = 7
+CREATES_ENERGY = 8
 PENDING = -1  # between two kernels only
 
 # Solver codes.

@@ -26,6 +26,7 @@ Formula = Callable[[float, Any], float]
 
 _ROLES = ("contact_force", "contact_slope", "longrange_force", "longrange_slope", "damping", "damping_slope")
 _COMPILED: dict[str, tuple[Any, ...]] = {}
+_BIASED: set[str] = set()  # laws with an attraction p[11]; the others are spared the subtraction
 
 
 def _sources() -> bytes:
@@ -63,6 +64,19 @@ def fingerprint(function: Any, seen: set[int] | None = None) -> str:
     return digest.hexdigest()
 
 
+def compiled(function: Any) -> Any:
+    """Compile a formula written in plain Python, and the plain functions that it calls."""
+    if hasattr(function, "py_func"):
+        return function
+    code, scope, closure = function.__code__, function.__globals__, function.__closure__ or ()
+    helpers = {n: compiled(scope[n]) for n in code.co_names if isinstance(scope.get(n), python_types.FunctionType)}
+    cells = [cell.cell_contents for cell in closure]
+    cells = [compiled(value) if isinstance(value, python_types.FunctionType) else value for value in cells]
+    bound = tuple(python_types.CellType(value) for value in cells)
+    copy = python_types.FunctionType(code, {**scope, **helpers}, function.__name__, function.__defaults__, bound)
+    return njit(error_model="numpy")(copy)
+
+
 class LawType(types.Type):
     """The numba type of a `Law`; two laws with the same formulas have the same type."""
 
@@ -84,21 +98,39 @@ class Law:
     Parameters
     ----------
     contact_force, contact_slope : callable (d, p) -> float
-        Force [N] and its derivative [N/m] for d >= 0.
+        Force [N] and its derivative [N/m] for d >= 0, and in the neck.
     longrange_force, longrange_slope : callable (d, p) -> float
         The same for d <= 0.
     damping, damping_slope : callable (d, p) -> float
         alpha_s [1] and its derivative [1/m] for d >= 0.
+    biased : bool
+        Whether rows have a constant attraction p[11] in contact, whatever the law.
     """
 
-    def __init__(self, *formulas: Formula) -> None:
-        digest = hashlib.sha256(_SOURCES)
+    def __init__(self, *formulas: Formula, biased: bool = False) -> None:
+        digest = hashlib.sha256(_SOURCES + bytes([biased]))
         for role, formula in zip(_ROLES, formulas, strict=True):
             digest.update((role + fingerprint(formula)).encode())
         self.sha = digest.hexdigest()
+        if biased:
+            _BIASED.add(self.sha)
         if self.sha not in _COMPILED:
-            _COMPILED[self.sha] = tuple(f if hasattr(f, "py_func") else njit(error_model="numpy")(f) for f in formulas)
+            _COMPILED[self.sha] = tuple(compiled(formula) for formula in formulas)
         self.formulas = _COMPILED[self.sha]
+
+
+def why_not_compiled(law: Law) -> str:
+    """The reason why numba refuses a formula of this law; empty where it takes all of them."""
+    for role, formula in zip(_ROLES, law.formulas, strict=True):
+        try:
+            formula.compile((types.float64, types.float64[::1]))
+        except Exception as error:  # numba's errors have no common base
+            said = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = next((line for line in said if "Untyped" in line or "NameError" in line), " ".join(said[1:3]))
+            return f"Of its {role}: {reason or repr(error)}"
+        if any(signature.return_type != types.float64 for signature in formula.nopython_signatures):
+            return f"Its {role} does not return a float: {formula.nopython_signatures[0].return_type}."
+    return ""
 
 
 @typeof_impl.register(Law)
@@ -117,8 +149,8 @@ def _unbox_law(_type: LawType, _object: object, context: Any) -> NativeValue:
 
 
 def contact_force(law: Law, d: float, p: np.ndarray) -> float:
-    """Force in contact [N], d >= 0 [m]."""
-    return law.formulas[0](d, p)
+    """Force in contact [N], d >= p[10] [m]: the law's, and the attraction p[11] that is there whatever the law."""
+    return law.formulas[0](d, p) - p[11]
 
 
 def contact_slope(law: Law, d: float, p: np.ndarray) -> float:
@@ -151,6 +183,8 @@ def _pick(law: Any, role: int) -> Any:
     if not isinstance(law, LawType):
         return None
     formula = _COMPILED[law.sha][role]
+    if role == 0 and law.sha in _BIASED:
+        return lambda law, d, p: formula(d, p) - p[11]
     return lambda law, d, p: formula(d, p)
 
 

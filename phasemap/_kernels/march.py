@@ -8,9 +8,12 @@ them, so the error is C eta^8. Order 8 needs an analytic right-hand side, and F 
 * out of contact the state is (d, v) and the independent variable s is the time tau;
 * in contact it is (q, v), q = sqrt(d), with dtau = 2 q ds:    q' = v,    v' = 2 q z'',    tau' = 2 q,
   in which every multiple of 1/2 is an analytic power of d, through q = 0 and beyond;
+* in the neck, which a law with a depth of release d_r < 0 draws out on the way back, it is (q, v), q = sqrt(d - d_r),
+  in which the force of JKR, a power series in q, is analytic up to release;
 * each change from one to the other is the end of a step, found by Newton's method on the step's length.
 
-Both are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q); `touching` says which.
+All are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q); `touching` says which, and `bottom`, 0 or d_r, is
+the depth where q = 0.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.tableau import STEADY, fly, press, turn
 
 if TYPE_CHECKING:
@@ -51,9 +55,9 @@ def _flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
 @njit(**STEADY)
 def _contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
-    d = q * q
-    rate = 4 * d * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[2])
-    if p[8] != 0.0:
+    d = fixed[7] + q * q
+    rate = 4 * q * q * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[2])
+    if p[8] != 0.0 and fixed[7] == 0.0:
         rate += (4 * q * damping(law, d, p)) ** 2
     return rate
 
@@ -110,23 +114,25 @@ def _advance(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h
 
 
 @njit(**STEADY)
-def _to_surface(
-    law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float, end: Numbers
+def _to_edge(
+    law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float, end: Numbers, edge: float
 ) -> tuple[float, Numbers]:
-    """Shorten a step across the surface to end on it: Newton on x(h) = 0, x' = v, kept between a side and the other."""
-    x, v = start[0], start[1]
-    tolerance = (abs(x) + abs(v) * h) * (1e-8 if touching else 1e-14)  # of q, whose square is a length, and of d
+    """Shorten a step across an edge to end on it: Newton on x(h) = edge, x' = v, kept between a side and the other."""
+    x, v = start[0] - edge, start[1]
+    # Of q, whose square is a length where it is 0, and of d.
+    tolerance = (abs(x) + abs(v) * h) * (1e-8 if touching and edge == 0.0 else 1e-14)
     low, high = 0.0, h
-    h = _root(x, v, end[0], end[1], h)
+    h = _root(x, v, end[0] - edge, end[1], h)
+    above = end[0] <= edge
     for _ in range(50):
         end = _advance(law, p, fixed, touching, start, h)
-        if abs(end[0]) <= tolerance:
+        if abs(end[0] - edge) <= tolerance:
             break
-        if (end[0] > 0) == touching:
+        if (end[0] > edge) == above:
             low = h
         else:
             high = h
-        h -= end[0] / end[1]
+        h -= (end[0] - edge) / end[1]
         if not low <= h <= high:
             h = 0.5 * (low + high)
     return h, end
@@ -136,7 +142,7 @@ def _to_surface(
 def _to_instant(
     law: Law, p: Row, fixed: Numbers, start: Numbers, h: float, end: Numbers, time: float
 ) -> tuple[float, Numbers]:
-    """Shorten a step in contact to last `time`: Newton on tau(h) = time, tau' = 2 q."""
+    """Shorten a step in contact or neck to last `time`: Newton on tau(h) = time, tau' = 2 q."""
     low, high = 0.0, h
     for _ in range(50):
         h -= (end[2] - time) / (2 * end[0])
@@ -163,10 +169,12 @@ def march_period(
     eta : float
         Size of the steps. The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at 0.5, 0.3, 0.15 in nine of
         ten orbits with Q <= 1000. The error is of order 8 in eta and proportional to Q.
-    y : ndarray, shape (2,)
-        (z, z') [m], advanced in place.
+    y : ndarray, shape (3,)
+        z, z' [m], and whether the tip is in contact or in the neck (1 or 0), advanced in place. The last is left out
+        and not asked for where the law has no neck: depth says it.
     acc : ndarray, shape (6,) or longer
-        Filled with cosine and sine part of the first harmonic and mean of z [m], energy into the surface [J],
+        Filled with cosine and sine part of the first harmonic and mean of z [m], energy into the surface [J]: by
+        damping, and that of the loop at each release,
         virial -<F z> of the whole surface force [J], largest d [m], and energy into the lever's own damping [J].
 
     Returns
@@ -180,8 +188,12 @@ def march_period(
     if p[4] != 0.0:
         edge_force = longrange_force(law, 0.0, row) * compliance
         edge_slope = longrange_slope(law, 0.0, row) * compliance
-    fixed = (omega, lever[col.ALPHA0], compliance, lever[col.BASE], z0, edge_force, edge_slope)
+    alpha0, base = lever[col.ALPHA0], lever[col.BASE]
+    aloft = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
+    drawn = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[10])
+    fixed = aloft
     snap = 2 * HARD * HARD * abs(contact_force(law, 0.0, row)) * compliance
+    neck = math.sqrt(-row[10])  # q of the surface in the neck
 
     x, v = y[0] - z0, y[1]
     highest = x
@@ -190,18 +202,27 @@ def march_period(
     if touching:
         x = math.sqrt(x)
         deep = _reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(y[0], v))
+    elif neck > 0 and y[2] != 0.0 and x > row[10]:
+        touching, x, deep = True, math.sqrt(x - row[10]), neck
+        fixed = drawn
     cosine, sine = 1.0, 0.0
     cos_part = sin_part = mean = dissipated = virial = air = 0.0
     left = 2 * math.pi / omega
-    steps = 0
+    steps = releases = 0
     while left > 0:
         steps += 1
         if steps > MAX_STEPS:
             return -col.NOT_SETTLED
+        bottom = fixed[7]
+        hanging = bottom != 0.0
+        edge = neck if hanging else 0.0  # the x of d = 0
         if touching:
             # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
-            rate = _contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + x * x, v)
-            h = eta / math.sqrt(rate + (HARD * v / deep) ** 2)
+            rate = _contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + bottom + x * x, v)
+            rate += (HARD * v / deep) ** 2
+            if neck > 0 and not hanging:
+                rate += (HARD * v) ** 2 / (x * x - row[10])  # the root at release, seen from contact
+            h = eta / math.sqrt(rate)
         else:
             h = min(left, eta / _flight_rate(law, row, fixed, x, v))
         start = (x, v, cosine, sine)
@@ -211,12 +232,19 @@ def march_period(
             part = _turning(x, v, end[0], end[1], h)
             top = _advance(law, row, fixed, touching, start, part)
             height = top[0] + 0.5 * h * top[1] ** 2 / (v - end[1])
-            highest = max(highest, height * height if touching else height)
-            if not touching and top[0] > 0:  # grazing: both ends may be out of contact
+            highest = max(highest, bottom + height * height if touching else height)
+            if (hanging or not touching) and top[0] > edge:  # grazing: both ends may be below
                 h, end = part, top
-        crosses = end[0] <= 0 if touching else end[0] > 0
+        elif hanging and v < 0 and end[1] > 0:
+            part = _turning(-x, -v, -end[0], -end[1], h)
+            low = _advance(law, row, fixed, touching, start, part)
+            if low[0] <= 0:  # both ends may be in the neck, with a release between
+                h, end = part, low
+        crosses = end[0] <= edge if touching and not hanging else end[0] > edge
+        if hanging and end[0] <= 0:
+            crosses, edge = True, 0.0
         if crosses:
-            h, end = _to_surface(law, row, fixed, touching, start, h, end)
+            h, end = _to_edge(law, row, fixed, touching, start, h, end, edge)
         if not touching:
             left -= h
         elif end[2] < left:
@@ -234,20 +262,30 @@ def march_period(
         air += end[8]
         c, s = turn(omega * end[2])
         cosine, sine = cosine * c - sine * s, sine * c + cosine * s
-        if crosses:
-            x = 0.0
+        if crosses and hanging and edge == 0.0:
+            releases += 1
+            touching, fixed, x = False, aloft, bottom
+        elif crosses and v <= 0 and touching and neck > 0:
+            fixed = drawn
+            x = deep = neck
+        elif crosses:
+            x, fixed = 0.0, aloft
             touching = v > 0
             if touching:
                 deep = _reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(z0, v))
     if not math.isfinite(x + v):
         return -col.NOT_SETTLED
 
-    d = x * x if touching else x
+    d = fixed[7] + x * x if touching else x
     y[0], y[1] = z0 + d, v
+    if neck > 0:
+        y[2] = 1.0 if touching else 0.0
     acc[0] = cos_part * omega / math.pi
     acc[1] = sin_part * omega / math.pi
     acc[2] = mean * omega / (2 * math.pi)
     acc[3] = dissipated * lever[col.STIFFNESS]
+    if releases > 0:
+        acc[3] += releases * loop_energy(law, row)
     acc[4] = virial * lever[col.STIFFNESS] * omega / (2 * math.pi)
     acc[5] = max(highest, d)
     if len(acc) > 6:
@@ -262,18 +300,18 @@ def march_period(
 def _linearise(
     law: Law, p: np.ndarray, lever: np.ndarray, eta: float, u: np.ndarray, acc: np.ndarray, linear: np.ndarray
 ) -> bool:
-    """March u = (z, z', z0) and three neighbours for a period.
+    """March u = (z, z', touching, z0) and three neighbours for a period; says whether all stay in contact or out of it.
 
     linear[0:3] is the change of z, that of z' and the amplitude A; linear[4 j : 4 j + 3], j = 1, 2, 3, are their
     derivatives by z, z' and z0.
     """
     size = 3e-8 * (math.hypot(u[0], u[1]) + lever[col.BASE])
-    y = np.empty(2)
+    y = np.empty(3)
     for j in range(4):
         z = u[0] + (size if j == 1 else 0.0)
         v = u[1] + (size if j == 2 else 0.0)
-        y[0], y[1] = z, v
-        if march_period(law, p, lever, u[2] + (size if j == 3 else 0.0), eta, y, acc) < 0:
+        y[0], y[1], y[2] = z, v, u[2]
+        if march_period(law, p, lever, u[3] + (size if j == 3 else 0.0), eta, y, acc) < 0 or y[2] != u[2]:
             return False
         linear[4 * j], linear[4 * j + 1], linear[4 * j + 2] = y[0] - z, y[1] - v, math.hypot(acc[0], acc[1])
         if j > 0:
@@ -331,7 +369,7 @@ def _skip(
     """
     eta, y_limit, z0_limit = how
     hold = target > 0.0
-    trial, y = np.empty(3), np.empty(2)
+    trial, y = np.empty(4), np.empty(3)
     periods = 0
     for _ in range(20):
         periods += 4
@@ -344,10 +382,10 @@ def _skip(
         near = way * y_limit <= 1e-4 * (math.hypot(u[0], u[1]) + lever[col.BASE])
         moved = False
         while way > 1 or not moved:
-            trial[0], trial[1], trial[2] = u[0] + z, u[1] + v, u[2] + move
-            y[:] = trial[:2]
+            trial[0], trial[1], trial[2], trial[3] = u[0] + z, u[1] + v, u[2], u[3] + move
+            y[:] = trial[:3]
             periods += 1
-            if march_period(law, p, lever, trial[2], eta, y, acc) < 0:
+            if march_period(law, p, lever, trial[3], eta, y, acc) < 0 or y[2] != u[2]:
                 return False, periods
             error = math.hypot(acc[0], acc[1]) - target
             z, v, move = _ahead(linear, y[0] - trial[0], y[1] - trial[1], error, hold)
@@ -360,9 +398,9 @@ def _skip(
             return False, periods
         if way <= 1 and near:  # so near that the derivatives are those at the end
             for _ in range(2):
-                u[0], u[1], u[2] = u[0] + z, u[1] + v, u[2] + move
-                y[:] = u[:2]
-                if march_period(law, p, lever, u[2], eta, y, acc) < 0:
+                u[0], u[1], u[3] = u[0] + z, u[1] + v, u[3] + move
+                y[:] = u[:3]
+                if march_period(law, p, lever, u[3], eta, y, acc) < 0 or y[2] != u[2]:
                     return False, periods
                 error = math.hypot(acc[0], acc[1]) - target
                 z, v, move = _ahead(linear, y[0] - u[0], y[1] - u[1], error, hold)
@@ -386,7 +424,7 @@ def _rest(
         if not _floquet(linear) < 1:
             u[:2] *= 1 + 1e-6  # an orbit that its neighbours leave is left at the slightest disturbance: here it is
         for _ in range(wait):
-            if march_period(law, p, lever, u[2], how[0], u[:2], acc) < 0:
+            if march_period(law, p, lever, u[3], how[0], u[:3], acc) < 0:
                 return False, periods
         periods += wait
     return False, periods
@@ -419,12 +457,12 @@ def _hold(
             stride *= 0.5
         last = error
         # A setpoint inside a jump is passed again and again, and one above the free amplitude is never reached.
-        if stride < 1e-4 * amplitude or not abs(u[2]) < farthest:
+        if stride < 1e-4 * amplitude or not abs(u[3]) < farthest:
             return col.NO_STABLE_ORBIT
-        u[2] -= max(-stride, min(error / max(_slope(linear), 0.2), stride))
+        u[3] -= max(-stride, min(error / max(_slope(linear), 0.2), stride))
 
     lag = math.atan2(acc[1], acc[0])
-    row[col.TIP_OFFSET] = u[2]
+    row[col.TIP_OFFSET] = u[3]
     row[col.MEAN] = acc[2]
     row[col.PHASE] = math.pi / 2 - lag
     row[col.AMPLITUDE] = math.hypot(acc[0], acc[1])
@@ -452,7 +490,7 @@ def settle(
     """
     how = (eta, tolerance * math.radians(1e-5) * amplitude, tolerance * 1e-14)
     z = start[1] + start[2] * math.cos(start[3])
-    u = np.array([z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0]])
+    u = np.array([z, lever[col.OMEGA] * start[2] * math.sin(start[3]), 0.0, start[0]])
     return _hold(law, p, lever, how, amplitude, max_periods, u, row)
 
 
@@ -470,13 +508,14 @@ def approach(
     how = (eta, settle_tol * math.radians(1e-5) * amplitude, settle_tol * 1e-14)
     patience = int(omega / alpha0)  # 2 pi decay times of the lever's amplitude
     free = base / complex(1 - omega * omega, 2 * alpha0 * omega)
-    u, trial = np.array([free.real, -omega * free.imag, z0_start]), np.empty(3)
+    u, trial = np.array([free.real, -omega * free.imag, 0.0, z0_start]), np.empty(4)
     acc, linear = np.empty(7), np.empty(16)
     stride = slope = z_slope = v_slope = 0.0
     at_rest, reached, periods = True, False, 0
-    while not reached and periods < max_periods and u[2] > -15 * base / alpha0:
+    while not reached and periods < max_periods and u[3] > -15 * base / alpha0:
         coarse = stride > step / 50
-        trial[0], trial[1], trial[2] = u[0] - z_slope * stride, u[1] - v_slope * stride, u[2] - stride
+        trial[:] = u
+        trial[0], trial[1], trial[3] = u[0] - z_slope * stride, u[1] - v_slope * stride, u[3] - stride
         rests, used = _skip(law, p, lever, how, 0.0, trial, acc, linear)
         periods += used
         turned = rests and _slope(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
@@ -486,7 +525,8 @@ def approach(
             if coarse and at_rest:
                 stride *= 0.25
                 continue
-            trial[0], trial[1], trial[2] = u[0], u[1], u[2] - stride
+            trial[:] = u
+            trial[3] = u[3] - stride
             rests, used = _rest(law, p, lever, how, patience, trial, acc, linear)
             periods += used
         reached = math.hypot(acc[0], acc[1]) <= amplitude

@@ -134,17 +134,17 @@ def turn(angle: float) -> tuple[float, float]:
 @njit(forceinline=True, **STEADY)
 def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: float, v: float, time: float) -> Numbers:
     """Slopes w of tau and w z'' of v, and the integrands that `fly` names, at (x, v), `time` after the step's start."""
-    omega, alpha0, compliance, base, z0, edge_force, edge_slope = fixed
+    omega, alpha0, compliance, base, z0, edge_force, edge_slope, bottom = fixed
     _, _, cosine, sine = start
     c, s = turn(omega * time)
     c, s = cosine * c - sine * s, sine * c + cosine * s
     force = 0.0
     drag = 0.0
     if touching:
-        d = x * x
+        d = bottom + x * x
         w = 2 * x
         force = contact_force(law, d, p) * compliance
-        if p[8] != 0.0:
+        if p[8] != 0.0 and bottom == 0.0:
             drag = 2 * damping(law, d, p)
     else:
         d = x
@@ -226,7 +226,8 @@ def fly(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
     Parameters
     ----------
     fixed : tuple
-        omega, alpha0, 1/k, u0, z0, and the long-range force and its slope at contact, over k.
+        omega, alpha0, 1/k, u0, z0, the long-range force and its slope at contact, over k, and the depth where x = 0 in
+        contact (0) and in the neck (that of release).
     start : tuple
         x, v, and cosine and sine of the drive's phase.
     h : float
@@ -243,5 +244,5 @@ def fly(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
 
 @njit(**STEADY)
 def press(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
-    """Take one step in contact: as `fly`."""
+    """Take one step in contact or in the neck: as `fly`."""
     return _step(law, p, fixed, True, start, h)

@@ -6,22 +6,25 @@ and `Interaction.token` into the compiled formulas. Everything here is SI.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import phasemap.interaction.contact as contact_laws
 from phasemap._check import number
 from phasemap.errors import InputError
-from phasemap.interaction.contact import ContactLaw
+from phasemap.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
 from phasemap.interaction.damping import PowerLawDamping
-from phasemap.interaction.longrange import InverseSquare
+from phasemap.interaction.longrange import Biased, InverseSquare
 
 if TYPE_CHECKING:
     import numpy as np
 
     from phasemap._kernels.law import Law
 
-__all__ = ["ContactLaw", "Interaction"]
+__all__ = ["DMT", "JKR", "ContactLaw", "Hertz", "Interaction", "LinearSpring", "MaugisDugdale", "Neck"]
+
+RELEASE, BIAS = 10, 11  # columns of a row
+TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of one's own law is tried before work starts
 
 
 @dataclass(frozen=True)
@@ -31,11 +34,16 @@ class Interaction:
     Parameters
     ----------
     contact : str or ContactLaw
-        "hertz" (no adhesion) or "dmt", or a law of one's own (see `phasemap.interaction.contact.ContactLaw`).
+        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length) or "spring" (linear);
+        or a law object: `LinearSpring`, `MaugisDugdale` and `Neck` take parameters, and one's own law is a class
+        derived from `ContactLaw`.
     decay_length : float, optional
-        d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no long-range force.
+        d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no such force.
     damping_exponent : float
         n [1], >= 0, in alpha_s = alpha1 (d/R)**n, Wang (1999) Eq. 4.
+    bias : float
+        Voltage V [V] between tip and surface, for F = -pi eps0 V^2 R^2 / (g (g + R)) with the gap g = d0 - d (or 0.3 nm
+        - d without a decay length), constant in contact.
 
     Raises
     ------
@@ -46,28 +54,33 @@ class Interaction:
     --------
     >>> Interaction(contact="hertz", decay_length=None).law.name
     'hertz'
+    >>> Interaction("maugis", decay_length=0.4e-9).law
+    MaugisDugdale(range=4e-10)
     """
 
     contact: str | ContactLaw = "dmt"
     decay_length: float | None = 0.3e-9
     damping_exponent: float = 0.5
+    bias: float = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.contact, str):
-            if self.contact not in contact_laws.LAWS:
-                raise InputError(
-                    "contact", self.contact, "one of " + ", ".join(contact_laws.LAWS) + ", or a ContactLaw"
-                )
-        elif not isinstance(self.contact, ContactLaw):
-            raise InputError("contact", self.contact, "one of " + ", ".join(contact_laws.LAWS) + ", or a ContactLaw")
+        known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
+        if not known:
+            hint = "Derive its class from phasemap.interaction.ContactLaw." if hasattr(self.contact, "force") else ""
+            if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
+                hint = f"Give an object, {self.contact.__name__}()."
+            raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)
         if self.decay_length is not None:
             number("decay_length", self.decay_length, "m", above=0)
         number("damping_exponent", self.damping_exponent, "1", minimum=0)
+        number("bias", self.bias, "V")
+        self.law.beside(self.decay_length)
 
     @property
     def law(self) -> ContactLaw:
         """The contact law itself."""
-        return contact_laws.LAWS[self.contact] if isinstance(self.contact, str) else self.contact
+        law = LAWS[self.contact] if isinstance(self.contact, str) else self.contact
+        return law.beside(self.decay_length)
 
     def columns(
         self, contact_stiffness: np.ndarray, adhesion: np.ndarray, damping: np.ndarray, radius: float
@@ -88,32 +101,138 @@ class Interaction:
         Returns
         -------
         ndarray, shape (n, 12)
-            Contact parameters in columns 0-3, long-range in 4-7, damping in 8-11; zeros where a term is absent.
+            Contact parameters in columns 0-3, long-range in 4-7 (4 is the whole attraction at d = 0 [N]), damping in 8
+            and 9, depth of release [m] in 10 (0 without a neck), constant attraction in contact [N] in 11; zeros where
+            a term is absent. A row is NaN where the law cannot have the material, and -inf in column 10 where breaking
+            the neck would give back more energy than forming the contact took.
+
+        Raises
+        ------
+        InputError
+            If the formulas of one's own law fail.
         """
+        import numpy as np
+
+        rows = self._rows(contact_stiffness, adhesion, damping, radius)
+        creates = self._loop_energies(rows) < 0
+        if self.law.may_do_without_neck:
+            rows[creates, RELEASE] = 0.0
+        else:
+            rows[creates] = np.nan
+            rows[creates, RELEASE] = -np.inf
+        rows[~np.isfinite(rows).all(axis=1) & ~creates] = np.nan
+        return rows
+
+    def check(self, contact_stiffness: float, adhesion: float, radius: float) -> None:
+        """Refuse one material that the laws cannot have.
+
+        Raises
+        ------
+        InputError
+            If `columns` would mark its row.
+        """
+        import numpy as np
+
+        rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius)
+        name, depth, energy = self.law.name, float(rows[0, RELEASE]), float(self._loop_energies(rows)[0])
+        if not np.isfinite(rows).all():
+            raise InputError(
+                "modulus", 0.0, f"a number above 0 Pa where {name} contact has adhesion", "Its neck would never break."
+            )
+        if energy < 0 and not self.law.may_do_without_neck:
+            raise InputError(
+                "contact", name, "a law whose neck loses energy beside the long-range force",
+                f"This neck would break at {depth * 1e9:.3g} nm and give back {-energy:.3g} J more than forming the "
+                "contact took, for the long-range force reaches farther. Use 'maugis' or 'dmt', or a shorter "
+                "decay_length, or decay_length=None.",
+            )  # fmt: skip
+
+    def token(self) -> Law:
+        """Return the compiled formulas as one argument for the kernels.
+
+        Raises
+        ------
+        InputError
+            If numba cannot compile the formulas of one's own law.
+        """
+        from phasemap._kernels.law import Law, why_not_compiled
+
+        law, longrange = self.law, Biased if self.bias else InverseSquare
+        formulas = (law.force, law.slope, longrange.force, longrange.slope)
+        token = Law(*formulas, PowerLawDamping.damping, PowerLawDamping.slope, biased=bool(self.bias))
+        if self._is_own and (reason := why_not_compiled(token)):
+            raise InputError("contact", law.name, "a law whose formulas numba compiles", reason)
+        return token
+
+    @property
+    def _is_own(self) -> bool:
+        """Whether the contact law is the user's."""
+        return not type(self.law).__module__.startswith("phasemap.")
+
+    def _rows(
+        self, contact_stiffness: np.ndarray, adhesion: np.ndarray, damping: np.ndarray, radius: float
+    ) -> np.ndarray:
+        """`columns` without marks."""
         import numpy as np
 
         rows = np.zeros((len(contact_stiffness), 12))
         law = self.law
-        column: np.ndarray | float
-        for j, column in enumerate(law.columns(contact_stiffness, adhesion, radius)):
-            rows[:, j] = column
-        if self.decay_length is not None:
-            reach = InverseSquare.columns(law.pull(contact_stiffness, adhesion, radius), self.decay_length)
-            for j, column in enumerate(reach):
-                rows[:, 4 + j] = column
+        with np.errstate(all="ignore"):  # a material that the law cannot have ends as NaN
+            try:
+                for j, column in enumerate(law.columns(contact_stiffness, adhesion, radius)):
+                    rows[:, j] = column
+                rows[:, RELEASE] = law.release(contact_stiffness, adhesion, radius) + 0.0  # no -0
+                self._try(rows)
+                pull = law.pull(contact_stiffness, adhesion, radius)
+            except InputError:
+                raise
+            except Exception as error:  # whatever one's own law does
+                if not self._is_own:
+                    raise
+                raise InputError(
+                    "contact", law.name, "a law whose methods run", f"It raised {type(error).__name__}: {error}."
+                ) from error
+        reach: tuple[np.ndarray | float, ...] = ()
+        if self.bias:
+            reach = Biased.columns(pull, self.decay_length, self.bias, radius)
+            rows[:, BIAS] = Biased.at_contact(self.decay_length, self.bias, radius)
+        elif self.decay_length is not None:
+            reach = InverseSquare.columns(pull, self.decay_length)
+        for j, column in enumerate(reach):
+            rows[:, 4 + j] = column
         for j, column in enumerate(PowerLawDamping.columns(damping, radius, self.damping_exponent)):
             rows[:, 8 + j] = column
         return rows
 
-    def token(self) -> Law:
-        """Return the compiled formulas as one argument for the kernels."""
-        from phasemap._kernels.law import Law
+    def _try(self, rows: np.ndarray) -> None:
+        """Call the formulas of one's own law, as Python, with the first material."""
+        import numpy as np
 
-        return Law(
-            self.law.force,
-            self.law.slope,
-            InverseSquare.force,
-            InverseSquare.slope,
-            PowerLawDamping.damping,
-            PowerLawDamping.slope,
-        )
+        law = self.law
+        valid = np.flatnonzero(np.isfinite(rows).all(axis=1))
+        if not self._is_own or not len(valid):
+            return
+        row = rows[valid[0]]
+        for d in TRIED:
+            for formula in (law.force, law.slope):
+                value = formula(d, row)
+                if not math.isfinite(value):
+                    raise InputError(
+                        "contact", law.name, "a law with finite force and slope for d >= 0",
+                        f"At d = {d:g} m with p = {row[:4].tolist()} it gives {value}.",
+                    )  # fmt: skip
+
+    def _loop_energies(self, rows: np.ndarray) -> np.ndarray:
+        """Energy that a loop of contact and release loses [J]; 0 without a neck or without a force before contact.
+
+        A relative 1e-9 below zero is zero.
+        """
+        import numpy as np
+
+        if not rows[:, RELEASE].any() or not rows[:, 4].any():
+            return np.zeros(len(rows))
+        from phasemap._kernels.neck import loop_energies
+
+        with np.errstate(invalid="ignore"):
+            energies = loop_energies(self.token(), rows)
+            return np.where(np.abs(energies) < 1e-9 * np.abs(rows[:, 4] * rows[:, RELEASE]), 0.0, energies)

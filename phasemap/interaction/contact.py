@@ -1,74 +1,124 @@
-"""Forces in contact. A law is one class in this file and one entry of `LAWS`.
-
-A law's `force` and `slope` are scalar formulas in plain Python, compiled on first use: they take the indentation d [m]
-and the row of parameters that `columns` made. They are called with d >= 0 only.
-"""
+"""Forces in contact. A law is one class and one entry of `LAWS`; laws with long formulas have files of their own."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from phasemap._check import number
+from phasemap.interaction.base import ContactLaw
+from phasemap.interaction.jkr import JKR
+from phasemap.interaction.maugis import MaugisDugdale
 
 if TYPE_CHECKING:
     import numpy as np
 
+    Array = np.ndarray
 
-@runtime_checkable
-class ContactLaw(Protocol):
-    """What a contact law offers."""
-
-    name: str
-
-    def columns(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
-        """At most four parameters p[0] ... p[3] of the formulas, from K [Pa], w [J/m2] and R [m]."""
-        ...
-
-    def pull(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> np.ndarray:
-        """Attraction [N] that the long-range force joins at d = 0."""
-        ...
-
-    @staticmethod
-    def force(d: float, p: np.ndarray) -> float:
-        """Force [N] at indentation d [m], positive repulsive."""
-        ...
-
-    @staticmethod
-    def slope(d: float, p: np.ndarray) -> float:
-        """dF/dd [N/m]."""
-        ...
+__all__ = ["DMT", "JKR", "LAWS", "ContactLaw", "Hertz", "LinearSpring", "MaugisDugdale", "Neck"]
 
 
-class _ThreeHalves:
-    """F = p[0] d^(3/2) - p[1]: a sphere pressed into an elastic half-space."""
-
-    @staticmethod
-    def force(d: float, p: np.ndarray) -> float:
-        return p[0] * d * math.sqrt(d) - p[1]
-
-    @staticmethod
-    def slope(d: float, p: np.ndarray) -> float:
-        return 1.5 * p[0] * math.sqrt(d)
-
-    def columns(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
-        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
-
-    def pull(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> np.ndarray:
-        return 2 * math.pi * radius * adhesion
-
-
-class DMT(_ThreeHalves):
+class DMT(ContactLaw):
     """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2)."""
 
     name = "dmt"
 
+    @staticmethod
+    def force(d: float, p: Array) -> float:
+        return p[0] * d * math.sqrt(d) - p[1]
 
-class Hertz(_ThreeHalves):
+    @staticmethod
+    def slope(d: float, p: Array) -> float:
+        return 1.5 * p[0] * math.sqrt(d)
+
+    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
+        """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N]."""
+        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
+
+    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        return 2 * math.pi * radius * adhesion
+
+
+class Hertz(DMT):
     """F = K sqrt(R) d^(3/2) (Hertz 1881): no adhesion, in contact or before it."""
 
     name = "hertz"
 
-    def pull(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> np.ndarray:
+    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         return 0.0 * adhesion
 
 
-LAWS: dict[str, ContactLaw] = {law.name: law for law in (Hertz(), DMT())}
+@dataclass(frozen=True)
+class LinearSpring(ContactLaw):
+    """F = 2 E* R_c d - 2 pi w R, E* = 3 K / 4: a flat punch (Sneddon 1965), for a worn tip or a thin stiff layer.
+
+    Parameters
+    ----------
+    contact_radius : float, optional
+        R_c [m], > 0; the tip's radius by default.
+    """
+
+    contact_radius: float | None = None
+    name: ClassVar[str] = "spring"
+
+    def __post_init__(self) -> None:
+        if self.contact_radius is not None:
+            number("contact_radius", self.contact_radius, "m", above=0)
+
+    @staticmethod
+    def force(d: float, p: Array) -> float:
+        return p[0] * d - p[1]
+
+    @staticmethod
+    def slope(d: float, p: Array) -> float:
+        return p[0]
+
+    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
+        """p[0] = 2 E* R_c [N/m], p[1] = the attraction [N]."""
+        contact_radius = radius if self.contact_radius is None else self.contact_radius
+        return 1.5 * contact_stiffness * contact_radius, self.pull(contact_stiffness, adhesion, radius)
+
+    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        return 2 * math.pi * radius * adhesion
+
+
+@dataclass(frozen=True)
+class Neck(ContactLaw):
+    """DMT contact whose adhesion holds the retracting tip over a length: a neck of liquid or polymer that then breaks.
+
+    F = K sqrt(R) max(d, 0)^(3/2) - 2 pi w R down to d = -length.
+
+    Parameters
+    ----------
+    length : float
+        Elongation at which the neck breaks [m], > 0.
+    """
+
+    length: float
+    name: ClassVar[str] = "neck"
+
+    def __post_init__(self) -> None:
+        number("neck length", self.length, "m", above=0)
+
+    @staticmethod
+    def force(d: float, p: Array) -> float:
+        depth = max(d, 0.0)
+        return p[0] * depth * math.sqrt(depth) - p[1]
+
+    @staticmethod
+    def slope(d: float, p: Array) -> float:
+        return 1.5 * p[0] * math.sqrt(max(d, 0.0))
+
+    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
+        """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N]."""
+        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
+
+    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        return 2 * math.pi * radius * adhesion
+
+    def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        return -self.length * (adhesion > 0.0)
+
+
+LAWS: dict[str, ContactLaw] = {law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), LinearSpring())}

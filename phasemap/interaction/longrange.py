@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
+
+VACUUM_PERMITTIVITY = 8.8541878188e-12  # [F/m], CODATA 2022
+CLOSEST = 0.3e-9  # gap at contact [m] of the electrostatic force where there is no decay length
 
 
 class InverseSquare:
@@ -30,3 +34,41 @@ class InverseSquare:
     def slope(d: float, p: np.ndarray) -> float:
         s = 1.0 - d * p[5]
         return -2.0 * p[4] * p[5] / (s * s * s)
+
+
+class Biased:
+    """`InverseSquare` and F = -pi eps0 V^2 R^2 / (g (g + R)), the force of a voltage between sphere and plane.
+
+    The second is Hudlet et al. 1998, Eur. Phys. J. B 2, 5, Eq. 15 without the cone. The gap g = d0 - d is cut off in
+    contact, where the force stays what it is at d = 0 (p[11], which `phasemap._kernels.law` takes off the contact's).
+    """
+
+    name = "inverse square and electrostatic"
+
+    @staticmethod
+    def columns(
+        pull: np.ndarray, decay_length: float | None, bias: float, radius: float
+    ) -> tuple[np.ndarray | float, ...]:
+        """p[4] = whole attraction at d = 0 [N], p[5] = 1/d0 [1/m], p[6] = pi eps0 V^2 [N], p[7] = 1/R [1/m]."""
+        at_contact = Biased.at_contact(decay_length, bias, radius)
+        own = pull if decay_length is not None else 0.0 * pull
+        return own + at_contact, 1 / (decay_length or CLOSEST), math.pi * VACUUM_PERMITTIVITY * bias**2, 1 / radius
+
+    @staticmethod
+    def at_contact(decay_length: float | None, bias: float, radius: float) -> float:
+        """Electrostatic attraction in contact [N]."""
+        x = (decay_length or CLOSEST) / radius
+        return math.pi * VACUUM_PERMITTIVITY * bias**2 / (x * (1 + x))
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        s = 1.0 - d * p[5]
+        x = (1.0 / p[5] - d) * p[7]
+        return -(p[4] - p[11]) / (s * s) - p[6] / (x * (1.0 + x))
+
+    @staticmethod
+    def slope(d: float, p: np.ndarray) -> float:
+        s = 1.0 - d * p[5]
+        x = (1.0 / p[5] - d) * p[7]
+        y = x * (1.0 + x)
+        return -2.0 * (p[4] - p[11]) * p[5] / (s * s * s) - p[6] * p[7] * (1.0 + 2.0 * x) / (y * y)

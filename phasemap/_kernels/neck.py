@@ -1,0 +1,44 @@
+"""The neck: contact that lasts while the tip is pulled out, down to the depth of release p[10] < 0."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.tables import gauss
+
+_X, _W = gauss(24)
+
+
+@njit(**OPTIONS)
+def loop_energy(law: Law, p: np.ndarray) -> float:
+    """Energy [J] lost between contact at d = 0 and release: the integral of F_longrange - F_contact over the neck.
+
+    In x, with d = d_r (1 - x^2), the root of a contact force at release is smooth; the long-range force is, over reach,
+    a power of exp(x) where the gap is reach (exp(x) - 1).
+    """
+    depth = -p[10]
+    energy = 0.0
+    for i in range(len(_X)):
+        x = _X[i]
+        energy -= _W[i] * 2.0 * depth * x * contact_force(law, p[10] + depth * x * x, p)
+    if p[4] != 0.0:
+        reach = abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
+        span = math.log1p(depth / reach)
+        for i in range(len(_X)):
+            gap = reach * math.expm1(span * _X[i])
+            energy += _W[i] * span * (reach + gap) * longrange_force(law, -gap, p)
+    return energy
+
+
+@njit(**OPTIONS)
+def loop_energies(law: Law, rows: np.ndarray) -> np.ndarray:
+    """`loop_energy` of every row; 0 without a neck."""
+    energies = np.zeros(len(rows))
+    for i in range(len(rows)):
+        if rows[i, 10] != 0.0:
+            energies[i] = loop_energy(law, rows[i])
+    return energies

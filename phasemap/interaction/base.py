@@ -1,0 +1,97 @@
+"""What a contact law is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    Array = np.ndarray
+
+STEP, LEAST = 4e-3, 1e-15
+"""Step of the difference quotient over the distance from release, and the least of that distance [m]."""
+
+
+class ContactLaw(ABC):
+    """Force between tip and surface in contact. One's own law is a class derived from this one with one formula.
+
+    `force` and `slope` are scalar formulas in plain Python, compiled on first use: they take the indentation d [m] and
+    a row of parameters p. They may call other plain functions and those of `math`; p is indexed, nothing else.
+
+    Contact forms when d rises through 0. It ends when d falls through the release depth d_r <= 0, and for d_r < d < 0,
+    in the neck, the force is that of `force` and there is no damping. Without a neck (d_r = 0) the formulas are called
+    with d >= 0 only.
+
+    Examples
+    --------
+    >>> class Cone(ContactLaw):
+    ...     @staticmethod
+    ...     def force(d, p):
+    ...         return 0.3 * p[0] * d * d
+    >>> Cone().name, round(Cone.slope(1e-9, [1e9, 0, 1e-8] + 9 * [0]), 12)
+    ('Cone', 0.6)
+    """
+
+    name: ClassVar[str] = "contact law"
+    """The class's own name, unless a law sets another."""
+
+    may_do_without_neck: ClassVar[bool] = False
+    """Whether contact ends at d = 0 where the long-range force leaves no energy to be lost in the neck.
+
+    Elsewhere such a material is refused, because the loop of approach and retraction would create energy.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "name" not in cls.__dict__:
+            cls.name = cls.__name__
+        if "force" in cls.__dict__ and "slope" not in cls.__dict__:
+            cls.slope = staticmethod(_difference(cls.force))  # type: ignore[method-assign, assignment]
+
+    @staticmethod
+    @abstractmethod
+    def force(d: float, p: Array) -> float:
+        """Force [N] at indentation d [m], positive repulsive."""
+
+    @staticmethod
+    def slope(d: float, p: Array) -> float:
+        """dF/dd [N/m]; by default a difference quotient of fourth order, good to 1e-10 of it for powers of d."""
+        raise NotImplementedError
+
+    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
+        """At most four parameters p[0] ... p[3] of the formulas; by default K [Pa], w [J/m2] and R [m]."""
+        return contact_stiffness, adhesion, radius
+
+    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """Attraction [N] >= 0 that the long-range force joins at d = 0; by default that of `force`."""
+        import numpy as np
+
+        rows = np.zeros((len(contact_stiffness), 12))
+        for j, column in enumerate(self.columns(contact_stiffness, adhesion, radius)):
+            rows[:, j] = column
+        return np.array([max(-self.force(0.0, row), 0.0) for row in rows])
+
+    def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """Depth d_r [m] <= 0 at which contact ends; by default 0, no neck."""
+        return 0.0 * contact_stiffness
+
+    def beside(self, decay_length: float | None) -> ContactLaw:
+        """The law beside a long-range force that falls over `decay_length` [m]; by default itself."""
+        return self
+
+
+def _difference(force: Callable[[float, Array], float]) -> Callable[[float, Array], float]:
+    """Derivative of a formula: the central difference of order 4, on the side of d = release where the law holds."""
+
+    def slope(d: float, p: Array) -> float:
+        x = max(d - p[10], LEAST)
+        h = STEP * x
+        middle = p[10] + x
+        near = force(middle + h, p) - force(middle - h, p)
+        far = force(middle + 2.0 * h, p) - force(middle - 2.0 * h, p)
+        return (8.0 * near - far) / (12.0 * h)
+
+    return slope
