@@ -35,6 +35,14 @@ def _column(index: int, scale: float = 1.0) -> Callable[[Array], Array]:
     return lambda rows: rows[..., index] * scale if scale != 1.0 else rows[..., index]
 
 
+def _multiplier(rows: Array) -> Array:
+    """The Floquet multiplier of larger modulus, from trace and determinant of the monodromy matrix."""
+    half = rows[..., col.TRACE] / 2 + 0j
+    root = np.sqrt(half * half - rows[..., col.PRODUCT])
+    larger: Array = np.where(half.real >= 0, half + root, half - root)
+    return larger
+
+
 FLOATS: dict[str, Variable] = {
     "height": Variable(
         "height (topography + tip offset - setpoint amplitude)", "m",
@@ -52,6 +60,12 @@ FLOATS: dict[str, Variable] = {
     "energy_closure": Variable("energy in less energy out, over energy in", "1", _column(col.CLOSURE)),
     "floquet": Variable("largest modulus of the Floquet multipliers", "1", _column(col.FLOQUET)),
     "feedback_slope": Variable("change of amplitude with tip offset", "1", _column(col.SLOPE)),
+    "mean_force": Variable("mean force of the surface on the tip, positive repulsive", "N", _column(col.MEAN_FORCE)),
+    "peak_force": Variable("largest force of the surface on the tip", "N", _column(col.PEAK_FORCE)),
+    "least_force": Variable("smallest force of the surface on the tip", "N", _column(col.LEAST_FORCE)),
+    "contact_time": Variable("share of the period in contact, necks included", "1", _column(col.CONTACT_TIME)),
+    "multiplier_real": Variable("real part of the larger Floquet multiplier", "1", lambda rows: _multiplier(rows).real),
+    "multiplier_imag": Variable("its imaginary part", "1", lambda rows: _multiplier(rows).imag),
 }  # fmt: skip
 FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
     "branch": ("sign of the mean interaction", (-1, 0, 1), ("none", "attractive", "repulsive")),

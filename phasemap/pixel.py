@@ -26,7 +26,7 @@ from phasemap.scan import run
 from phasemap.solvers import by_name
 from phasemap.solvers.orbit import Orbit
 from phasemap.status import Status
-from phasemap.work import check_setpoint, make_work, material_row
+from phasemap.work import check_setpoint, work_of_material
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,8 +125,7 @@ def solve_pixel(
     (45.57, 'repulsive')
     """
     amplitude = check_setpoint(setpoint) * scope.free_amplitude
-    row, viscous = material_row(material)
-    work = make_work(row, viscous, scope, np.array([amplitude]))
+    work = work_of_material(material, scope, amplitude)
     method = by_name(solver)
     if isinstance(method, Orbit):
         method = Orbit(complete=True)  # stability too, which costs little for one pixel
@@ -177,24 +176,25 @@ def orbits(
     """
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
-    from phasemap._kernels.batch import every_orbit
-    from phasemap._kernels.collocation import HOLD_AMPLITUDE, HOLD_OFFSET
-    from phasemap._kernels.tables import TABLES
-
     if setpoint is not None:
-        hold, value = HOLD_AMPLITUDE, check_setpoint(setpoint) * scope.free_amplitude
+        from phasemap._kernels.batch import every_orbit
+        from phasemap._kernels.collocation import HOLD_AMPLITUDE
+        from phasemap._kernels.tables import TABLES
+
+        amplitude = check_setpoint(setpoint) * scope.free_amplitude
+        work = work_of_material(material, scope, amplitude)
+        status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
+        rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD
     else:
-        hold, value = HOLD_OFFSET, number("tip_offset", tip_offset, "m")
-    row, viscous = material_row(material)
-    work = make_work(row, viscous, scope, np.array([value]))
-    status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, hold, value)
-    order = np.argsort(-rows[:, col.TIP_OFFSET], kind="stable") if setpoint is not None else slice(None)
+        from phasemap.curves.run import at_offset
+
+        rows, complete = at_offset(material, scope, number("tip_offset", tip_offset, "m"))
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip
-    found = _orbit_dataset(rows[order])
+    found = _orbit_dataset(rows)
     found.attrs.update(provenance(configuration, "orbits found"))
-    found.attrs["complete"] = int(status == col.GOOD)
+    found.attrs["complete"] = int(complete)
     return found
 
 

@@ -94,7 +94,7 @@ def crossing(
 @njit(**OPTIONS)
 def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float) -> float:
     """Return c so large that the surface hardly matters at this setpoint."""
-    allowed = 0.02 * (1.0 - amplitude / free) * lever[col.BASE]
+    allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.BASE]
     away = scale_of(law, p, lever, free) / free
     for _ in range(60):
         if p[4] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:

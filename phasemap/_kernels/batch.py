@@ -13,15 +13,17 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
+from phasemap._kernels.collect import collect, seed
 from phasemap._kernels.collocation import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit, new_orbit
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
+from phasemap._kernels.path import fixed
 from phasemap._kernels.quick import FAR_OFF, LOWEST_Q, engage, parameters
 from phasemap._kernels.resonance import MAXIMUM
 from phasemap._kernels.snap import HANGING
-from phasemap._kernels.trace import collect, engage_near, seed
 from phasemap._kernels.trace import engage as engage_exact
+from phasemap._kernels.trace import engage_near
 
 TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
@@ -56,7 +58,7 @@ def polish(
     level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(law, p, lever)
     while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
         level += 1
-        if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
             break
         carry_over(tables, orbit, spare)
         orbit, spare = spare, orbit
@@ -92,14 +94,16 @@ def exact_orbit(
             row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
             return col.GOOD, (orbit, spare, saved, found)
         break
-    done = col.NOT_CONVERGED
+    done, path = col.NOT_CONVERGED, fixed(law, p, lever)
     if lever[col.ALPHA0] < 0.5 / LOWEST_Q:
-        done, orbit, spare, found = engage_near(law, p, lever, tables, amplitude, tolerance, orbit, spare, saved, found)
+        done, orbit, spare, found = engage_near(
+            law, fixed(law, p, lever), tables, amplitude, tolerance, orbit, spare, saved, found
+        )
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
     level, hanging, done = 0, HANGING, done if done == col.GOOD else col.NOT_SETTLED
     while done != col.GOOD:
         done, orbit, spare, found = engage_exact(
-            law, p, lever, tables, amplitude, level, tolerance, hanging, orbit, spare, saved, found
+            law, path, tables, amplitude, level, tolerance, hanging, orbit, spare, saved, found
         )
         if done == col.NOT_SETTLED and hanging < math.inf:
             level, hanging = 0, math.inf
@@ -152,12 +156,13 @@ def every_orbit(
 ) -> tuple[int, np.ndarray]:
     """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
     p = parameters(row)
+    path = fixed(law, p, lever)
     found = np.zeros((MOST_ORBITS, col.COLUMNS))
     level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
-    status, count = collect(law, p, lever, tables, hold, value, level, tolerance, found)
+    status, count = collect(law, path, tables, hold, value, level, tolerance, found)
     if hold == HOLD_AMPLITUDE:
         for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
             guesses = averaged_orbits(law, p, lever, amplitude)
             if amplitude == value or len(guesses) > count:
-                count = seed(law, p, lever, tables, value, guesses, level, tolerance, found, count)
+                count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]

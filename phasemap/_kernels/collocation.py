@@ -9,6 +9,9 @@ where (P, S) are the first harmonic of g, so that w has none; the drive closes t
 linearised about the present orbit, each element is solved for w'' at its Gauss nodes as an affine function of the
 state at its start and of (P, S, z0), and the elements are chained round the period. The product of their transfer
 matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
+
+Anything else that the orbit depends on may be unknown too: the law's parameters and the lever are then functions of
+one number m (see `phasemap._kernels.path`), and a column of the equations says what a change of m does.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.law import (
     OPTIONS,
     Law,
@@ -45,24 +48,38 @@ MOST_ELEMENTS = 96
 MOST_CONTACTS = 8
 
 # What is held while solving.
-HOLD_AMPLITUDE, HOLD_OFFSET, HOLD_ARC = 0, 1, 2
+HOLD_AMPLITUDE, HOLD_OFFSET, HOLD_ARC, HOLD_PLANE = 0, 1, 2, 3  # ARC: on the way, less exactly
+
+# Where the tip is: outside, in contact, or in the neck that a law with hysteresis draws out below d = 0.
+OUTSIDE, INSIDE, NECK = 0.0, 1.0, 2.0
 
 # Fields of Orbit.elements. At the nodes: angle, its cosine and sine, w, w'. PLACE: the element's number in the tables,
-# 1 in contact and 0 outside, origin and scale of its map, and angle, w and w' at its start. LOCAL: six rows, w'' at the
-# nodes as affine function of (w, w') at the start, (P, S, z0) and one. CHAIN: two rows, (w, w') at the start as affine
-# function of the same six at the start of the period.
-THETA, COS, SIN, W, U, PLACE, LOCAL, CHAIN, FIELDS = 0, 1, 2, 3, 4, 5, 6, 12, 14
+# its side, origin and scale of its map, and angle, w and w' at its start. LOCAL: seven rows, w'' at the nodes as affine
+# function of (w, w') at the start, (P, S, z0), one, and the change of m. CHAIN: two rows, (w, w') at the start as
+# affine function of the same seven at the start of the period.
+THETA, COS, SIN, W, U, PLACE, LOCAL, CHAIN, FIELDS = 0, 1, 2, 3, 4, 5, 6, 13, 15
 TABLE, SIDE, ORIGIN, SCALE, EDGE, EDGE_W, EDGE_U = 0, 1, 2, 3, 4, 5, 6
-# Rows of Orbit.head. VALUE: P, S, z0, A. COUNT: elements, contacts, level of refinement. TRANSFER: monodromy matrix.
-# CONTACT: first and last angle of each contact. OPEN: the chained equations, six rows of seven. SYSTEM: the same,
-# solved with what is held.
-VALUE, COUNT, TRANSFER, CONTACT, OPEN, SYSTEM, HEAD = 0, 1, 2, 3, 12, 18, 24
-P, S, Z0, A = 0, 1, 2, 3
+# Rows of Orbit.head. VALUE: P, S, z0, A, m. COUNT: elements, contacts, level of refinement. TRANSFER: monodromy matrix.
+# CONTACT: first and last angle of each contact, and the end of its neck. OPEN: the chained equations, four rows of
+# eight. SYSTEM: the same, solved with the drive's equation and what is held.
+VALUE, COUNT, TRANSFER, CONTACT, OPEN, SYSTEM, HEAD = 0, 1, 2, 3, 12, 16, 23
+P, S, Z0, A, M = 0, 1, 2, 3, 4
 ELEMENTS, CONTACTS, LEVEL = 0, 1, 2
-# Columns of OPEN and SYSTEM, and the order of the six: w and w' at the start, P, S, z0; then the change of A and the
-# right-hand side in the equations, one in an affine function.
-W0, U0, RP, RS, RZ, ONE, RA, RIGHT = 0, 1, 2, 3, 4, 5, 5, 6
+# Columns of OPEN and SYSTEM, and the order of the seven: w and w' at the start, P, S, z0; then the change of A in the
+# equations, one in an affine function; the change of m; the right-hand side.
+W0, U0, RP, RS, RZ, ONE, RA, RM, RIGHT = 0, 1, 2, 3, 4, 5, 5, 6, 7
+SEVEN = 7
 WIDTH = 16  # of an element's matrix with its right-hand sides, padded for vector instructions
+
+
+class Drift(NamedTuple):
+    """The law's parameters and the lever a step `step` above and below the present m."""
+
+    p_up: tuple[float, ...]
+    p_down: tuple[float, ...]
+    lever_up: np.ndarray
+    lever_down: np.ndarray
+    step: float
 
 
 class Orbit(NamedTuple):
@@ -107,12 +124,27 @@ def eliminate(m: np.ndarray, n: int) -> bool:
 
 
 @njit(**OPTIONS)
+def into(p: np.ndarray, side: float, d: float) -> float:
+    """The depth on this side of the surface that is nearest to d: elements may lie a little beside it.
+
+    Where a neck breaks the force may fall like a root, so the neck is kept a millionth of its length away.
+    """
+    if side == INSIDE:
+        return max(d, 0.0)
+    if side == NECK:
+        return max(d, p[RELEASE] * (1.0 - 1e-6))
+    return min(d, 0.0)
+
+
+@njit(**OPTIONS)
 def surface_force(
     law: Law, p: np.ndarray, inverse_k: float, side: float, d: float, v: float
 ) -> tuple[float, float, float]:
-    """g = F/k + 2 alpha_s v [m], dg/dd [1] and dg/dv [1] on one side of the contact point."""
-    if side == 1.0:
-        d = max(d, 0.0)
+    """g = F/k + 2 alpha_s v [m], dg/dd [1] and dg/dv [1] on one side of the contact point, or in the neck."""
+    d = into(p, side, d)
+    if side == NECK:
+        return inverse_k * contact_force(law, d, p), inverse_k * contact_slope(law, d, p), 0.0
+    if side == INSIDE:
         g = inverse_k * contact_force(law, d, p)
         slope = inverse_k * contact_slope(law, d, p)
         if p[8] == 0.0:
@@ -121,13 +153,30 @@ def surface_force(
         return g + 2.0 * alpha * v, slope + 2.0 * damping_slope(law, d, p) * v, 2.0 * alpha
     if p[4] == 0.0:
         return 0.0, 0.0, 0.0
-    d = min(d, 0.0)
     return inverse_k * longrange_force(law, d, p), inverse_k * longrange_slope(law, d, p), 0.0
 
 
 @njit(**OPTIONS)
+def _pushed(
+    law: Law, p: np.ndarray, lever: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float,
+    speed: float,
+) -> float:  # fmt: skip
+    """omega^2 w'' + 2 alpha0 omega w' + w + g at a node, `speed` the change of z by the angle."""
+    omega = lever[OMEGA]
+    g = surface_force(law, p, 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
+    return omega * omega * acceleration + 2.0 * lever[ALPHA0] * omega * u + w + g
+
+
+@njit(**OPTIONS)
 def _element(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, one: np.ndarray, value: np.ndarray, m: np.ndarray
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    one: np.ndarray,
+    value: np.ndarray,
+    drift: Drift | None,
+    m: np.ndarray,
 ) -> bool:
     """Fill the LOCAL rows of an element; m is scratch, shape (NODES, WIDTH)."""
     omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
@@ -140,7 +189,7 @@ def _element(
         d = amplitude * c + one[W, j] - z0
         v = omega * (one[U, j] - amplitude * s)
         g, gd, gv = surface_force(law, p, inverse_k, side, d, v)
-        d = max(d, 0.0) if side == 1.0 else min(d, 0.0)
+        d = into(p, side, d)
         first = h * omega * (viscous + gv)
         second = h * h * (1.0 + gd)
         for k in range(NODES):
@@ -152,38 +201,56 @@ def _element(
         m[j, NODES + RS] = s
         m[j, NODES + RZ] = gd
         m[j, NODES + ONE] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
+        if drift is not None:
+            w, u = one[W, j], one[U, j]
+            force = value[P] * c + value[S] * s
+            acceleration = (force - viscous * omega * u - w - g) / (omega * omega)
+            up = _pushed(law, drift.p_up, drift.lever_up, side, d, w, u, acceleration, u - amplitude * s)
+            down = _pushed(law, drift.p_down, drift.lever_down, side, d, w, u, acceleration, u - amplitude * s)
+            m[j, NODES + RM] = (down - up) / (2.0 * drift.step)
     if not eliminate(m, NODES):
         return False
-    for q in range(6):
+    for q in range(SEVEN):
         for j in range(NODES):
             one[LOCAL + q, j] = m[j, NODES + q]
     return True
 
 
 @njit(**OPTIONS)
-def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, one: np.ndarray, amplitude: float) -> float:
+def border_between(p: np.ndarray, before: float, after: float) -> float:
+    """The depth [m] at which one side becomes another."""
+    return p[RELEASE] if before == NECK and after == OUTSIDE else 0.0
+
+
+@njit(**OPTIONS)
+def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np.ndarray, amplitude: float) -> float:
     """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
 
     A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long.
     """
-    omega = lever[OMEGA]
+    omega, after = lever[OMEGA], one[PLACE, SIDE]
+    border = border_between(p, before, after)
     slope = one[PLACE, EDGE_U] - amplitude * math.sin(one[PLACE, EDGE])
     v = omega * slope
     inverse_k = 1.0 / lever[STIFFNESS]
-    jump = surface_force(law, p, inverse_k, 1.0, 0.0, v)[0] - surface_force(law, p, inverse_k, 0.0, 0.0, v)[0]
+    deeper, higher = (after, before) if slope > 0.0 else (before, after)
+    jump = surface_force(law, p, inverse_k, deeper, border, v)[0]
+    jump -= surface_force(law, p, inverse_k, higher, border, v)[0]
     if abs(jump) < 1e-13 * lever[BASE]:
         return 0.0
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 
 
 @njit(**OPTIONS)
-def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
-    """Chain the elements round the period; fills rows 0-3 of OPEN and the monodromy matrix."""
+def linearise(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: Drift | None
+) -> bool:
+    """Chain the elements round the period; fills OPEN and the monodromy matrix."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     elements, head = orbit.elements, orbit.head
     count = int(head[COUNT, ELEMENTS])
     amplitude = head[VALUE, A]
-    head[OPEN : OPEN + 6] = 0.0
+    head[OPEN : OPEN + 4] = 0.0
     along_cos, along_sin = head[OPEN + 2], head[OPEN + 3]
     elements[0, CHAIN : CHAIN + 2] = 0.0
     elements[0, CHAIN, W0] = 1.0
@@ -191,26 +258,28 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
     m = np.zeros((NODES, WIDTH))
     for e in range(count):
         one = elements[e]
-        if not _element(law, p, lever, tables, one, head[VALUE], m):
+        if not _element(law, p, lever, tables, one, head[VALUE], drift, m):
             return False
         at_w, at_u = one[CHAIN], one[CHAIN + 1]
-        if one[PLACE, SIDE] != elements[e - 1 if e > 0 else count - 1, PLACE, SIDE]:
-            rate = jump_rate(law, p, lever, one, amplitude)
+        before = elements[e - 1 if e > 0 else count - 1, PLACE, SIDE]
+        if one[PLACE, SIDE] != before:
+            rate = jump_rate(law, p, lever, before, one, amplitude)
             if rate != 0.0:
                 c, s = math.cos(one[PLACE, EDGE]), math.sin(one[PLACE, EDGE])
-                for q in range(6):
+                border = border_between(p, before, one[PLACE, SIDE])
+                for q in range(SEVEN):
                     depth = at_w[q]
                     if q == RZ:
                         depth -= 1.0
                     elif q == ONE:
-                        depth += amplitude * c
+                        depth += amplitude * c - border
                     at_u[q] -= rate * depth
                     along_cos[q] -= rate * depth * c
                     along_sin[q] -= rate * depth * s
         h = one[PLACE, SCALE]
         table = tables[int(one[PLACE, TABLE])]
         following = elements[e + 1]
-        for q in range(6):
+        for q in range(SEVEN):
             state_w, state_u = at_w[q], at_u[q]
             add = 1.0 if q >= RP else 0.0
             sum_w, sum_u, sum_c, sum_s = 0.0, 0.0, 0.0, 0.0
@@ -227,7 +296,7 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
             along_sin[q] += h * sum_s
     last = elements[count]
     for i in range(2):
-        for q in range(6):
+        for q in range(SEVEN):
             head[OPEN + i, q] = last[CHAIN + i, q]
         head[TRANSFER, 2 * i] = last[CHAIN + i, W0]
         head[TRANSFER, 2 * i + 1] = last[CHAIN + i, U0]
@@ -246,9 +315,20 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
 
 
 @njit(**OPTIONS)
-def _drive_row(lever: np.ndarray, head: np.ndarray) -> None:
-    """Row 4 of the system: the drive's equation, linearised."""
+def _drive(lever: np.ndarray, head: np.ndarray) -> float:
+    """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
+    omega, base, amplitude = lever[OMEGA], lever[BASE], head[VALUE, A]
+    x = head[VALUE, P] + amplitude * (1 - omega**2)
+    y = 2 * lever[ALPHA0] * omega * amplitude - head[VALUE, S]
+    return (x * x + y * y) / base - base
+
+
+@njit(**OPTIONS)
+def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> None:
+    """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
     omega, alpha0, base = lever[OMEGA], lever[ALPHA0], lever[BASE]
+    head[SYSTEM : SYSTEM + 4] = head[OPEN : OPEN + 4]
+    head[SYSTEM + 4 : SYSTEM + SEVEN] = 0.0
     row = head[SYSTEM + 4]
     amplitude, push, drag = head[VALUE, A], head[VALUE, P], head[VALUE, S]
     x = push + amplitude * (1 - omega**2)
@@ -257,18 +337,19 @@ def _drive_row(lever: np.ndarray, head: np.ndarray) -> None:
     row[RS] = -2 * y / base
     row[RA] = (2 * x * (1 - omega**2) + 4 * y * alpha0 * omega) / base
     row[RIGHT] = (base * base - x * x - y * y + 2 * x * push - 2 * y * drag) / base
+    if drift is not None:
+        row[RM] = (_drive(drift.lever_up, head) - _drive(drift.lever_down, head)) / (2.0 * drift.step)
 
 
 @njit(**OPTIONS)
 def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> bool:
     """Add the drive's equation and what is held, and solve for (w, w', P, S, z0, change of A); True if solvable.
 
-    `target` is (z0, ...) with HOLD_OFFSET; with HOLD_ARC it is (r_z, r_A, z0, A), the plane
+    `target` is (z0, ...) with HOLD_OFFSET; with the others it is (r_z, r_A, z0, A), the plane
     r_z (new z0 - z0) + r_A (new A - A) = 0.
     """
     head = orbit.head
-    head[SYSTEM : SYSTEM + 6] = head[OPEN : OPEN + 6]
-    _drive_row(lever, head)
+    _with_drive(lever, head, None)
     row = head[SYSTEM + 5]
     if hold == HOLD_AMPLITUDE:
         row[RA] = 1.0
@@ -286,8 +367,7 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
 def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     """Leave the derivative along the curve of orbits in the system's last column, with r_z dz0 + r_A dA = 1."""
     head = orbit.head
-    head[SYSTEM : SYSTEM + 6] = head[OPEN : OPEN + 6]
-    _drive_row(lever, head)
+    _with_drive(lever, head, None)
     head[SYSTEM : SYSTEM + 6, RIGHT] = 0.0
     head[SYSTEM + 5, RZ] = r_z
     head[SYSTEM + 5, RA] = r_a
@@ -296,13 +376,38 @@ def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
 
 
 @njit(**OPTIONS)
+def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
+    """`close` where m may change too. holds, shape (2, 4): rows (r_z, r_A, r_m, h), r (z0, A, m) = h."""
+    head = orbit.head
+    _with_drive(lever, head, drift)
+    for i in range(2):
+        row, hold = head[SYSTEM + 5 + i], holds[i]
+        row[RZ], row[RA], row[RM] = hold[0], hold[1], hold[2]
+        row[RIGHT] = hold[3] - hold[1] * head[VALUE, A] - hold[2] * head[VALUE, M]
+    return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
+
+
+@njit(**OPTIONS)
+def along_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
+    """`along` where m may change too: the first row of `holds` stays, the second changes by one."""
+    head = orbit.head
+    _with_drive(lever, head, drift)
+    head[SYSTEM : SYSTEM + SEVEN, RIGHT] = 0.0
+    for i in range(2):
+        row, hold = head[SYSTEM + 5 + i], holds[i]
+        row[RZ], row[RA], row[RM] = hold[0], hold[1], hold[2]
+    head[SYSTEM + SEVEN - 1, RIGHT] = 1.0
+    return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
+
+
+@njit(**OPTIONS)
 def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) -> float:
     """Move the orbit by `share` of the step just solved; return the largest change of the depth [m] over the nodes."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     elements, head = orbit.elements, orbit.head
     count = int(head[COUNT, ELEMENTS])
-    x = head[SYSTEM : SYSTEM + 6, RIGHT]
-    gain, shift = x[RA], x[RZ] - head[VALUE, Z0]
+    x = head[SYSTEM : SYSTEM + SEVEN, RIGHT]
+    gain, shift, change = x[RA], x[RZ] - head[VALUE, Z0], x[RM]
     # The chain knows the orbit as if A had stayed: w + gain cos(theta), with these starts and forces.
     c, s = math.cos(elements[0, PLACE, EDGE]), math.sin(elements[0, PLACE, EDGE])
     w0, u0 = x[W0] + gain * c, x[U0] - gain * s
@@ -313,13 +418,16 @@ def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) ->
         one = elements[e]
         at_w, at_u = one[CHAIN], one[CHAIN + 1]
         start_w = at_w[0] * w0 + at_w[1] * u0 + at_w[2] * push + at_w[3] * drag + at_w[4] * z0 + at_w[5]
+        start_w += at_w[RM] * change
         start_u = at_u[0] * w0 + at_u[1] * u0 + at_u[2] * push + at_u[3] * drag + at_u[4] * z0 + at_u[5]
+        start_u += at_u[RM] * change
         h = one[PLACE, SCALE]
         table = tables[int(one[PLACE, TABLE])]
         for j in range(NODES):
             a[j] = (
                 one[LOCAL, j] * start_w + one[LOCAL + 1, j] * start_u + one[LOCAL + 2, j] * push
                 + one[LOCAL + 3, j] * drag + one[LOCAL + 4, j] * z0 + one[LOCAL + 5, j]
+                + one[LOCAL + RM, j] * change
             )  # fmt: skip
         for j in range(NODES):
             sum_w, sum_u = 0.0, 0.0
@@ -340,4 +448,5 @@ def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) ->
     head[VALUE, S] += share * (x[RS] - head[VALUE, S])
     head[VALUE, Z0] += share * shift
     head[VALUE, A] += share * gain
+    head[VALUE, M] += share * change
     return largest

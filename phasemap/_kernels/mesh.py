@@ -16,10 +16,13 @@ from phasemap._kernels.collocation import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    INSIDE,
     LEVEL,
     MOST_CONTACTS,
     MOST_ELEMENTS,
+    NECK,
     ORIGIN,
+    OUTSIDE,
     PLACE,
     SCALE,
     SIDE,
@@ -33,7 +36,7 @@ from phasemap._kernels.collocation import (
     U,
     W,
 )
-from phasemap._kernels.columns import STIFFNESS
+from phasemap._kernels.columns import RELEASE, STIFFNESS
 from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.tables import (
     CONTACT_COUNTS,
@@ -98,11 +101,14 @@ def depth(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float
 
 
 @njit(**OPTIONS)
-def _root(tables: np.ndarray, orbit: Orbit, e: int, low: float, d_low: float, high: float, d_high: float) -> float:
-    """Angle between low and high where d = 0, by Newton's method kept inside the bracket."""
+def _root(
+    tables: np.ndarray, orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float
+) -> float:
+    """Angle between low and high where d passes `border`, by Newton's method kept inside the bracket."""
     theta = low + (high - low) * d_low / (d_low - d_high)
     for _ in range(60):
         d, slope = depth(tables, orbit, e, theta)
+        d -= border
         if (d > 0.0) == (d_low > 0.0):
             low = theta
         else:
@@ -131,8 +137,84 @@ def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) 
 
 
 @njit(**OPTIONS)
-def find_contacts(tables: np.ndarray, orbit: Orbit) -> bool:
-    """Find where the tip enters and leaves contact; fills orbit.contact and count. False if there are too many."""
+def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
+    """Find where the tip enters and leaves contact; fills rows CONTACT and their count. False if there are too many.
+
+    Rows are (angle of entry, angle at which d falls through 0, angle at which the neck breaks); without contact, or in
+    contact for good, the first is (angle, depth) where the tip is nearest to the other side.
+    """
+    held = orbit.head[COUNT, CONTACTS] == PERMANENT  # in a neck, it depends on where the tip came from
+    if not _find_pressed(tables, orbit):
+        return False
+    contacts = int(orbit.head[COUNT, CONTACTS])
+    if p[RELEASE] == 0.0:
+        for i in range(contacts):
+            orbit.head[CONTACT + i, 2] = orbit.head[CONTACT + i, 1]
+    elif contacts > 0:
+        _find_releases(p, tables, orbit)
+    elif held and contacts == 0 and _lowest(tables, orbit) > p[RELEASE]:
+        orbit.head[COUNT, CONTACTS] = PERMANENT
+    return True
+
+
+@njit(**OPTIONS)
+def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
+    """Smallest depth at the nodes."""
+    lowest = math.inf
+    amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
+    for e in range(int(orbit.head[COUNT, ELEMENTS])):
+        one = orbit.elements[e]
+        for j in range(NODES):
+            lowest = min(lowest, amplitude * one[COS, j] + one[W, j] - z0)
+    return lowest
+
+
+@njit(**OPTIONS)
+def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
+    """Fill in where the neck of each contact breaks: at the next contact where it does not."""
+    head = orbit.head
+    contacts, count = int(head[COUNT, CONTACTS]), int(head[COUNT, ELEMENTS])
+    begin = orbit.elements[0, PLACE, EDGE]
+    for i in range(contacts):
+        end = head[CONTACT + i, 1]
+        following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
+        head[CONTACT + i, 2] = following
+        # Elements from the one that holds `end` on, round the period.
+        at = end - TWO_PI * math.floor((end - begin) / TWO_PI)
+        e = 0
+        while e < count - 1 and orbit.elements[e + 1, PLACE, EDGE] <= at:
+            e += 1
+        turn, before, d_before = end - at, at, -p[RELEASE]
+        for _ in range(count + 1):
+            broken = False
+            for k in range(NODES + 1):
+                theta = orbit.elements[e + 1, PLACE, EDGE] if k == NODES else orbit.elements[e, THETA, k]
+                if theta <= before:
+                    continue
+                if theta + turn >= following:
+                    break
+                d, slope = depth(tables, orbit, e, theta)
+                d -= p[RELEASE]
+                if d > 0.0 and slope > 0.0 and depth(tables, orbit, e, before)[1] < 0.0:
+                    lowest = _extreme(tables, orbit, e, before, theta)  # it may break between two nodes
+                    d_lowest = depth(tables, orbit, e, lowest)[0] - p[RELEASE]
+                    if d_lowest <= 0.0:
+                        theta, d = lowest, d_lowest
+                if d <= 0.0:
+                    head[CONTACT + i, 2] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
+                    broken = True
+                    break
+                before, d_before = theta, d
+            e += 1
+            if broken or before + turn >= following:
+                break
+            if e == count:
+                e, turn, before = 0, turn + TWO_PI, begin
+
+
+@njit(**OPTIONS)
+def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
+    """Find where d rises and falls through 0; fills rows CONTACT and their count. False if there are too many."""
     amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
     up = np.empty(MOST_CONTACTS + 1)
     down = np.empty(MOST_CONTACTS + 1)
@@ -184,8 +266,8 @@ def find_contacts(tables: np.ndarray, orbit: Orbit) -> bool:
                     if max(ups, downs) >= MOST_CONTACTS:
                         return False
                     if split:
-                        one = _root(tables, orbit, e, theta_before, d_before, middle, d_middle)
-                        two = _root(tables, orbit, e, middle, d_middle, theta, d)
+                        one = _root(tables, orbit, e, 0.0, theta_before, d_before, middle, d_middle)
+                        two = _root(tables, orbit, e, 0.0, middle, d_middle, theta, d)
                         if inside:
                             down[downs], up[ups] = one, two
                         else:
@@ -193,7 +275,7 @@ def find_contacts(tables: np.ndarray, orbit: Orbit) -> bool:
                         ups += 1
                         downs += 1
                     else:
-                        root = _root(tables, orbit, e, theta_before, d_before, theta, d)
+                        root = _root(tables, orbit, e, 0.0, theta_before, d_before, theta, d)
                         if inside:
                             up[ups] = root
                             ups += 1
@@ -222,7 +304,7 @@ def find_contacts(tables: np.ndarray, orbit: Orbit) -> bool:
 
 
 @njit(**OPTIONS)
-def _put(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: float, scale: float) -> bool:
+def _put(tables: np.ndarray, orbit: Orbit, n: int, side: float, origin: float, scale: float) -> bool:
     """Append one element."""
     e = int(orbit.head[COUNT, ELEMENTS])
     if e >= MOST_ELEMENTS:
@@ -243,7 +325,7 @@ def _put(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: float, sca
 
 @njit(**OPTIONS)
 def _half(
-    tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int
+    tables: np.ndarray, orbit: Orbit, side: float, start: float, length: float, scale: float, incoming: int
 ) -> bool:
     """Graded elements over `length` away from `start` (or towards it), the smallest about as long as `scale`."""
     level = int(orbit.head[COUNT, LEVEL])
@@ -265,14 +347,35 @@ def _half(
 def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
-    rate = math.sqrt(1.0 + contact_slope(law, deepest, p) / lever[STIFFNESS])
+    rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
     if p[8] != 0.0:
         rate += damping(law, deepest, p)
-    wanted = (2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level)
+    return _pick((2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
+
+
+@njit(**OPTIONS)
+def _neck_count(law: Law, p: np.ndarray, lever: np.ndarray, half: float, level: int) -> int:
+    """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
+    rate = math.sqrt(1.0 + abs(contact_slope(law, 0.5 * p[RELEASE], p)) / lever[STIFFNESS])
+    return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
+
+
+@njit(**OPTIONS)
+def _pick(wanted: float) -> int:
+    """The first of CONTACT_COUNTS that is as large."""
     pick = 0
     while pick < len(CONTACT_COUNTS) - 1 and CONTACT_COUNTS[pick] < wanted:
         pick += 1
     return pick
+
+
+@njit(**OPTIONS)
+def _span(tables: np.ndarray, orbit: Orbit, side: float, start: float, end: float, pick: int) -> bool:
+    """Elements between two borders at which the force may start like a root."""
+    ok = True
+    for e in range(CONTACT_COUNTS[pick]):
+        ok = _put(tables, orbit, CONTACT_START[pick] + e, side, 0.5 * (start + end), 0.5 * (end - start)) and ok
+    return ok
 
 
 @njit(**OPTIONS)
@@ -290,28 +393,31 @@ def lay(
     head[COUNT, ELEMENTS] = 0
     reach = reach_of(law, p)
     if contacts <= 0:
-        theta, distance = head[CONTACT, 0], abs(head[CONTACT, 1])
-        side = 1 if contacts == PERMANENT else 0
-        scale = math.sqrt(2.0 * (distance + (reach if side == 0 else 0.0)) / amplitude)
-        if side == 0 and p[4] == 0.0:
+        theta, nearest = head[CONTACT, 0], head[CONTACT, 1]
+        side = OUTSIDE if contacts != PERMANENT else INSIDE if nearest > 0.0 else NECK
+        scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUTSIDE else 0.0)) / amplitude)
+        if side == OUTSIDE and p[4] == 0.0:
             scale = 0.0
         return _half(tables, orbit, side, theta, math.pi, scale, 0) and _half(
             tables, orbit, side, theta + TWO_PI, math.pi, scale, 1
         )
     ok = True
     for i in range(contacts):
-        start, end = head[CONTACT + i, 0], head[CONTACT + i, 1]
+        start, end, broken = head[CONTACT + i, 0], head[CONTACT + i, 1], head[CONTACT + i, 2]
         following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        pick = _contact_count(law, p, lever, amplitude, half, level)
-        for e in range(CONTACT_COUNTS[pick]):
-            ok = _put(tables, orbit, CONTACT_START[pick] + e, 1, middle, half) and ok
-        gap = 0.5 * (following - end)
+        half = 0.5 * (end - start)
+        ok = _span(tables, orbit, INSIDE, start, end, _contact_count(law, p, lever, amplitude, half, level)) and ok
+        if broken > end:
+            half = 0.5 * (broken - end)
+            ok = _span(tables, orbit, NECK, end, broken, _neck_count(law, p, lever, half, level)) and ok
+        if broken >= following:
+            continue
+        gap = 0.5 * (following - broken)
         for incoming in range(2):
-            at = end if incoming == 0 else following
+            at = broken if incoming == 0 else following
             slope = amplitude * abs(math.sin(at))
             scale = 0.0 if p[4] == 0.0 else 2.0 * reach / (slope + math.sqrt(slope * slope + 2.0 * amplitude * reach))
-            ok = _half(tables, orbit, 0, at, gap, scale, incoming) and ok
+            ok = _half(tables, orbit, OUTSIDE, at, gap, scale, incoming) and ok
     return ok
 
 

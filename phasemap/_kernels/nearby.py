@@ -10,10 +10,11 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.batch import judge, polish, tolerance_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
+from phasemap._kernels.curve import relay
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.orbit import begin, newton
+from phasemap._kernels.path import fixed
 from phasemap._kernels.quick import parameters
-from phasemap._kernels.trace import relay
 
 MOST_STEPS = 12
 
@@ -59,7 +60,7 @@ def nearby_rows(
             if warm:
                 head = orbit.head
                 head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[3], guess[4]
-                if not relay(law, p, lever, tables, orbit, spare):
+                if not relay(law, fixed(law, p, lever), tables, orbit, spare):
                     continue
                 orbit, spare = spare, orbit
             elif not begin(law, p, lever, tables, orbit, guess, 0):

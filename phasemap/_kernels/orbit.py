@@ -33,6 +33,7 @@ from phasemap._kernels.collocation import (
     VALUE,
     Z0,
     A,
+    Drift,
     Orbit,
     P,
     S,
@@ -41,6 +42,7 @@ from phasemap._kernels.collocation import (
     accept,
     along,
     close,
+    close_swept,
     linearise,
     surface_force,
 )
@@ -75,6 +77,8 @@ def begin(
         head[COUNT, CONTACTS] = 1
         head[CONTACT, 0] = -math.acos(c)
         head[CONTACT, 1] = math.acos(c)
+        breaks = c + p[col.RELEASE] / amplitude
+        head[CONTACT, 2] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
     ok = lay(law, p, lever, tables, orbit, orbit, level)
     for e in range(int(head[COUNT, ELEMENTS]) + 1):
         one = orbit.elements[e]
@@ -97,6 +101,31 @@ def contact_size(head: np.ndarray, reach: float) -> float:
 
 
 @njit(**OPTIONS)
+def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
+    """How much of a contact the elements may lie beside it: a millionth, unless the force itself jumps there."""
+    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[4] != 0.0 else 0.0)
+    if p[col.RELEASE] != 0.0 or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.BASE]:
+        return 0.0
+    return 2e-6 if level == 0 else 0.0
+
+
+@njit(**OPTIONS)
+def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
+    """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
+    head = orbit.head
+    change = abs(head[SYSTEM + RZ, RIGHT] - head[VALUE, Z0]) + abs(head[SYSTEM + RA, RIGHT])
+    limit = 0.5 * head[VALUE, A]
+    share = 1.0 if change <= limit else limit / change
+    turned = abs(head[SYSTEM + RP, RIGHT] - head[VALUE, P]) + abs(head[SYSTEM + RS, RIGHT] - head[VALUE, S])
+    change = max(accept(tables, lever, orbit, share), abs(head[SYSTEM + RA, RIGHT]))
+    if not change < 1e3 * head[VALUE, A]:
+        return col.NOT_CONVERGED, change
+    if change < tolerance and turned < (COARSE_DRIVE if coarse else DRIVE_TOLERANCE) * lever[col.BASE]:
+        return col.GOOD, change
+    return col.PENDING, change
+
+
+@njit(**OPTIONS)
 def newton(
     law: Law,
     p: np.ndarray,
@@ -114,30 +143,46 @@ def newton(
 
     `tolerance` [m] is for the last change: the error left is its square over the size of the contact.
     """
-    reach = reach_of(law, p)
-    # Elements that lie a millionth of the contact beside it will do, unless the force itself jumps there.
-    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[4] != 0.0 else 0.0)
-    still = 2e-6 if level == 0 and abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.BASE] else 0.0
+    reach, still = reach_of(law, p), stillness(law, p, lever, level)
     for step in range(most):
-        head = orbit.head
-        if not linearise(law, p, lever, tables, orbit) or not close(lever, orbit, hold, target):
+        if not linearise(law, p, lever, tables, orbit, None) or not close(lever, orbit, hold, target):
             return col.NOT_CONVERGED, step, orbit, spare
-        change = abs(head[SYSTEM + RZ, RIGHT] - head[VALUE, Z0]) + abs(head[SYSTEM + RA, RIGHT])
-        limit = 0.5 * head[VALUE, A]
-        share = 1.0 if change <= limit else limit / change
-        turned = abs(head[SYSTEM + RP, RIGHT] - head[VALUE, P]) + abs(head[SYSTEM + RS, RIGHT] - head[VALUE, S])
-        change = max(accept(tables, lever, orbit, share), abs(head[SYSTEM + RA, RIGHT]))
-        if not change < 1e3 * head[VALUE, A]:
-            return col.NOT_CONVERGED, step, orbit, spare
-        if change < tolerance and turned < (COARSE_DRIVE if hold == HOLD_ARC else DRIVE_TOLERANCE) * lever[col.BASE]:
-            return col.GOOD, step + 1, orbit, spare
-        if change < still * contact_size(head, reach):
+        status, change = take(tables, lever, orbit, tolerance, hold == HOLD_ARC)
+        if status != col.PENDING:
+            return status, step + (status == col.GOOD), orbit, spare
+        if change < still * contact_size(orbit.head, reach):
             continue  # the elements fit as they lie
-        if not find_contacts(tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, step, orbit, spare
         carry_over(tables, orbit, spare)
         orbit, spare = spare, orbit
     return col.NOT_CONVERGED, most, orbit, spare
+
+
+@njit(**OPTIONS)
+def newton_swept(
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    tables: np.ndarray,
+    orbit: Orbit,
+    spare: Orbit,
+    drift: Drift,
+    holds: np.ndarray,
+    level: int,
+    tolerance: float,
+    coarse: bool,
+) -> tuple[int, Orbit, Orbit]:
+    """One step of Newton's method where m may move; PENDING if another is needed, with law and lever at the new m."""
+    if not linearise(law, p, lever, tables, orbit, drift) or not close_swept(lever, orbit, drift, holds):
+        return col.NOT_CONVERGED, orbit, spare
+    status, _ = take(tables, lever, orbit, tolerance, coarse)
+    if status != col.PENDING:
+        return status, orbit, spare
+    if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+        return col.TOO_MANY_CONTACTS, orbit, spare
+    carry_over(tables, orbit, spare)
+    return col.PENDING, spare, orbit
 
 
 @njit(**OPTIONS)
@@ -158,6 +203,7 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
     mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0
+    loop = 0.0  # what a law with hysteresis keeps
     theta0, w0, u0 = 0.0, 0.0, -math.inf  # of the node before
     x = head[VALUE, P] + amplitude * (1 - omega**2)
     y = 2 * alpha0 * omega * amplitude - head[VALUE, S]
@@ -177,9 +223,12 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
             mean += weight * one[W, j]
             air += weight * 2.0 * alpha0 * v * v / omega
             surface += weight * gv * v * v / omega
+            loop += weight * (g - gv * v) * v / omega
             drive += weight * (x * c - y * s) * v / omega
             virial -= weight * g * z
             push += weight * g * c
+    if p[col.RELEASE] != 0.0:
+        surface += loop
     row[:] = math.nan
     row[col.TIP_OFFSET] = z0
     row[col.MEAN] = mean / (2 * math.pi)
@@ -205,6 +254,6 @@ def report(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit
 @njit(**OPTIONS)
 def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
     """Linearise about a converged orbit and fill its row; returns a status."""
-    if not linearise(law, p, lever, tables, orbit):
+    if not linearise(law, p, lever, tables, orbit, None):
         return col.NOT_CONVERGED
     return report(law, p, lever, tables, orbit, row)

@@ -15,7 +15,7 @@ from numba import njit
 from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, free_amplitude, question, settle_side
 from phasemap._kernels.approach import engage as engage_averaged
 from phasemap._kernels.averaging import mismatch
-from phasemap._kernels.columns import ALPHA0, GOOD
+from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
 from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
@@ -53,6 +53,8 @@ def parameters(row: np.ndarray) -> tuple[float, ...]:
 @njit(**OPTIONS)
 def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray) -> int:
     """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
+    if p[RELEASE] != 0.0:
+        return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
     if lever[ALPHA0] > 0.5 / LOWEST_Q:
         return question(law, p, lever, amplitude, top)
     status, surety = engage_averaged(law, p, lever, amplitude, guess, top)

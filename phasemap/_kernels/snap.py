@@ -134,7 +134,7 @@ def held_there(
     status, _, orbit, spare = newton(
         law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[2], 20
     )
-    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit)
+    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, None)
     return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
 
 

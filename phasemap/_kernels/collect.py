@@ -1,0 +1,132 @@
+"""Every orbit of one amplitude or tip offset: those on the curve from far, and those to which averaged orbits lead."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import free_amplitude
+from phasemap._kernels.collocation import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, A, new_orbit
+from phasemap._kernels.curve import FIRST_STEP, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.mesh import PERMANENT
+from phasemap._kernels.orbit import begin, finish, newton
+from phasemap._kernels.path import AP, POINT, TU, TV, ZP, Fixed
+from phasemap._kernels.trace import MOST_POINTS, start_far
+
+CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative to the setpoint
+FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many free amplitudes
+
+
+@njit(**OPTIONS)
+def collect(
+    law: Law,
+    path: Fixed,
+    tables: np.ndarray,
+    hold: int,
+    value: float,
+    level: int,
+    tolerance: float,
+    rows: np.ndarray,
+) -> tuple[int, int]:
+    """Fill rows with the orbits of this amplitude or tip offset on the curve from far; returns a status and how many.
+
+    The curve is left where the tip stays in contact, or hardly moves any more.
+    """
+    orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
+    index = AP if hold == HOLD_AMPLITUDE else ZP
+    p, lever = path.p, path.lever
+    free = free_amplitude(lever)
+    engaged = value if hold == HOLD_AMPLITUDE else 0.999 * free
+    status, orbit, spare = start_far(law, path, tables, orbit, spare, engaged, level)
+    point = np.zeros(POINT)
+    point[TU] = -1.0
+    if status != col.GOOD or not mark(law, path, tables, orbit, point):
+        return col.NOT_CONVERGED, 0
+    step, count, one = FIRST_STEP, 0, new_orbit()
+    for _ in range(MOST_POINTS):
+        before = point.copy()
+        status, step, orbit, spare = advance_watching(law, path, tables, point, step, index, value, orbit, spare, saved)
+        if status != col.GOOD:
+            return status, count
+        if (before[index] > value) != (point[index] > value):
+            copy_orbit(orbit, one)
+            good, one, spare = cross(law, path, tables, index, value, before, point, one, saved, spare, tolerance)
+            if not good or count == len(rows):
+                return col.NOT_CONVERGED, count
+            finish(law, p, lever, tables, one, rows[count])
+            count = insert(rows, count)
+        if point[AP] < CAUGHT * (value if hold == HOLD_AMPLITUDE else free):
+            return col.GOOD, count
+        if orbit.head[COUNT, CONTACTS] == PERMANENT:
+            deep = point[AP] < 0.3 * value if hold == HOLD_AMPLITUDE else point[ZP] < value - free
+            if deep or point[ZP] < -FARTHEST * free:
+                return col.GOOD, count
+    return col.NOT_CONVERGED, count
+
+
+@njit(**OPTIONS)
+def insert(rows: np.ndarray, count: int) -> int:
+    """Keep row `count` if it is none of the rows before it; returns how many rows there are."""
+    new = rows[count]
+    for row in rows[:count]:
+        apart = abs(row[col.TIP_OFFSET] - new[col.TIP_OFFSET]) + abs(row[col.AMPLITUDE] - new[col.AMPLITUDE])
+        if apart < 1e-7 * new[col.AMPLITUDE] and abs(row[col.PHASE] - new[col.PHASE]) < 1e-6:
+            return count
+    return count + 1
+
+
+@njit(**OPTIONS)
+def seed(
+    law: Law,
+    path: Fixed,
+    tables: np.ndarray,
+    amplitude: float,
+    guesses: np.ndarray,
+    level: int,
+    tolerance: float,
+    rows: np.ndarray,
+    count: int,
+) -> int:
+    """Add the orbits of this amplitude to which averaged ones lead; returns how many rows there are.
+
+    An averaged orbit of another amplitude is followed to this one, along its own piece of the curve.
+    """
+    p, lever = path.p, path.lever
+    orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
+    target, point = np.zeros(4), np.zeros(POINT)
+    for guess in guesses:
+        if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
+            continue
+        status, _, orbit, spare = newton(
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 30
+        )
+        if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
+            continue
+        if guess[2] == amplitude:
+            finish(law, p, lever, tables, orbit, rows[count])
+            count = insert(rows, count)
+            continue
+        point[:] = 0.0
+        point[TV] = 1.0 if amplitude > guess[2] else -1.0
+        if not mark(law, path, tables, orbit, point):
+            continue
+        step = 0.1
+        for _ in range(80):
+            before = point.copy()
+            status, step, orbit, spare = advance_watching(
+                law, path, tables, point, step, AP, amplitude, orbit, spare, saved
+            )
+            if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[2] - amplitude):
+                break
+            if (before[AP] > amplitude) != (point[AP] > amplitude) and count < len(rows):
+                copy_orbit(orbit, one)
+                good, one, spare = cross(
+                    law, path, tables, AP, amplitude, before, point, one, saved, spare,
+                    tolerance,
+                )  # fmt: skip
+                if good:
+                    finish(law, p, lever, tables, one, rows[count])
+                    count = insert(rows, count)
+    return count

@@ -1,0 +1,284 @@
+"""A whole piece of a curve of orbits: a row for each orbit wanted, each fold, and the orbits on the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.collocation import (
+    COUNT,
+    LEVEL,
+    RIGHT,
+    RZ,
+    SYSTEM,
+    VALUE,
+    Z0,
+    A,
+    M,
+    Orbit,
+    along,
+    new_orbit,
+)
+from phasemap._kernels.curve import FIRST_STEP, Path, advance, copy_orbit, cross, mark
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.observables import complete, time_trace
+from phasemap._kernels.orbit import MOST_STEPS, begin, newton, observe
+from phasemap._kernels.path import (
+    AP,
+    LENGTH,
+    MP,
+    POINT,
+    RATE,
+    TU,
+    TV,
+    ZP,
+    control,
+    reach_on,
+    scales,
+    solve_on,
+    stand,
+    unit,
+)
+from phasemap._kernels.path import row_of as tangent_row
+
+MOST_POINTS = 4000
+FINEST = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
+FLAT, ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
+MOST_HALVINGS = 40
+LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
+
+
+@njit(**OPTIONS)
+def record(
+    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, kind: int, index: int, rows: np.ndarray,
+    traces: np.ndarray, count: int,
+) -> int:  # fmt: skip
+    """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
+    if count == len(rows):
+        return count
+    p, lever, _ = stand(path, orbit.head[VALUE, M])
+    row = rows[count]
+    row[:] = math.nan
+    observe(law, p, lever, tables, orbit, row[: col.COLUMNS])
+    if along(lever, orbit, 0.0, 1.0):
+        row[col.SLOPE] = 1.0 / orbit.head[SYSTEM + RZ, RIGHT]
+    complete(law, p, lever, tables, orbit, row)
+    row[col.PARAMETER], row[col.KIND], row[col.INDEX] = orbit.head[VALUE, M], kind, index
+    if traces.shape[2] > 0:
+        time_trace(law, p, lever, tables, orbit, row[col.PHASE], traces[count])
+    return count + 1
+
+
+@njit(**OPTIONS)
+def sharpen(
+    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float
+) -> tuple[bool, Orbit, Orbit]:
+    """Make the orbit of a point on the way exact, in the plane across the curve."""
+    row = tangent_row(path, reach_on(law, path, orbit), point)
+    level = int(orbit.head[COUNT, LEVEL])
+    status, _, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, tolerance, 20, False)
+    return status == col.GOOD and mark(law, path, tables, orbit, point), orbit, spare
+
+
+@njit(**OPTIONS)
+def turn_between(
+    law: Law, path: Path, tables: np.ndarray, before: np.ndarray, after: np.ndarray, start: Orbit, slope: int,
+    level: int, tolerance: float, orbit: Orbit, spare: Orbit, room: Orbit, point: np.ndarray,
+) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+    """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
+
+    There x is stationary and exact to rounding; the other coordinate is as exact as s. `start` is the orbit of
+    `before`; where a step from there fails, for a long one round a sharp turn may, the shorter one that did not is the
+    next to start from.
+    """
+    begun, base, at = before.copy(), new_orbit(), 0.0
+    copy_orbit(start, base)
+    base.head[COUNT, LEVEL] = level
+    low, high, f_low, f_high = 0.0, after[LENGTH], before[slope], after[slope]
+    most, last = max(abs(f_low), abs(f_high)), 0
+    for _ in range(MOST_HALVINGS):
+        share = f_low / (f_low - f_high)
+        step = low + (high - low) * min(max(share, 0.02), 0.98)
+        copy_orbit(base, orbit)
+        point[:] = begun
+        status, _, orbit, spare = advance(law, path, tables, point, step, orbit, spare, room)
+        if status != col.GOOD:
+            return False, orbit, spare
+        reached = point[LENGTH]
+        good, orbit, spare = sharpen(law, path, tables, orbit, spare, point, tolerance)
+        if not good:
+            return False, orbit, spare
+        point[LENGTH] = at + reached
+        f = point[slope]
+        if abs(f) <= FLAT * most or high - low < 1e-12:
+            return abs(f) <= ROUGH * most, orbit, spare
+        if (f > 0.0) == (f_low > 0.0):
+            low, f_low = reached, f
+            if reached < step:
+                begun[:] = point
+                copy_orbit(orbit, base)
+                at, low, high = at + reached, 0.0, high - reached
+            f_high *= 0.5 if last == 1 else 1.0
+            last = 1
+        else:
+            high, f_high = reached, f
+            f_low *= 0.5 if last == 2 else 1.0
+            last = 2
+    return abs(point[slope]) <= ROUGH * most, orbit, spare
+
+
+@njit(**OPTIONS)
+def visit(
+    law: Law, path: Path, tables: np.ndarray, index: int, before: np.ndarray, after: np.ndarray, start: Orbit,
+    end: Orbit, wanted: np.ndarray, tolerance: float, one: Orbit, spare: Orbit, rows: np.ndarray, traces: np.ndarray,
+    count: int,
+) -> tuple[int, Orbit, Orbit]:  # fmt: skip
+    """Record the orbits at the values wanted between two points of the curve, in the order in which they come."""
+    x, y = before[index], after[index]
+    if y > x:  # the value at which a step starts belongs to the step before
+        first, last = np.searchsorted(wanted, x, side="right"), np.searchsorted(wanted, y, side="right")
+    else:
+        first, last = np.searchsorted(wanted, y, side="left"), np.searchsorted(wanted, x, side="left")
+    for i in range(last - first):
+        k = first + i if y > x else last - 1 - i
+        if i == 0:
+            copy_orbit(start, one)
+        good, one, spare = cross(law, path, tables, index, wanted[k], before, after, one, start, spare, tolerance)
+        if not good:
+            copy_orbit(end, one)
+        else:
+            count = record(law, path, tables, one, col.WANTED, k, rows, traces, count)
+    return count, one, spare
+
+
+@njit(**OPTIONS)
+def follow(
+    law: Law, path: Path, tables: np.ndarray, index: int, orbit: Orbit, spare: Orbit, point: np.ndarray,
+    box: np.ndarray, wanted: np.ndarray, every: bool, tolerance: float, rows: np.ndarray, traces: np.ndarray,
+) -> tuple[int, int]:  # fmt: skip
+    """Follow the curve from a marked point until it leaves the box, ends, or closes.
+
+    Parameters
+    ----------
+    index : int
+        Entry of a point whose values are wanted: the control, or the amplitude.
+    point : ndarray, shape (POINT,)
+        The start, marked; its tangent says in which sense the curve is followed.
+    box : ndarray, shape (3,)
+        Smallest and largest control, smallest amplitude.
+    wanted : ndarray, sorted
+        Values at which rows are made.
+    every : bool
+        Whether points on the way make rows too.
+
+    Returns
+    -------
+    ended : int
+        LEFT, CLOSED, STUCK or FULL.
+    count : int
+        Rows made, in the order of the curve.
+    """
+    saved, one, room, top = new_orbit(), new_orbit(), new_orbit(), new_orbit()
+    tops = (new_orbit(), new_orbit())
+    turned, kinds = np.zeros((2, POINT)), np.zeros(2, np.int64)
+    origin, step = point.copy(), FIRST_STEP
+    count = record(law, path, tables, orbit, col.ON_THE_WAY, -1, rows, traces, 0) if every else 0
+    for points in range(MOST_POINTS):
+        before = point.copy()
+        status, step, orbit, spare = advance(law, path, tables, point, step, orbit, spare, saved)
+        length = point[LENGTH]
+        if status == col.GOOD and every:
+            good, orbit, spare = sharpen(law, path, tables, orbit, spare, point, tolerance)
+            status = col.GOOD if good else col.NOT_CONVERGED
+            point[LENGTH] = length
+        if status != col.GOOD:
+            if count > 0 and every:
+                rows[count - 1, col.KIND] = col.END
+            return STUCK, count
+        # Where the control or the entry wanted turns, the step is divided.
+        found = 0
+        for entry in (control(path), index):
+            slope = entry + RATE
+            if before[slope] * point[slope] < 0.0 and not (found == 1 and kinds[0] == slope):
+                good = False
+                for level in (FINEST, int(orbit.head[COUNT, LEVEL])):
+                    if not good:
+                        good, top, spare = turn_between(
+                            law, path, tables, before, point, saved, slope, level, tolerance, top, spare, room,
+                            turned[found],
+                        )  # fmt: skip
+                if good:
+                    copy_orbit(top, tops[found])
+                    kinds[found] = slope
+                    found += 1
+        swapped = found == 2 and turned[1, LENGTH] < turned[0, LENGTH]
+        left, at, done = before, saved, 0.0
+        for i in range(found):
+            which = 1 - i if swapped else i
+            turn = turned[which].copy()
+            turn[LENGTH] -= done
+            count, one, spare = visit(
+                law, path, tables, index, left, turn, at, tops[which], wanted, tolerance, one, spare, rows, traces,
+                count,
+            )  # fmt: skip
+            kind = col.FOLD if kinds[which] == control(path) + RATE else col.TURN
+            count = record(law, path, tables, tops[which], kind, -1, rows, traces, count)
+            left, at, done = turn, tops[which], turned[which, LENGTH]
+        rest = point.copy()
+        rest[LENGTH] -= done
+        count, one, spare = visit(
+            law, path, tables, index, left, rest, at, orbit, wanted, tolerance, one, spare, rows, traces, count
+        )
+        if count == len(rows):
+            return FULL, count
+        if not box[0] <= point[control(path)] <= box[1] or point[AP] < box[2]:
+            return LEFT, count
+        if every:
+            count = record(law, path, tables, orbit, col.ON_THE_WAY, -1, rows, traces, count)
+        if points > 8 and returned(law, path, orbit, origin, point):
+            return CLOSED, count
+    return FULL, count
+
+
+@njit(**OPTIONS)
+def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) -> bool:
+    """Whether the curve has come back to where it was begun."""
+    away = unit(
+        path, reach_on(law, path, orbit), point, origin[ZP] - point[ZP], origin[AP] - point[AP], origin[MP] - point[MP]
+    )
+    same = origin[TU] * point[TU] + origin[TV] * point[TV] > 0.5
+    return same and math.hypot(away[0], away[1]) < point[LENGTH]
+
+
+@njit(**OPTIONS)
+def start_at(
+    law: Law, path: Path, tables: np.ndarray, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float,
+    orbit: Orbit, spare: Orbit,
+) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+    """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
+    orbit.head[VALUE, M] = m
+    p, lever, _ = stand(path, m)
+    if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+        return False, orbit, spare
+    target = np.array([guess[0], 0.0, 0.0, 0.0])
+    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, hold, target, level, tolerance, MOST_STEPS)
+    return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
+
+
+@njit(**OPTIONS)
+def aim(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, sense: float, point: np.ndarray) -> bool:
+    """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
+    point[:] = 0.0
+    # A row that is the control's own, whatever the scales.
+    reach = reach_on(law, path, orbit)
+    z0, a, m = orbit.head[VALUE, Z0], orbit.head[VALUE, A], orbit.head[VALUE, M]
+    point[ZP], point[AP], point[MP] = z0, a, m
+    at_z, at_m = (sense, 0.0) if control(path) == ZP else (0.0, sense)
+    point[TU], point[TV] = unit(path, reach, point, at_z, 0.0, at_m)
+    if control(path) == ZP:
+        of_gap, of_amplitude = scales(path, reach, z0, a)
+        point[TV] = point[TU] * of_amplitude / of_gap
+    return mark(law, path, tables, orbit, point)

@@ -1,0 +1,80 @@
+"""Where a tip goes that has lost its orbit: the full equation in time, until it follows one of the stable orbits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.march import march_period
+
+ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
+CLOSE = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
+IN_A_ROW = 3  # periods so close
+
+
+@njit(**OPTIONS)
+def land_on(
+    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most: int
+) -> tuple[int, int]:
+    """Which of the orbits a tip settles on; -1 if none within `most` periods. Also the periods that it took.
+
+    Parameters
+    ----------
+    y : ndarray
+        State at drive phase 0 as `march_period` takes it; advanced in place.
+    targets : ndarray, shape (n, 2)
+        In-phase and quadrature amplitude [m] of the stable orbits at this tip offset.
+    close : float
+        Distance [m] in that plane at which an orbit counts as reached.
+    """
+    acc = np.zeros(8)
+    streak, last = 0, -1
+    for period in range(most):
+        if march_period(law, p, lever, z0, ETA, y, acc) < 0:
+            return -1, period
+        near, best = -1, math.inf
+        for i in range(len(targets)):
+            apart = math.hypot(acc[0] - targets[i, 0], acc[1] - targets[i, 1])
+            if apart < best:
+                near, best = i, apart
+        streak = streak + 1 if best < close and near == last else 0
+        last = near
+        if streak >= IN_A_ROW:
+            return near, period + 1
+    return -1, most
+
+
+@njit(**OPTIONS)
+def land_free(
+    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, y: np.ndarray, close: float, most: int, row: np.ndarray
+) -> bool:
+    """Fill a result row with the motion on which a tip settles that is let go in state y; False if it does not.
+
+    It has settled when the lock-in's outputs change by less than `close` [m] from one ring-down time to the next.
+    """
+    acc = np.zeros(8)
+    ring, streak = int(1.0 / (2.0 * math.pi * lever[col.ALPHA0])) + 1, 0
+    cosine, sine = math.inf, math.inf
+    for period in range(most):
+        if march_period(law, p, lever, z0, ETA, y, acc) < 0:
+            return False
+        if period % ring != ring - 1:
+            continue
+        streak = streak + 1 if math.hypot(acc[0] - cosine, acc[1] - sine) < close else 0
+        cosine, sine = acc[0], acc[1]
+        if streak >= IN_A_ROW:
+            break
+    if streak < IN_A_ROW:
+        return False
+    omega, amplitude, phase = lever[col.OMEGA], math.hypot(cosine, sine), math.atan2(cosine, sine)
+    row[:] = math.nan
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc[2], amplitude, phase
+    push = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
+    row[col.STIFFENING] = push / amplitude
+    drag = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
+    row[col.DISSIPATION] = -math.pi * lever[col.STIFFNESS] * amplitude * drag
+    return True

@@ -1,0 +1,157 @@
+"""What a sweep moves, and how the law's parameters and the lever depend on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap.errors import InputError
+from phasemap.material import Material
+from phasemap.microscope import Microscope
+from phasemap.work import Work, work_of_material
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+    from phasemap._kernels.path import Fixed, Swept
+
+MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio")
+PARTS = {
+    "stiffness": "cantilever", "quality_factor": "cantilever", "radius": "tip", "free_amplitude": "drive",
+    "frequency": "drive", "decay_length": "interaction", "bias": "interaction",
+}  # fmt: skip
+UNITS = {
+    "modulus": "Pa", "adhesion": "J m-2", "damping": "1", "viscosity": "Pa s", "poisson_ratio": "1",
+    "stiffness": "N m-1", "quality_factor": "1", "radius": "m", "free_amplitude": "m", "frequency": "Hz",
+    "decay_length": "m", "bias": "V",
+}  # fmt: skip
+ORDERS = (9, 17, 33, 65)  # of the series tried, one after the other
+PRECISION = 3e-13  # of the last coefficients, over the largest value
+WIDE = 8.0  # a sweep over a larger ratio is followed on a logarithmic scale
+BEYOND = 1.01  # where a curve is begun and left, just outside the values wanted
+
+
+@dataclass(frozen=True)
+class Question:
+    """A material under a microscope, with one number of either changed.
+
+    Parameters
+    ----------
+    material : Material
+    scope : Microscope
+    """
+
+    material: Material
+    scope: Microscope
+
+    def at(self, name: str, value: float) -> Question:
+        """The same with one parameter changed.
+
+        Raises
+        ------
+        InputError
+            If the parameter is unknown or the value is out of range.
+        """
+        if name in MATERIAL:
+            other = {"damping": "viscosity", "viscosity": "damping"}.get(name)
+            changes: dict[str, Any] = {name: value}
+            if other is not None:
+                changes[other] = 0.0 if other == "damping" else None
+            return Question(replace(self.material, **changes), self.scope)
+        if name not in PARTS:
+            raise InputError("parameter", name, "one of " + ", ".join((*MATERIAL, *PARTS)))
+        part = PARTS[name]
+        changed = replace(getattr(self.scope, part), **{name: value})
+        return Question(self.material, replace(self.scope, **{part: changed}))
+
+    def work(self, amplitude: float = 1e-9) -> Work:
+        """One row of parameters, and the lever."""
+        return work_of_material(self.material, self.scope, amplitude)
+
+
+def fixed_path(question: Question) -> tuple[Law, Fixed]:
+    """The path of a sweep in tip offset or setpoint: nothing else moves."""
+    from phasemap._kernels.path import fixed
+    from phasemap._kernels.quick import parameters
+
+    work = question.work()
+    return work.law, fixed(work.law, parameters(work.rows[0]), work.lever)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How a parameter depends on m in [-1, 1]: linearly, or logarithmically."""
+
+    low: float
+    high: float
+    logarithmic: bool
+
+    @classmethod
+    def over(cls, values: np.ndarray) -> Scale:
+        """The scale for a sweep over these values."""
+        low, high = float(values.min()), float(values.max())
+        return cls(low, high, low > 0 and high > WIDE * low)
+
+    def value(self, m: np.ndarray | float) -> np.ndarray:
+        """The parameter at m."""
+        share = (np.asarray(m) + 1) / 2
+        if self.logarithmic:
+            return np.asarray(self.low * (self.high / self.low) ** share)
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+    def m(self, value: np.ndarray | float) -> np.ndarray:
+        """m at a value of the parameter."""
+        if self.logarithmic:
+            return np.asarray(2 * np.log(np.asarray(value) / self.low) / np.log(self.high / self.low) - 1)
+        return np.asarray(2 * (np.asarray(value) - self.low) / (self.high - self.low) - 1)
+
+
+def swept_path(
+    question: Question, name: str, scale: Scale, held: Callable[[Microscope], float], of_amplitude: bool
+) -> tuple[Law, Swept]:
+    """The path of a sweep in a parameter, with z0 or A held.
+
+    Parameters
+    ----------
+    held : callable
+        Tip offset or amplitude [m] that is held under a microscope.
+    of_amplitude : bool
+        Which of the two.
+
+    Raises
+    ------
+    InputError
+        If a value of the sweep is out of range, or what depends on it changes too much from end to end.
+    """
+    from phasemap._kernels.path import HELD_AMPLITUDE, HELD_OFFSET, Swept
+
+    work = question.at(name, float(scale.value(0.0))).work()
+    table = np.zeros((0, 0))
+    for order in ORDERS:
+        nodes = np.cos(np.pi * (np.arange(order) + 0.5) / order)
+        columns = np.stack([_column(question.at(name, float(scale.value(m))), held) for m in nodes], axis=1)
+        if not np.isfinite(columns).all():
+            raise InputError(name, (scale.low, scale.high), "values at which the law has finite parameters")
+        table = np.polynomial.chebyshev.chebfit(nodes, columns.T, order - 1).T
+        constant = np.ptp(columns, axis=1) == 0
+        table[constant, 0], table[constant, 1:] = columns[constant, 0], 0
+        size = np.abs(columns).max(axis=1)
+        if (np.abs(table[:, -2:]).max(axis=1) <= PRECISION * size).all():
+            break
+    else:
+        raise InputError(name, (scale.low, scale.high), "a narrower range: split the sweep in two")
+    kept = np.abs(table) > 1e-17 * size[:, None]
+    last = int(np.flatnonzero(kept.any(axis=0)).max()) + 1
+    lever_scale = question.scope.cantilever.damping
+    width = 0.05
+    if name == "frequency":
+        width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
+    kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
+    return work.law, Swept(np.ascontiguousarray(table[:, : max(last, 2)]), kind, min(width, 0.05))
+
+
+def _column(question: Question, held: Callable[[Microscope], float]) -> np.ndarray:
+    work = question.work()
+    return np.concatenate([work.rows[0], work.lever, [held(question.scope)]])

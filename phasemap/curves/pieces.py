@@ -1,0 +1,252 @@
+"""The pieces of a curve of orbits, followed from every start that leads to a new one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+    from phasemap._kernels.path import Fixed, Swept
+
+ROOM = 6000  # rows of one piece
+SAME = 1e-5  # of the amplitude: orbits as near are the same
+NEAR, NEAR_PUSH = 0.03, 0.1  # of the amplitude and the base amplitude: averaging may be off by so much
+START = [col.START_Z, col.START_V, col.START_HELD]
+MOST_PIECES = 12
+TIGHT = 0.1  # of the tolerance that pixels use
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One connected piece of a curve, in the order in which it was followed.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n, FULL)
+        Full rows of `phasemap._kernels.columns`.
+    traces : ndarray, shape (n, 2, samples)
+        Deflection [m] and force [N] over one period.
+    ended : int
+        How it ended, a code of `phasemap._kernels.follow`.
+    """
+
+    rows: np.ndarray
+    traces: np.ndarray
+    ended: int
+
+
+class Curves:
+    """All the pieces found so far of the curve of one path.
+
+    Parameters
+    ----------
+    law : Law
+    path : Fixed or Swept
+    index : int
+        Entry of a point whose values are wanted.
+    wanted : ndarray, sorted
+    box : tuple of float
+        Smallest and largest control, smallest amplitude [m].
+    samples : int
+        Length of the time traces.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        path: Fixed | Swept,
+        index: int,
+        wanted: np.ndarray,
+        box: tuple[float, float, float],
+        samples: int,
+    ) -> None:
+        self.law, self.path, self.index, self.wanted = law, path, index, wanted
+        self.box, self.samples = np.array(box), samples
+        self.pieces: list[Piece] = []
+
+    def standing(self, m: float) -> tuple[tuple[float, ...], np.ndarray]:
+        """The law's parameters and the lever at m."""
+        from phasemap._kernels.path import Fixed, swept_at
+
+        if isinstance(self.path, Fixed):
+            return self.path.p, self.path.lever
+        p, lever, _ = swept_at(self.path.table, m)
+        return p, lever
+
+    def from_far(self, farthest: float) -> None:
+        """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
+        from phasemap._kernels.approach import free_amplitude
+        from phasemap._kernels.collocation import VALUE, Z0, new_orbit
+        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.trace import start_far
+
+        free = free_amplitude(self.standing(0.0)[1])
+        orbit, spare = new_orbit(), new_orbit()
+        status, orbit, spare = start_far(self.law, self.path, TABLES, orbit, spare, 0.9999 * free, 0)
+        if status == col.GOOD and orbit.head[VALUE, Z0] < farthest:
+            status, orbit, spare = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
+        if status == col.GOOD:
+            self._follow(orbit, spare, (-1.0,))
+
+    def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
+        """Follow the curve both ways from the orbit of a result row; whether it was found."""
+        amplitude, stiffness = row[col.AMPLITUDE], self.standing(m)[1][col.STIFFNESS]
+        drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
+        guess = np.array([row[col.TIP_OFFSET], row[col.MEAN], amplitude, row[col.STIFFENING] * amplitude, drag])
+        status, orbit, spare = self._go(guess, m, of_amplitude)
+        if status != col.GOOD:
+            return False
+        exact = row.copy()
+        push, drag, z0, amplitude = orbit.head[0, :4]
+        lever = self.standing(m)[1]
+        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = z0, amplitude
+        exact[col.PHASE] = np.arctan2(
+            push + amplitude * (1 - lever[col.OMEGA] ** 2), 2 * lever[col.ALPHA0] * lever[col.OMEGA] * amplitude - drag
+        )
+        if self.knows(exact, m):
+            return False
+        self._follow(orbit, spare, (1.0, -1.0))
+        return True
+
+    def seek(self, amplitude: float) -> None:
+        """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far."""
+        from phasemap._kernels.approach import averaged_orbits
+
+        p, lever = self.standing(0.0)
+        for guess in averaged_orbits(self.law, p, lever, amplitude):
+            if not self.box[0] <= guess[0] <= self.box[1] or self._near(guess[0], amplitude, guess[3], lever):
+                continue
+            status, orbit, spare = self._go(guess, 0.0, True)
+            push, _, z0, exact = orbit.head[0, :4]
+            if status == col.GOOD and not self._near(z0, exact, push, lever):
+                self._follow(orbit, spare, (1.0, -1.0))
+
+    def after_ends(self, column: int, beside: float, close: float) -> None:
+        """Follow the pieces on which a tip lands where others end, in contact made or lost.
+
+        Parameters
+        ----------
+        column : int
+            Of the control.
+        beside : float
+            How far past the end the tip is let go, in the control.
+        close : float
+            How well its motion must have settled [m].
+        """
+        from phasemap._kernels.landing import land_free
+        from phasemap.curves.walk import patience
+
+        waiting = list(self.pieces)
+        while waiting and len(self.pieces) < MOST_PIECES:
+            rows = waiting.pop(0).rows
+            for last, before in ((-1, -2), (0, 1)):
+                if len(rows) < 2 or rows[last, col.KIND] != col.END or not rows[last, col.FLOQUET] < 1:
+                    continue
+                x = float(rows[last, column] + beside * np.sign(rows[last, column] - rows[before, column]))
+                swept = column == col.PARAMETER
+                m, z0 = (x, float(rows[last, col.TIP_OFFSET])) if swept else (0.0, x)
+                p, lever = self.standing(m)
+                row, state = np.zeros(col.COLUMNS), rows[last, START].copy()
+                if not land_free(self.law, p, lever, z0, state, close, patience(lever), row):
+                    continue
+                known = len(self.pieces)
+                push = row[col.STIFFENING] * row[col.AMPLITUDE]
+                if swept or not self._near(z0, row[col.AMPLITUDE], push, lever):
+                    self.from_orbit(row, m, False)
+                waiting += self.pieces[known:]
+
+    def _near(self, z0: float, amplitude: float, push: float, lever: np.ndarray) -> bool:
+        """Whether a piece passes an orbit at its amplitude, within what averaging may be off."""
+        for piece in self.pieces:
+            rows = piece.rows
+            a = rows[:, col.AMPLITUDE]
+            i = np.flatnonzero((a[1:] > amplitude) != (a[:-1] > amplitude))
+            share = (amplitude - a[i]) / (a[i + 1] - a[i])
+            at = [rows[i, c] + share * (rows[i + 1, c] - rows[i, c]) for c in (col.TIP_OFFSET, col.STIFFENING)]
+            off = np.abs(at[1] * amplitude - push) / lever[col.BASE]
+            if ((np.abs(at[0] - z0) < NEAR * amplitude) & (off < NEAR_PUSH)).any():
+                return True
+        return False
+
+    def knows(self, row: np.ndarray, m: float) -> bool:
+        """Whether a piece that was followed has this orbit among its rows at m."""
+        return any(_same(piece.rows[np.abs(piece.rows[:, col.PARAMETER] - m) < 1e-9], row) for piece in self.pieces)
+
+    def choose(self, wanted: np.ndarray) -> None:
+        """Keep only these of the values wanted; rows at the others become rows on the way."""
+        number = np.full(len(self.wanted), -1)
+        number[np.searchsorted(self.wanted, wanted)] = np.arange(len(wanted))
+        for piece in self.pieces:
+            marked = piece.rows[:, col.KIND] == col.WANTED
+            new = number[piece.rows[marked, col.INDEX].astype(int)]
+            piece.rows[marked, col.INDEX] = new
+            piece.rows[marked, col.KIND] = np.where(new < 0, col.ON_THE_WAY, col.WANTED)
+        self.wanted = wanted
+
+    def _tolerance(self, m: float) -> float:
+        from phasemap._kernels.batch import tolerance_of
+
+        p, lever = self.standing(m)
+        return TIGHT * float(tolerance_of(self.law, p, lever))
+
+    def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
+        from phasemap._kernels.collocation import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
+        from phasemap._kernels.follow import start_at
+        from phasemap._kernels.tables import TABLES
+
+        hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
+        good, orbit, spare = start_at(
+            self.law, self.path, TABLES, guess, m, hold, 0, self._tolerance(m), new_orbit(), new_orbit()
+        )
+        return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
+
+    def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
+        from phasemap._kernels.collocation import VALUE, M, new_orbit
+        from phasemap._kernels.curve import copy_orbit
+        from phasemap._kernels.follow import CLOSED, aim, follow
+        from phasemap._kernels.path import POINT
+        from phasemap._kernels.tables import TABLES
+
+        start = new_orbit()
+        copy_orbit(orbit, start)
+        tolerance = self._tolerance(float(orbit.head[VALUE, M]))
+        halves: list[Piece] = []
+        for sense in senses:
+            rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
+            point = np.zeros(POINT)
+            copy_orbit(start, orbit)
+            if not aim(self.law, self.path, TABLES, orbit, sense, point):
+                continue
+            ended, count = follow(
+                self.law, self.path, TABLES, self.index, orbit, spare, point, self.box, self.wanted, True, tolerance,
+                rows, traces,
+            )  # fmt: skip
+            halves.append(Piece(rows[:count].copy(), traces[:count].copy(), ended))
+            if ended == CLOSED:
+                break
+        if len(halves) == 2:  # the first was followed the other way
+            one, two = halves
+            rows = np.concatenate([one.rows[:0:-1], two.rows])
+            halves = [Piece(rows, np.concatenate([one.traces[:0:-1], two.traces]), max(one.ended, two.ended))]
+        for piece in halves:
+            if not any(self._repeats(piece, other) for other in self.pieces):
+                self.pieces.append(piece)
+
+    @staticmethod
+    def _repeats(piece: Piece, other: Piece) -> bool:
+        """Whether a piece was followed before: all its orbits at values wanted, or its folds, are the other's."""
+        kind = piece.rows[:, col.KIND]
+        marks = piece.rows[kind == (col.WANTED if (kind == col.WANTED).any() else col.FOLD)]
+        return len(marks) > 0 and all(_same(other.rows, row) for row in marks)
+
+
+def _same(rows: np.ndarray, row: np.ndarray) -> bool:
+    """Whether one of the rows is this orbit."""
+    apart = np.abs(rows[:, col.TIP_OFFSET] - row[col.TIP_OFFSET]) + np.abs(rows[:, col.AMPLITUDE] - row[col.AMPLITUDE])
+    turned = np.abs(rows[:, col.PHASE] - row[col.PHASE])
+    return bool(((apart < SAME * row[col.AMPLITUDE]) & (turned < 10 * SAME)).any())

@@ -1,0 +1,238 @@
+"""Sweeps from the objects of the user to a Dataset."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.curves.control import BEYOND, Question, Scale, fixed_path, swept_path
+from phasemap.curves.feedback import Feedback, Place
+from phasemap.curves.pieces import Curves
+from phasemap.curves.record import Axis, dataset
+from phasemap.curves.walk import Jump, Segment, Visit, segments, walk
+from phasemap.material import Material
+from phasemap.microscope import Microscope
+from phasemap.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin the curve from
+APART = 6  # amplitudes at which pieces apart from the curve from far are sought
+FAINT = 1e-5  # of the free amplitude, where a curve is left
+LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
+BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
+DEEP = 300.0  # free amplitudes by which the lever may be pressed down
+
+
+def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit at this tip offset, and whether every curve was followed to its end."""
+    from phasemap._kernels.follow import FULL
+    from phasemap._kernels.path import ZP
+
+    law, path = fixed_path(Question(material, scope))
+    free = max(scope.free_amplitude, scope.drive.free_amplitude)
+    box = (tip_offset - free, np.inf, FAINT * scope.free_amplitude)
+    curves = Curves(law, path, ZP, np.array([tip_offset]), box, 0)
+    curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
+    _complete(curves, scope, tip_offset)
+    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
+    return rows[rows[:, col.KIND] == col.WANTED], all(piece.ended != FULL for piece in curves.pieces)
+
+
+def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
+    """`phasemap.sweep_distance`."""
+    from phasemap._kernels.path import ZP
+
+    law, path = fixed_path(Question(material, scope))
+    wanted = np.sort(axis)
+    curves = Curves(law, path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.free_amplitude), samples)
+    curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
+    _complete(curves, scope, wanted[0])
+    parts = segments(curves.pieces, col.TIP_OFFSET)
+    approach = walk(curves, col.TIP_OFFSET, _at(parts, wanted[-1]), parts, True, 0)
+    retract = walk(curves, col.TIP_OFFSET, _last(parts, approach, wanted[0]), parts, False, 1)
+    about = Axis("tip_offset", axis, "m", "tip offset", ("approach", "retract"))
+    return dataset(curves, about, lambda x: x, [approach, retract], material, scope, {})
+
+
+def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
+    """`phasemap.sweep_setpoint`."""
+    free = scope.free_amplitude
+    feedback = Feedback(_held(Question(material, scope), np.sort(axis) * free, samples))
+    n = len(axis)
+    down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
+    up, _ = _hold(feedback, place, range(n), 1)
+    about = Axis("setpoint", axis, "1", "setpoint", ("down", "up"), col.AMPLITUDE, True, col.TURN)
+    return dataset(feedback.curves, about, lambda x: x / free, [down, up], material, scope, {})
+
+
+def parameter(
+    material: Material, scope: Microscope, name: str, axis: np.ndarray, ratio: float | None, height: float | None,
+    samples: int,
+) -> xr.Dataset:  # fmt: skip
+    """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
+    from phasemap._kernels.path import MP
+    from phasemap.curves.control import UNITS
+
+    question, scale = Question(material, scope), Scale.over(axis)
+    for value in (scale.low, scale.high):
+        question.at(name, value)
+
+    def held_under(changed: Microscope) -> float:
+        return ratio * changed.free_amplitude if ratio is not None else (height or 0.0)
+
+    law, path = swept_path(question, name, scale, held_under, ratio is not None)
+    order = np.argsort(axis)
+    wanted = scale.m(axis[order])
+    starts = np.array(STARTS)
+    every = np.sort(np.concatenate([wanted, starts]))
+    curves = Curves(law, path, MP, every, (-BEYOND, BEYOND, 0.0), samples)
+    for m in starts:
+        begin(curves, float(m), ratio is not None)
+    if ratio is None:
+        _mend(curves, scope.drive.free_amplitude)
+    curves.choose(wanted)
+    if ratio is None:
+        up, down = _both(curves)
+    else:
+        up, down = _both_held(curves, question, name, scale, ratio)
+    held = {"setpoint": ratio} if ratio is not None else {"tip_offset": height}
+    about = Axis(name, axis, UNITS[name], name.replace("_", " "), ("up", "down"), col.PARAMETER, ratio is not None)
+    return dataset(curves, about, scale.value, [up, down], material, scope, held)
+
+
+def _complete(curves: Curves, scope: Microscope, lowest: float) -> None:
+    """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
+    # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
+    free = scope.free_amplitude
+    highest = 0.98 * max(free, scope.drive.free_amplitude)
+    for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * highest), highest, APART):
+        curves.seek(float(amplitude))
+    _mend(curves, free)
+
+
+def _mend(curves: Curves, free: float) -> None:
+    """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
+    from phasemap._kernels.path import MP
+
+    if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
+        swept = curves.index == MP
+        curves.after_ends(col.PARAMETER if swept else col.TIP_OFFSET, BESIDE * (1.0 if swept else free), SETTLED * free)
+
+
+def _at(parts: list[Segment], x: float) -> Segment | None:
+    """The first stable segment at x, in the order of the curve from far."""
+    return next((part for part in parts if part.row_at(x) is not None), None)
+
+
+def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | None:
+    """The segment on which a sweep down to x has ended."""
+    row = visit.rows[0]
+    there = [part for part in parts if part.row_at(x) is not None]
+    same = [part for part in there if np.isclose(part.rows[0, col.AMPLITUDE], row[col.AMPLITUDE], rtol=1e-9)]
+    return same[0] if same else (there[-1] if there and np.isnan(row[col.AMPLITUDE]) else None)
+
+
+def _held(question: Question, amplitudes: np.ndarray, samples: int) -> Curves:
+    """The distance curve from far, with rows at these amplitudes."""
+    from phasemap._kernels.path import AP
+
+    law, path = fixed_path(question)
+    free = question.scope.free_amplitude
+    curves = Curves(law, path, AP, amplitudes, (-DEEP * free, np.inf, 0.98 * amplitudes[0]), samples)
+    curves.from_far(0.0)
+    for amplitude in np.linspace(amplitudes[0], 0.98 * free, APART):
+        curves.seek(float(amplitude))
+    _mend(curves, free)
+    return curves
+
+
+def _hold(feedback: Feedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
+    """Hold one amplitude after the other."""
+    curves = feedback.curves
+    n = len(curves.wanted)
+    rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
+    status, jumps = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump]()
+    for k in order:
+        if place is None:
+            continue
+        found, row, jump = feedback.seek(place, k, direction)
+        if jump is not None:
+            jumps.append(jump)
+        if found is not None:
+            place = found
+            rows[k], traces[k] = found.segment.rows[row], found.segment.traces[row]
+            status[k] = Status.good.code
+    return Visit(rows, traces, status, jumps), place
+
+
+def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
+    """Follow the curve from every orbit at m that is not known yet."""
+    from phasemap._kernels.approach import free_amplitude
+    from phasemap._kernels.batch import every_orbit
+    from phasemap._kernels.collocation import HOLD_AMPLITUDE, HOLD_OFFSET
+    from phasemap._kernels.path import held_at
+    from phasemap._kernels.tables import TABLES
+
+    p, lever = curves.standing(m)
+    hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
+    value = held_at(curves.path, m)
+    _, rows = every_orbit(curves.law, np.array(p), lever, TABLES, hold, value)
+    for row in rows:
+        if not curves.knows(row, m):
+            curves.from_orbit(row, m, of_amplitude)
+    if not of_amplitude:
+        # Where nothing acts, or no curve leads there, the lever still swings freely.
+        free = np.zeros(col.COLUMNS)
+        free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(lever)
+        curves.from_orbit(free, m, False)
+
+
+def _both(curves: Curves) -> tuple[Visit, Visit]:
+    """Up and down at a fixed tip offset, each begun on the orbit that stays farthest from the surface."""
+    parts = segments(curves.pieces, col.PARAMETER)
+    visits = []
+    for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
+        there = [(part.row_at(x), part) for part in parts]
+        reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
+        first = there[min(reached)[1]][1] if reached else None
+        visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction))
+    return visits[0], visits[1]
+
+
+def _both_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> tuple[Visit, Visit]:
+    """Up and down with the setpoint held, each begun by engaging from far."""
+    parts = segments(curves.pieces, col.PARAMETER, held=True)
+
+    def landing(edge: np.ndarray | None, m: float) -> Segment | None:
+        """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
+        here = question.at(name, float(scale.value(m)))
+        feedback = Feedback(_held(here, np.array([ratio * here.scope.free_amplitude]), 0))
+        place = feedback.far() if edge is None else feedback.nearest(edge)
+        if place is None:
+            return None
+        found, row, _ = feedback.seek(place, 0, 0)
+        return None if found is None else _like(parts, m, found.segment.rows[row])
+
+    visits = []
+    for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
+        first = landing(None, float(x))
+        visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction, landing))
+    return visits[0], visits[1]
+
+
+def _like(parts: list[Segment], m: float, row: np.ndarray) -> Segment | None:
+    """The segment that passes this orbit at m."""
+    best, like = LIKE, None
+    for part in parts:
+        here = part.row_at(m)
+        if here is None:
+            continue
+        apart = abs(here[col.PHASE] - row[col.PHASE])
+        apart += abs(here[col.TIP_OFFSET] - row[col.TIP_OFFSET]) / row[col.AMPLITUDE]
+        if apart < best:
+            best, like = apart, part
+    return like

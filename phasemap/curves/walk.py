@@ -1,0 +1,184 @@
+"""What a slow sweep visits: stable orbits as long as there are any, and where the tip goes when they end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.curves.pieces import Curves, Piece
+from phasemap.status import Status
+
+BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
+PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
+MOST_LANDINGS = 8  # between two values wanted
+NEAR = 2e-3  # of the free amplitude: as near to an orbit the tip is on it
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Stable orbits between two folds or losses of stability, in the order of the control.
+
+    Parameters
+    ----------
+    piece : int
+        Number of the piece.
+    rows : ndarray, shape (n, FULL)
+    traces : ndarray, shape (n, 2, samples)
+    x : ndarray, shape (n,)
+        The control, rising.
+    """
+
+    piece: int
+    rows: np.ndarray
+    traces: np.ndarray
+    x: np.ndarray
+
+    def row_at(self, x: float) -> np.ndarray | None:
+        """The row at this control, linear between rows; None where the segment does not reach."""
+        if not self.x[0] <= x <= self.x[-1]:
+            return None
+        i = min(max(int(np.searchsorted(self.x, x)), 1), len(self.x) - 1)
+        width = self.x[i] - self.x[i - 1]
+        share = (x - self.x[i - 1]) / width if width > 0 else 1.0
+        mixed: np.ndarray = self.rows[i - 1] + share * (self.rows[i] - self.rows[i - 1])
+        return mixed
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump of a sweep: the rows before and after; None where no stable orbit was reached."""
+
+    direction: int
+    before: np.ndarray
+    after: np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """What a sweep in one direction saw: a row, a trace and a status for each value wanted."""
+
+    rows: np.ndarray
+    traces: np.ndarray
+    status: np.ndarray
+    jumps: list[Jump]
+
+
+Landing = Callable[[np.ndarray, float], Segment | None]
+
+
+def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
+    """Whether orbits are stable: at fixed tip offset, and with `held` under a feedback too."""
+    good: np.ndarray = rows[:, col.FLOQUET] < 1
+    return good & (rows[:, col.SLOPE] > 0) if held else good
+
+
+def segments(pieces: list[Piece], column: int, held: bool = False) -> list[Segment]:
+    """Stable segments of all pieces, by the control's column; folds, where stability ends, belong to them."""
+    found = []
+    for number, piece in enumerate(pieces):
+        rows, folds = piece.rows, piece.rows[:, col.KIND] == col.FOLD
+        good = stable(rows, held) | folds
+        steps = np.sign(np.diff(rows[:, column], prepend=rows[:1, column]))
+        begin = 0
+        for i in range(1, len(rows) + 1):
+            ends = i == len(rows) or not good[i] or (folds[i - 1] and i - 1 > begin)
+            ends |= i - 1 > begin and i < len(rows) and steps[i] * steps[i - 1] < 0  # a fold that was not located
+            if not good[begin]:
+                begin = i
+                continue
+            if not ends:
+                continue
+            part = slice(begin, i)
+            if i - begin >= 2 and not (i - begin == 2 and folds[part].all()):
+                found.append(_segment(number, piece, part, column, held))
+            begin = i - 1 if i < len(rows) and good[i] else i
+    return [segment for segment in found if segment is not None and len(segment.x) >= 2]
+
+
+def _segment(number: int, piece: Piece, part: slice, column: int, held: bool) -> Segment | None:
+    rows, traces = piece.rows[part], piece.traces[part]
+    x = rows[:, column]
+    inside = rows[(rows[:, col.KIND] != col.FOLD)]
+    if not len(inside) or not stable(inside, held).all():
+        return None
+    if x[-1] < x[0]:
+        rows, traces, x = rows[::-1], traces[::-1], x[::-1]
+    rising = np.concatenate([[True], np.diff(x) > 0])
+    return Segment(number, rows[rising], traces[rising], x[rising])
+
+
+def walk(
+    curves: Curves,
+    column: int,
+    first: Segment | None,
+    parts: list[Segment],
+    down: bool,
+    direction: int,
+    landing: Landing | None = None,
+) -> Visit:
+    """Go through the values wanted, from the highest down or from the lowest up, beginning on `first`.
+
+    `landing` says where a tip goes whose segment has ended; by default `land` does.
+    """
+    wanted = curves.wanted
+    n = len(wanted)
+    rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
+    status, jumps = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump]()
+    beside = BESIDE * (float(np.ptp(wanted)) or abs(float(wanted[0])))
+    here = first
+    for k in range(n - 1, -1, -1) if down else range(n):
+        x = float(wanted[k])
+        for _ in range(MOST_LANDINGS):
+            if here is None or here.x[0] <= x <= here.x[-1]:
+                break
+            edge = here.rows[0 if down else -1]
+            at = float(edge[column])
+            beyond = max(at - beside, x) if down else min(at + beside, x)
+            landed = landing(edge, beyond) if landing else land(curves, column, parts, edge, beyond)
+            jumps.append(Jump(direction, edge, None if landed is None else landed.row_at(beyond)))
+            here = landed
+        if here is None:
+            # Nothing was reached on which the tip stays: it is found again where there is only one such orbit.
+            there = [part for part in parts if part.row_at(x) is not None]
+            here = there[0] if len(there) == 1 else None
+            if len(there) > 1:
+                status[k] = Status.not_settled.code
+        if here is None:
+            continue
+        found = np.flatnonzero((here.rows[:, col.KIND] == col.WANTED) & (here.rows[:, col.INDEX] == k))
+        status[k] = Status.good.code if len(found) else Status.not_converged.code
+        if len(found):
+            rows[k], traces[k] = here.rows[found[0]], here.traces[found[0]]
+    return Visit(rows, traces, status, jumps)
+
+
+def patience(lever: np.ndarray) -> int:
+    """Periods after which a tip that was let go is no longer expected to settle."""
+    return int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200
+
+
+def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | None:
+    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x."""
+    there = [(part, part.row_at(x)) for part in parts]
+    reached = [(part, row) for part, row in there if row is not None]
+    if not reached:
+        return None
+    if len(reached) == 1:
+        return reached[0][0]
+    from phasemap._kernels.approach import free_amplitude
+    from phasemap._kernels.landing import land_on
+
+    swept = column == col.PARAMETER
+    p, lever = curves.standing(x if swept else 0.0)
+    z0 = float(reached[0][1][col.TIP_OFFSET]) if swept else x
+    lags = np.array([np.pi / 2 - row[col.PHASE] for _, row in reached])
+    sizes = np.array([row[col.AMPLITUDE] for _, row in reached])
+    targets = np.stack([sizes * np.cos(lags), sizes * np.sin(lags)], axis=1)
+    state = start[[col.START_Z, col.START_V, col.START_HELD]].copy()
+    most = patience(lever)
+    free = float(free_amplitude(lever))
+    which, _ = land_on(curves.law, p, lever, z0, state, targets, NEAR * free, most)
+    return reached[which][0] if which >= 0 else None

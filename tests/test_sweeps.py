@@ -1,0 +1,269 @@
+"""Sweeps: folds, jumps and orbits against references made by other codes (tests/reference), and what physics says.
+
+folds.json and laws.json come from shooting with an integrator of their own, jumps.json from integration in time.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import pathlib
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+
+DATA = pathlib.Path(__file__).parent / "data"
+FOLDS = json.loads((DATA / "folds.json").read_text())
+JUMPS = json.loads((DATA / "jumps.json").read_text())
+LAWS = json.loads((DATA / "laws.json").read_text())
+HERTZ = 300e3  # any: lengths and phases do not depend on it
+
+SCOPE = pm.Microscope(pm.Cantilever(40.0, HERTZ, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+FILM = pm.Material(modulus=2e9, adhesion=0.1, damping=0.01)
+ELASTIC = pm.Material(modulus=2e9, adhesion=0.1)
+
+
+def scope_of(case: dict, ratio: float | None = None) -> pm.Microscope:
+    ratio = case["frequency_ratio"] if ratio is None else ratio
+    return pm.Microscope(
+        pm.Cantilever(case["stiffness"], HERTZ, case["quality_factor"]),
+        pm.Tip(case["tip_radius"]),
+        pm.Drive(case["free_amplitude"], None if ratio == 1 else ratio * HERTZ),
+        pm.Interaction(case["law"], case["decay_length"]),
+    )
+
+
+def material_of(case: dict) -> pm.Material:
+    return pm.Material(case["modulus"], case["adhesion"], case["damping"], poisson_ratio=case["poisson_ratio"])
+
+
+def named(cases: list[dict]) -> dict:
+    return {"argvalues": cases, "ids": [f"{case['name']}, {case.get('sweep', '')}" for case in cases]}
+
+
+DMT_FOLDS = [case for case in FOLDS if case["law"] == "dmt" and not case["bias"] and case["folds"]]
+
+
+@pytest.mark.parametrize("case", **named([case for case in DMT_FOLDS if case["sweep"] == "distance"]))
+def test_folds_of_a_distance_curve_are_where_shooting_finds_them(case):
+    wanted = np.array([fold["tip_offset"] for fold in case["folds"] if fold["joined"]])
+    if not len(wanted):
+        pytest.skip("all folds lie on pieces apart: another test")
+    axis = np.linspace(wanted.max() + 2e-9, wanted.min() - 2e-9, 12)
+    curve = pm.sweep_distance(material_of(case), scope_of(case), axis)
+    for place in wanted:
+        # The reference is uncertain by up to 2e-10; at a fold the tip offset is stationary and exact to rounding.
+        assert np.abs(curve.fold_tip_offset / place - 1).min() < 1e-9
+
+
+@pytest.mark.parametrize("case", **named([case for case in DMT_FOLDS if case["sweep"] == "frequency"]))
+def test_folds_of_a_response_are_where_shooting_finds_them(case):
+    ratios = np.array([fold["frequency_ratio"] for fold in case["folds"]])
+    axis = HERTZ * np.linspace(0.995 * ratios.min(), 1.005 * ratios.max(), 12)
+    curve = pm.sweep_frequency(material_of(case), scope_of(case, 1.0), axis, tip_offset=case["tip_offset"])
+    for ratio in ratios:
+        assert np.abs(curve.fold_frequency / HERTZ / ratio - 1).min() < 1e-9
+
+
+def test_a_branch_apart_from_the_curve_from_far_is_found_with_its_fold():
+    (case,) = [case for case in DMT_FOLDS if case["name"] == "bistable at resonance"]
+    (fold,) = case["folds"]
+    assert not fold["joined"]
+    curve = pm.sweep_distance(
+        material_of(case), scope_of(case), np.linspace(fold["tip_offset"] + 2e-9, fold["tip_offset"] - 2e-9, 12)
+    )
+    assert np.abs(curve.fold_tip_offset / fold["tip_offset"] - 1).min() < 1e-9
+    assert len(np.unique(curve.curve_piece)) == 2
+
+
+DMT_JUMPS = [case for case in JUMPS if case["law"] == "dmt" and case["jumps"]]
+
+
+@pytest.mark.parametrize("case", **named([case for case in DMT_JUMPS if case["sweep"] == "distance"]))
+def test_a_distance_sweep_jumps_where_the_tip_jumps_in_time(case):
+    places = [np.mean(jump["bracket"]) for jump in case["jumps"]]
+    both = [jump["bracket"][0] for other in DMT_JUMPS if other["name"] == case["name"] for jump in other["jumps"]]
+    axis = np.linspace(max(both) + 2e-9, min(both) - 2e-9, 15)
+    curve = pm.sweep_distance(material_of(case), scope_of(case), axis)
+    ours = curve.isel(jump=curve.jump_direction.values == (0 if case["direction"] == "approach" else 1))
+    assert ours.sizes["jump"] == len(places)
+    for k, jump in enumerate(case["jumps"]):
+        low, high = sorted(jump["bracket"])
+        # In time the tip stays for 1e4 periods beside a fold: a picometre of the bracket's side.
+        assert low - 1e-12 < ours.jump_tip_offset[k] < high + 1e-12
+        assert abs(ours.jump_to_amplitude[k] / jump["amplitude_after"] - 1) < 1e-3
+
+
+@pytest.mark.parametrize("case", **named([case for case in DMT_JUMPS if case["sweep"] == "frequency"][:4]))
+def test_a_frequency_sweep_jumps_where_the_tip_jumps_in_time(case):
+    places = [np.mean(jump["bracket"]) for jump in case["jumps"]]
+    places = [place / HERTZ if place > 10 else place for place in places]
+    axis = HERTZ * np.linspace(0.994, 1.006, 25)
+    curve = pm.sweep_frequency(material_of(case), scope_of(case, 1.0), axis, tip_offset=case["tip_offset"])
+    ours = curve.isel(jump=curve.jump_direction.values == (0 if case["direction"] == "up" else 1))
+    assert ours.sizes["jump"] == len(places)
+    for ratio, place in zip(ours.jump_frequency.values / HERTZ, places, strict=True):
+        assert abs(ratio - place) < 2e-6  # brackets of 5e-7, passed in finite time
+
+
+ORBITS = [case for case in LAWS if case["law"] in ("hertz", "dmt") and not case["bias"]]
+
+
+@pytest.mark.parametrize("case", **named(ORBITS))
+def test_orbits_of_the_reference_are_on_the_curve_with_all_their_observables(case):
+    for orbit in case["orbits"]:
+        near = orbit["tip_offset"]
+        axis = np.array([near - 0.05e-9, near, near + 0.05e-9])
+        curve = pm.sweep_distance(material_of(case), scope_of(case), axis)
+        there = curve.isel(point=np.abs(curve.curve_tip_offset.values - near) < 1e-15)
+        assert there.sizes["point"]
+        best = there.isel(point=int(np.abs(there.curve_amplitude.values - orbit["amplitude"]).argmin()))
+        # Tolerances: the reference is good to 1e-7 degree and 1e-18 m; ours are those the issue asks for.
+        assert abs(best.curve_amplitude - orbit["amplitude"]) < 1e-13
+        assert abs(best.curve_phase - orbit["phase"]) < 1e-4
+        assert abs(best.curve_floquet - orbit["floquet"]) < 1e-5
+        assert abs(best.curve_contact_time - orbit["contact_fraction"]) < 1e-6
+        assert best.curve_indentation == pytest.approx(orbit["indentation"], rel=1e-4)
+        assert best.curve_mean_force == pytest.approx(orbit["mean_force"], rel=1e-6)
+        assert best.curve_virial == pytest.approx(orbit["virial"], rel=1e-5)
+        assert best.curve_dissipation == pytest.approx(orbit["dissipation"], rel=1e-5, abs=1e-27)
+        ours, theirs = best.curve_harmonics.values, np.array(orbit["harmonics"])
+        assert np.abs(ours - theirs).max() < 1e-4 * theirs.max()
+        found = complex(best.curve_multiplier_real, best.curve_multiplier_imag)
+        assert min(abs(abs(found) - abs(complex(*m))) for m in orbit["multipliers"]) < 1e-5
+
+
+def test_every_orbit_of_a_curve_closes_its_energy():
+    curve = pm.sweep_distance(FILM, SCOPE, np.linspace(18e-9, 4e-9, 30))
+    assert np.abs(curve.curve_energy_closure).max() < 1e-6
+
+
+def test_folds_are_where_a_multiplier_passes_one():
+    curve = pm.sweep_distance(FILM, SCOPE, np.linspace(18e-9, 4e-9, 30))
+    assert curve.sizes["fold"] == 2
+    assert np.abs(curve.fold_floquet - 1).max() < 1e-6
+
+
+def test_approach_and_retract_differ_only_between_the_folds():
+    curve = pm.sweep_distance(FILM, SCOPE, np.linspace(18e-9, 4e-9, 57))
+    differ = curve.tip_offset[np.abs(curve.phase[0] - curve.phase[1]) > 1e-6]
+    low, high = np.sort(curve.fold_tip_offset)
+    assert len(differ)
+    assert (differ > low).all() and (differ < high).all()
+
+
+@pytest.mark.parametrize("ends", [(18e-9, 4e-9), (4e-9, 18e-9)])
+def test_the_order_of_the_axis_changes_nothing_but_the_order(ends):
+    axis = np.linspace(*ends, 15)
+    curve = pm.sweep_distance(FILM, SCOPE, axis)
+    other = pm.sweep_distance(FILM, SCOPE, axis[::-1])
+    assert (curve.tip_offset.values == axis).all()
+    np.testing.assert_allclose(curve.phase.values, other.phase.values[:, ::-1], rtol=0, atol=1e-9)
+
+
+def test_undamped_phase_is_arccos_of_setpoint_on_every_branch():
+    ratios = np.linspace(0.95, 0.2, 16)
+    curve = pm.sweep_setpoint(ELASTIC, SCOPE, ratios)
+    assert (curve.status == 0).all()
+    # The drive's power is the lever's own loss: cos(phase) = setpoint (1 + sum n^2 A_n^2 / A^2) at resonance.
+    losses = (curve.harmonic**2 * curve.harmonics**2).sum("harmonic") / curve.amplitude**2
+    np.testing.assert_allclose(np.cos(np.radians(curve.phase)), ratios * (1 + losses), atol=1e-5)
+    np.testing.assert_allclose(np.abs(curve.phase), np.degrees(np.arccos(curve.setpoint)) * np.ones((2, 1)), atol=0.02)
+
+
+def test_a_setpoint_sweep_down_stops_where_engagement_does():
+    ratios = np.array([0.9, 0.8, 0.7, 0.5])
+    curve = pm.sweep_setpoint(FILM, SCOPE, ratios)
+    for ratio in ratios:
+        pixel = pm.solve_pixel(FILM, SCOPE, float(ratio), solver="orbit")
+        assert abs(float(curve.phase.sel(direction="down", setpoint=ratio)) - pixel.phase) < 1e-4
+        assert abs(float(curve.tip_offset.sel(direction="down", setpoint=ratio)) - pixel.tip_offset) < 1e-13
+
+
+def test_a_parameter_sweep_holds_the_setpoint_and_agrees_with_engagement_at_its_ends():
+    values = np.geomspace(0.5e9, 10e9, 7)
+    curve = pm.sweep_parameter(FILM, SCOPE, "modulus", values, setpoint=0.7)
+    assert np.abs(curve.amplitude / (0.7 * 16e-9) - 1).max() < 1e-9
+    for direction, value in (("up", values[0]), ("down", values[-1])):
+        pixel = pm.solve_pixel(pm.Material(value, 0.1, 0.01), SCOPE, 0.7, solver="orbit")
+        assert abs(float(curve.phase.sel(direction=direction, modulus=value)) - pixel.phase) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("adhesion", (0.02, 0.2)),
+        ("damping", (0.0, 0.05)),
+        ("radius", (5e-9, 30e-9)),
+        ("free_amplitude", (14e-9, 40e-9)),
+    ],
+)
+def test_any_parameter_can_be_swept(name, values):
+    axis = np.linspace(*values, 5)
+    curve = pm.sweep_parameter(FILM, SCOPE, name, axis, setpoint=0.6)
+    assert curve.phase.dims == ("direction", name)
+    good = curve.status == 0
+    assert good.any()
+    free = axis if name == "free_amplitude" else 16e-9
+    expected = np.broadcast_to(0.6 * free * np.ones(5), curve.amplitude.shape)
+    assert np.abs(curve.amplitude / expected - 1).where(good).max() < 1e-9
+
+
+def test_a_time_trace_has_the_amplitude_the_phase_and_the_forces_of_its_orbit():
+    curve = pm.sweep_distance(FILM, SCOPE, np.linspace(16e-9, 8e-9, 5), samples=4096)
+    one = curve.sel(direction="retract").isel(tip_offset=2)
+    angle = np.radians(curve.drive_phase.values)
+    z, force = one.trace_deflection.values, one.trace_force.values
+    harmonic = 2 * np.mean(z * np.exp(1j * angle))
+    # 4096 samples of a motion with a kink in its third derivative: the rectangle rule is off by 4096^-3 or so.
+    assert abs(harmonic) == pytest.approx(float(one.amplitude), rel=1e-8)
+    assert 90 - math.degrees(np.angle(harmonic)) == pytest.approx(float(one.phase), abs=1e-5)
+    assert z.mean() == pytest.approx(float(one.mean_deflection), rel=1e-6)
+    assert z.max() - float(one.tip_offset) == pytest.approx(float(one.indentation), rel=1e-4)
+    assert force.max() == pytest.approx(float(one.peak_force), rel=1e-3)
+
+
+def test_a_jkr_tip_loses_its_orbit_at_first_touch_and_finds_it_again_where_shooting_says():
+    (case,) = [case for case in FOLDS if case["name"] == "jkr, adhesion 0.1"]
+    curve = pm.sweep_distance(material_of(case), scope_of(case), np.linspace(39.8e-9, 36e-9, 39))
+    (touch,) = [end["swept"] for end in case["curves"][0]["ends"] if end["how"] == "grazing"]
+    first = curve.isel(jump=0)
+    # The curve without contact ends where the tip touches; continuation comes within 1e-7 of its steps of that.
+    assert abs(float(first.jump_tip_offset) - touch) < 2e-13
+    for fold in case["folds"]:
+        assert np.abs(curve.fold_tip_offset / fold["tip_offset"] - 1).min() < 1e-6
+    assert np.abs(curve.curve_energy_closure).max() < 1e-6
+
+
+BAD_AXES = [
+    ([], "at least two values"),
+    ([1e-8], "at least two values"),
+    ([[1e-8, 2e-8]], "one dimension"),
+    ([1e-8, 1e-8], "only rise or only fall"),
+    ([1e-8, 2e-8, 1.5e-8], "only rise or only fall"),
+    ([1e-8, math.nan], "finite"),
+    ("far", "numbers"),
+]
+
+
+@pytest.mark.parametrize(("axis", "words"), BAD_AXES)
+def test_a_bad_axis_is_one_sentence(axis, words):
+    with pytest.raises(pm.InputError, match=words):
+        pm.sweep_distance(FILM, SCOPE, axis)
+
+
+def test_a_sweep_that_leaves_the_valid_range_is_refused_before_work():
+    with pytest.raises(pm.InputError, match="setpoint"):
+        pm.sweep_setpoint(FILM, SCOPE, [0.9, 1.1])
+    with pytest.raises(pm.InputError, match="frequencies"):
+        pm.sweep_frequency(FILM, SCOPE, [-1.0, 3e5], tip_offset=1e-8)
+    with pytest.raises(pm.InputError, match="modulus"):
+        pm.sweep_parameter(FILM, SCOPE, "modulus", [-1e9, 1e9], setpoint=0.7)
+    with pytest.raises(pm.InputError, match="one of"):
+        pm.sweep_parameter(FILM, SCOPE, "colour", [1.0, 2.0], setpoint=0.7)
+    with pytest.raises(pm.InputError, match="exactly one"):
+        pm.sweep_parameter(FILM, SCOPE, "modulus", [1e9, 2e9])
+    with pytest.raises(pm.InputError, match="samples"):
+        pm.sweep_distance(FILM, SCOPE, [1e-8, 2e-8], samples=-1)
