@@ -1,4 +1,4 @@
-"""The command line: ``phasemap run``, ``plot``, ``validate`` and ``bench``.
+"""The command line: ``phasemap run``, ``plot``, ``sweep``, ``validate`` and ``bench``.
 
 Everything heavy is imported by the command that needs it, so that ``--help`` answers at once.
 """
@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from phasemap import cli_sweep
+from phasemap._console import patience
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -24,14 +25,19 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
-PATIENCE = 3.0  # seconds without a first result after which a word is due
-STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
 EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
   phasemap plot blend.nc
+  phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
   phasemap validate samples/particles.toml
   phasemap bench --quick
+"""
+PLOT_EXAMPLES = """examples:
+  phasemap plot blend.nc
+  phasemap plot blend.nc -o blend.pdf
+  phasemap plot curve.nc --quantities amplitude,phase,dissipation
+  phasemap plot curve.nc --trace 12e-9 -o trace.png
 """
 RUN_EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
@@ -64,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     parser = _parser()
     arguments, rest = parser.parse_known_args(argv)
-    strange = [word for word in rest if word.startswith("-") or "=" not in word or "overrides" not in arguments]
+    strange = [word for word in rest if not _belongs(word, arguments)]
     if strange:
         parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
@@ -81,6 +87,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("phasemap: interrupted; nothing was written.", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+def _belongs(word: str, arguments: argparse.Namespace) -> bool:
+    """Whether a word that stands behind an option belongs to the words before it."""
+    if "axis" in arguments:
+        return not word.startswith("-") or cli_sweep.is_number(word)
+    return "overrides" in arguments and "=" in word and not word.startswith("-")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -129,12 +142,27 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--threads", type=_positive, metavar="N", help="how many threads; default: all cores")
     run.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
 
-    plot = command("plot", _plot, "draw height and phase of an image side by side")
-    plot.add_argument("image", metavar="IMAGE.nc", type=Path, help="what `phasemap run` wrote")
-    plot.add_argument(
-        "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: IMAGE.png"
+    plot = command(
+        "plot", _plot, "draw height and phase of an image side by side, or the curves of a sweep", PLOT_EXAMPLES
     )
+    plot.add_argument("file", metavar="FILE.nc", type=Path, help="what `phasemap run` or `phasemap sweep` wrote")
+    plot.add_argument(
+        "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: FILE.png"
+    )
+    what = plot.add_mutually_exclusive_group()
+    what.add_argument("--quantities", metavar="A,B", help="of a sweep, such as phase,dissipation; a panel each")
+    what.add_argument("--trace", metavar="AT", type=float, help="of a sweep with --samples: one period at this value")
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
+
+    cli_sweep.add_arguments(
+        command(
+            "sweep",
+            cli_sweep.sweep,
+            "sweep distance, setpoint, frequency or a parameter over one material",
+            cli_sweep.EXAMPLES,
+        ),
+        _positive,
+    )
 
     validate = command("validate", _validate, "check a scene and say what would be simulated")
     _add_scene(validate)
@@ -177,13 +205,8 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.quiet:
         image = scene.simulate(strict=arguments.strict, threads=arguments.threads)
     else:
-        patience = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
-        patience.daemon = True
-        patience.start()
-        try:
-            image = _with_progress(scene, arguments, patience.cancel)
-        finally:
-            patience.cancel()
+        with patience() as done:
+            image = _with_progress(scene, arguments, done)
     save(image, output, arguments.overwrite)
     if not arguments.quiet:
         _print_summary(scene, image)
@@ -191,13 +214,19 @@ def _run(arguments: argparse.Namespace) -> None:
 
 
 def _plot(arguments: argparse.Namespace) -> None:
-    """Draw an image into a file."""
+    """Draw an image or a sweep into a file."""
     from phasemap.io.netcdf import check_target, load
-    from phasemap.plot import plot
+    from phasemap.plot import curve, plot, trace
 
-    output = arguments.output or arguments.image.with_suffix(".png")
+    output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
-    plot(load(arguments.image), output, arguments.overwrite)
+    ds = load(arguments.file)
+    if arguments.trace is not None:
+        trace(ds, arguments.trace, output, arguments.overwrite)
+    elif arguments.quantities is not None:
+        curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
+    else:
+        plot(ds, output, arguments.overwrite)
     print(f"written to  {output}")
 
 

@@ -1,4 +1,4 @@
-"""Pictures of an image: height and phase side by side, as microscopists show them.
+"""Pictures: `plot` for height and phase of an image, `curve` for a sweep and `trace` for one of its periods.
 
 Uses matplotlib's Figure without pyplot: nothing is shown, no global state is touched, and start-up stays short.
 """
@@ -12,22 +12,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from phasemap.errors import InputError
-from phasemap.status import Status
+from phasemap.figures import describe_failures, describe_flags, save
+from phasemap.plot_curve import curve, is_sweep
+from phasemap.plot_trace import trace
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
     from matplotlib.axes import Axes
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = ["describe_failures", "describe_flags", "plot"]
+__all__ = ["curve", "describe_failures", "describe_flags", "plot", "trace"]
 
 FAILED = "#00e646"  # green is in none of afmhot, cividis and coolwarm
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
-RESOLUTION = 200  # of a saved picture [dots per inch]
 LENGTH_UNITS = (("µm", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
 # Sizes on the page [inch].
@@ -47,7 +47,7 @@ class _Scale:
 
 
 def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
-    """Draw height and phase side by side.
+    """Draw height and phase of an image side by side, or what `curve` draws of a sweep.
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
     in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
@@ -57,7 +57,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     ----------
     ds : xarray.Dataset
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
-        a leading dimension "direction" gives one row each.
+        a leading dimension "direction" gives one row each. Or what a sweep returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -70,7 +70,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     Raises
     ------
     InputError
-        If `ds` holds no image, or the format is unknown.
+        If `ds` holds neither image nor sweep, or the format is unknown.
     FileError
         If `path` cannot be written.
 
@@ -87,6 +87,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if is_sweep(ds):
+        return curve(ds, path, overwrite=overwrite)
     _check(ds)
     rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
     legend = describe_failures(ds)
@@ -118,7 +120,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
             MARGIN / width, 0.5 * LINE / height, lines, fontsize=8, color="#00803a", va="bottom", linespacing=1.4
         )
     if path is not None:
-        _save(canvas, path, overwrite)
+        save(canvas, path, overwrite)
     return figure
 
 
@@ -273,38 +275,6 @@ def _draw_histogram(axes: Axes, values: np.ndarray, scale: _Scale) -> None:
     axes.spines[["top", "left", "right"]].set_visible(False)
 
 
-def describe_failures(ds: xr.Dataset) -> list[str]:
-    """Say how many pixels have no solution, why, and what helps.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        An image.
-
-    Returns
-    -------
-    list of str
-        One line for each way a pixel failed; empty if none did.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 5])}))
-    ['1 of 4 pixels (25 %): The maps have no valid material here (NaN).']
-    """
-    import numpy as np
-
-    if "status" not in ds:
-        return []
-    codes, counts = np.unique(ds["status"].values, return_counts=True)
-    total = ds["status"].size
-    return [
-        f"{count} of {total} pixels ({100 * count / total:.3g} %): {Status.of(int(code)).value}"
-        for code, count in zip(codes, counts, strict=True)
-        if code != 0
-    ]
-
-
 def _title(ds: xr.Dataset) -> str:
     """Setpoint, solvers and size, as far as the dataset says them."""
     said = []
@@ -315,45 +285,3 @@ def _title(ds: xr.Dataset) -> str:
         said.append("solver " + describe_flags(ds["solver"]))
     said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
     return "   ·   ".join(said)
-
-
-def describe_flags(flags: xr.DataArray) -> str:
-    """Say which flags occur and how often, most frequent first.
-
-    Parameters
-    ----------
-    flags : xarray.DataArray
-        Integers with the CF attributes ``flag_values`` and ``flag_meanings``.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> attrs = {"flag_values": [0, 1], "flag_meanings": "averaging orbit"}
-    >>> describe_flags(xr.DataArray([0, 0, 0, 1], dims="x", attrs=attrs))
-    'averaging 75 %, orbit 25 %'
-    """
-    import numpy as np
-
-    meanings = flags.attrs["flag_meanings"].split()
-    names: dict[int, str] = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), meanings, strict=True))
-    values, counts = np.unique(flags.values, return_counts=True)
-    order = np.argsort(-counts)
-    if len(values) == 1:
-        return names.get(int(values[0]), "none")
-    return ", ".join(f"{names.get(int(values[i]), 'none')} {100 * counts[i] / flags.size:.3g} %" for i in order)
-
-
-def _save(canvas: FigureCanvasAgg, path: str | os.PathLike[str], overwrite: bool) -> None:
-    """Write the picture whole or not at all."""
-    from phasemap.io.netcdf import replacing
-
-    formats = sorted(canvas.get_supported_filetypes())
-    suffix = os.path.splitext(path)[1]
-    if suffix.lstrip(".").lower() not in formats:
-        raise InputError("the picture's suffix", suffix, "one of " + ", ".join(f".{name}" for name in formats))
-    with replacing(path, overwrite) as temporary:
-        canvas.print_figure(temporary, dpi=RESOLUTION)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from phasemap.surface import Surface
 
-__all__ = ["Scene", "load_scene"]
+__all__ = ["Scene", "Setup", "load_scene", "load_setup"]
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -113,6 +113,52 @@ class Scene:
         return image.assign_attrs(scene=self.to_json())
 
 
+@dataclass(frozen=True)
+class Setup:
+    """What a scene says besides its surface: all that a sweep needs.
+
+    Parameters
+    ----------
+    microscope : Microscope
+    materials : mapping of str to Material
+        By their names, in the order of the file.
+    setpoint : float or None
+    """
+
+    microscope: Microscope
+    materials: Mapping[str, Material]
+    setpoint: float | None
+
+
+def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Setup:
+    """Read microscope, materials and setpoint of a scene file; its surface is neither made nor read.
+
+    Parameters
+    ----------
+    path, overrides
+        As in `load_scene`.
+
+    Returns
+    -------
+    Setup
+
+    Raises
+    ------
+    InputError, FileError
+        As in `load_scene`.
+
+    Examples
+    --------
+    >>> list(load_setup("samples/step.toml").materials)
+    ['compliant', 'stiff']
+    """
+    tables = _tables(Path(path), overrides)
+    check_keys("the scene's table", tables, TABLES, ("cantilever", "tip", "drive"))
+    scan = _table(tables, "scan")
+    setpoint = _scan(scan)[0] if "setpoint" in scan else None
+    return Setup(_microscope(tables), _materials(tables), setpoint)
+
+
 def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scene:
     """Read and check a scene file.
 
@@ -143,10 +189,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     phasemap.errors.InputError: [tip] radus is unknown; allowed: radius, modulus, poisson_ratio. Did you mean 'radius'?
     """
     path = Path(path)
-    tables = _read_toml(path)
-    for override in overrides:
-        _apply(tables, override)
-    return _build(tables, path.parent)
+    return _build(_tables(path, overrides), path.parent)
 
 
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
@@ -200,6 +243,14 @@ def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T
         raise InputError(f"{name} {key}", error.value, error.allowed, error.hint) from error
 
 
+def _tables(path: Path, overrides: Iterable[str]) -> Table:
+    """The tables of a scene file, with keys set from outside."""
+    tables = _read_toml(path)
+    for override in overrides:
+        _apply(tables, override)
+    return tables
+
+
 def _read_toml(path: Path) -> Table:
     """The tables of a TOML file."""
     try:
@@ -238,20 +289,10 @@ def _build(tables: Table, folder: Path) -> Scene:
     """Make the objects of every table."""
     from phasemap.dataset import check_variables
     from phasemap.scene_surface import build_surface
-    from phasemap.solvers import SOLVERS
-    from phasemap.work import check_setpoint
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
-    scan = {"solver": "auto", **_table(tables, "scan")}
-    check_keys("[scan]", scan, ("setpoint", "solver"), ("setpoint",))
-    setpoint = construct("[scan]", {"setpoint": scan["setpoint"]}, check_setpoint)
-    check_choice("[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
-    microscope = Microscope(
-        _object(tables, "cantilever", Cantilever),
-        _object(tables, "tip", Tip),
-        _object(tables, "drive", Drive),
-        _object(tables, "interaction", Interaction),
-    )
+    setpoint, scan = _scan(_table(tables, "scan"))
+    microscope = _microscope(tables)
     accuracy = _object(tables, "accuracy", Accuracy)
     control_table = {"kind": "engage", **_table(tables, "control")}
     check_choice("[control] kind", control_table["kind"], CONTROLS)
@@ -265,9 +306,7 @@ def _build(tables: Table, folder: Path) -> Scene:
     if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
     construct("[output]", {"variables": variables}, check_variables)
-    materials = {
-        name: _from_table(f"[materials.{name}]", table, Material) for name, table in _table(tables, "materials").items()
-    }
+    materials = _materials(tables)
     surface, files = build_surface(_table(tables, "surface"), materials, folder)
     config = {
         "scan": scan,
@@ -289,6 +328,30 @@ def _build(tables: Table, folder: Path) -> Scene:
         "variables": variables,
     }
     return Scene(surface, microscope, options, folder / file if file else None, config)
+
+
+def _scan(table: Table) -> tuple[float, Table]:
+    """The setpoint, and the table with its defaults."""
+    from phasemap.solvers import SOLVERS
+    from phasemap.work import check_setpoint
+
+    scan = {"solver": "auto", **table}
+    check_keys("[scan]", scan, ("setpoint", "solver"), ("setpoint",))
+    check_choice("[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
+    return construct("[scan]", {"setpoint": scan["setpoint"]}, check_setpoint), scan
+
+
+def _microscope(tables: Table) -> Microscope:
+    """The microscope of the tables for its parts."""
+    lever, tip = _object(tables, "cantilever", Cantilever), _object(tables, "tip", Tip)
+    return Microscope(lever, tip, _object(tables, "drive", Drive), _object(tables, "interaction", Interaction))
+
+
+def _materials(tables: Table) -> dict[str, Material]:
+    """The materials by name."""
+    return {
+        name: _from_table(f"[materials.{name}]", table, Material) for name, table in _table(tables, "materials").items()
+    }
 
 
 def _table(tables: Table, name: str) -> Table:

@@ -14,12 +14,15 @@ import pytest
 import xarray as xr
 
 import phasemap.scene
+import phasemap.sweep
 from phasemap.cli import main
 from phasemap.io.netcdf import load
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 STEP = str(SAMPLES / "step.toml")
 SMALL = "surface.shape=[6, 8]"
+STIFF = ("--material", "stiff")
+GENTLE = "drive.free_amplitude=16e-9"  # low enough for two regimes
 
 
 def fails(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -170,6 +173,24 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["plot", STEP, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
         (["plot", "image.nc", "a=b"], "unknown argument 'a=b'"),
         (["draw", "image.nc"], "invalid choice: 'draw'"),
+        (["sweep", STEP, "distance"], "several materials: choose one with --material: compliant, stiff."),
+        (["sweep", STEP, "distance", *STIFF[:-1], "stif"], "'stif'; allowed: one of compliant, stiff. Did you mean"),
+        (["sweep", STEP, "modulos"], "AXIS is 'modulos'; allowed: one of distance, setpoint, frequency, modulus"),
+        (["sweep", STEP, "distance", *STIFF, "20e-9"], "START STOP is '20e-9'; allowed: both of them or none."),
+        (["sweep", STEP, "distance", *STIFF, "20nm", "0"], "START or STOP is '20nm'; allowed: a number in SI units"),
+        (["sweep", STEP, "distance", *STIFF, "1e-9", "1e-9"], "allowed: two different finite numbers"),
+        (["sweep", STEP, "distance", *STIFF, "--log", "20e-9", "-1e-9"], "two numbers above 0, for --log"),
+        (["sweep", STEP, "distance", *STIFF, "--setpoint", "0.5"], "--setpoint does not go with distance"),
+        (["sweep", STEP, "frequency", *STIFF, "--setpoint", "0.5", "--tip-offset", "1e-9"], "not allowed with"),
+        (["sweep", STEP, "frequency", *STIFF, "--setpoint", "1.5"], "setpoint is 1.5; allowed: a number above 0"),
+        (["sweep", STEP, "setpoint", *STIFF, "1.2", "0.5"], "setpoint is 1.2; allowed: a number above 0"),
+        (["sweep", STEP, "bias", *STIFF], "START and STOP are missing: the scene's bias suggests no range."),
+        (["sweep", STEP, "distance", *STIFF, "-n", "1"], "--points is 1; allowed: a whole number of at least 2"),
+        (["sweep", STEP, "distance", *STIFF, "--samples", "-1"], "samples is -1; allowed: an integer from 0"),
+        (["sweep", STEP, "distance", *STIFF, "tip.radus=1e-9"], "[tip] radus is unknown"),
+        (["sweep", STEP, "distance", *STIFF, "--fast"], "unknown argument '--fast'"),
+        (["sweep", STEP, "distance", *STIFF, "--plot", "x.bild"], "the picture's suffix is '.bild'"),
+        (["plot", "nowhere.nc", "--trace", "1", "--quantities", "phase"], "not allowed with"),
         ([], "required: COMMAND; see phasemap --help"),
     ],
 )
@@ -194,6 +215,124 @@ def test_plot_draws_beside_the_image_and_does_not_overwrite_unasked(
     assert capsys.readouterr().out == f"written to  {tmp_path / 'image.png'}\n"
     assert "exists already" in fails(capsys, "plot", str(tmp_path / "image.nc"))
     assert main(["plot", str(tmp_path / "image.nc"), "--overwrite", "-o", str(tmp_path / "image.png")]) == 0
+
+
+def swept(tmp_path: Path, *arguments: str) -> xr.Dataset:
+    """What `phasemap sweep` writes about the stiff half of the step."""
+    output = tmp_path / "sweep.nc"
+    command = ["sweep", STEP, arguments[0], *STIFF, "-o", str(output), "--overwrite", "-n", "12", *arguments[1:]]
+    assert main(command) == 0
+    return load(output)
+
+
+def test_a_sweep_is_what_python_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "sweep.png"
+    ds = swept(tmp_path, "distance", "20e-9", "8e-9", GENTLE, "--samples", "16", "--plot", str(picture))
+    setup = phasemap.scene.load_setup(STEP, [GENTLE])
+    python = phasemap.sweep_distance(
+        setup.materials["stiff"], setup.microscope, np.linspace(20e-9, 8e-9, 12), samples=16
+    )
+    for name, variable in python.variables.items():
+        assert ds[name].values.tobytes() == variable.values.tobytes(), name
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    said = capsys.readouterr().out.splitlines()
+    for line in (
+        "title       stiff of step.toml",
+        "material    modulus 3 GPa, adhesion 0.08 J/m², damping 0.005",
+        "microscope  lever 40 N/m, 300 kHz, Q 400, tip radius 10 nm, free amplitude 16 nm",
+        "swept       tip offset 20 nm to 8 nm, 12 values, approach and retract",
+        "failed      none",
+        f"written to  {tmp_path / 'sweep.nc'}",
+        f"written to  {picture}",
+    ):
+        assert line in said
+    assert sum(line.startswith("fold        at ") for line in said) == ds.sizes["fold"] == 2
+    jumps = [line for line in said if line.startswith("jump        ")]
+    assert re.fullmatch(
+        r"jump        approach at 1\d\.\d+ nm: amplitude \S+ to \S+ nm, phase -\S+ to \S+ degrees", jumps[0]
+    )
+    assert len(jumps) == 2
+
+
+@pytest.mark.parametrize(
+    ("axis", "first", "last"),
+    [
+        ("distance", 45e-9, 0.0),
+        ("setpoint", 0.98, 0.1),
+        ("frequency", 300e3 * (1 - 5 / 400), 300e3 * (1 + 5 / 400)),
+        ("modulus", 3e9 / 10**0.5, 3e9 * 10**0.5),
+        ("radius", 10e-9 / 10**0.5, 10e-9 * 10**0.5),
+    ],
+)
+def test_a_sweep_knows_where_to_begin_and_end(tmp_path: Path, axis: str, first: float, last: float) -> None:
+    ds = swept(tmp_path, axis, "--quiet")
+    values = ds["tip_offset" if axis == "distance" else axis].values
+    assert values[[0, -1]] == pytest.approx([first, last])
+
+
+def test_a_frequency_sweep_stays_where_the_tip_is_engaged(tmp_path: Path) -> None:
+    configuration = json.loads(swept(tmp_path, "frequency", "299e3", "301e3").attrs["configuration"])
+    setup = phasemap.scene.load_setup(STEP)
+    pixel = phasemap.solve_pixel(setup.materials["stiff"], setup.microscope, 0.7)
+    assert configuration["tip_offset"] == pytest.approx(pixel.tip_offset, abs=1e-12)
+    configuration = json.loads(swept(tmp_path, "frequency", "--tip-offset", "35e-9").attrs["configuration"])
+    assert configuration["tip_offset"] == 35e-9
+
+
+def test_a_parameter_sweep_holds_the_setpoint_or_the_tip_offset(tmp_path: Path) -> None:
+    ds = swept(tmp_path, "adhesion", "0.02", "0.1", "--log", "--setpoint", "0.6")
+    assert ds["amplitude"].values == pytest.approx(24e-9) and ds["adhesion"].values[1] == pytest.approx(
+        0.02 * 5 ** (1 / 11)
+    )
+    assert swept(tmp_path, "adhesion", "0.02", "0.1", "--tip-offset", "20e-9")["tip_offset"].values == pytest.approx(
+        20e-9
+    )
+
+
+def test_numbers_below_zero_and_words_in_any_order_are_understood(tmp_path: Path) -> None:
+    ds = swept(tmp_path, "distance", "-1e-9", "tip.radius=20e-9", "--quiet", "5e-9")
+    assert ds["tip_offset"].values[[0, -1]] == pytest.approx([-1e-9, 5e-9])
+    assert json.loads(ds.attrs["configuration"])["microscope"]["tip"]["radius"] == 20e-9
+
+
+def test_a_sweep_needs_neither_surface_nor_scan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = Path(STEP).read_text().partition("[materials.stiff]")[2].partition("\n")[2]
+    scene = tmp_path / "scene.toml"
+    scene.write_text("[materials.only]\n" + text)
+    assert main(["sweep", str(scene), "distance", "20e-9", "10e-9", "-n", "3"]) == 0
+    assert capsys.readouterr().out.startswith("title       only of scene.toml")
+    assert "the scene has no setpoint" in fails(capsys, "sweep", str(scene), "modulus")
+    scene.write_text(text.partition("\n\n")[2])
+    assert "the scene has no [materials]" in fails(capsys, "sweep", str(scene), "distance")
+
+
+def test_files_of_a_sweep_are_not_overwritten_unasked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(phasemap.sweep, "sweep_distance", None)
+    for option in ("-o", "--plot"):
+        (tmp_path / "sweep.png").write_text("precious")
+        said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / "sweep.png"))
+        assert "exists already; overwrite it (--overwrite)" in said
+
+
+def test_plot_draws_a_sweep_its_quantities_and_its_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    swept(tmp_path, "distance", GENTLE, "--samples", "16")
+    for name, more in {"all": [], "some": ["--quantities", "phase, virial"], "one": ["--trace", "10e-9"]}.items():
+        output = tmp_path / f"{name}.png"
+        assert main(["plot", str(tmp_path / "sweep.nc"), "-o", str(output), *more]) == 0
+        assert output.read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+    said = fails(capsys, "plot", str(tmp_path / "sweep.nc"), "-o", str(tmp_path / "x.png"), "--quantities", "phse")
+    assert "quantities is 'phse'; allowed: some of amplitude" in said
+
+
+def test_the_help_names_every_axis_and_parameter() -> None:
+    from phasemap.cli_sweep import EXAMPLES, PARAMETERS
+    from phasemap.curves.control import MATERIAL, PARTS
+
+    assert set(PARAMETERS) == {*MATERIAL, *PARTS} - {"frequency"}
+    assert all(re.search(rf"\b{name}\b", EXAMPLES) for name in PARAMETERS)
 
 
 def test_help_and_version_import_nothing_heavy() -> None:

@@ -1,0 +1,23 @@
+"""What commands say while they work."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+PATIENCE = 3.0  # seconds without a first result after which a word is due
+STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
+
+
+@contextmanager
+def patience() -> Iterator[Callable[[], None]]:
+    """Say on stderr why nothing has come yet, unless the function that is lent is called in time."""
+    timer = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
+    timer.daemon = True
+    timer.start()
+    try:
+        yield timer.cancel
+    finally:
+        timer.cancel()

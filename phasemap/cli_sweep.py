@@ -1,0 +1,276 @@
+"""The command ``phasemap sweep``: one material of a scene, and one thing that is changed slowly."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap._console import patience
+from phasemap.errors import InputError, PhasemapError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+    from phasemap.material import Material
+    from phasemap.microscope import Microscope
+    from phasemap.scene import Setup
+
+PARAMETERS = (
+    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "stiffness", "quality_factor", "radius",
+    "free_amplitude", "decay_length", "bias",
+)  # fmt: skip
+AXES = ("distance", "setpoint", "frequency", *PARAMETERS)
+BEYOND = 5e-9  # farther than the free amplitude, where an approach begins [m]
+SETPOINTS = (0.98, 0.1)
+HALF_WIDTHS = 10.0  # on either side of the resonance
+SPREAD = math.sqrt(10.0)  # of a parameter, on either side of the scene's value
+EXAMPLES = """AXIS, and what START and STOP are if they are not given (SI units):
+  distance   tip offset, approach and retract; from 5 nm beyond the free amplitude to 0
+  setpoint   with the feedback on; from 0.98 to 0.1
+  frequency  of the drive, feedback off; 10 half widths on either side of the resonance; the tip
+             stays where it is engaged to the setpoint, or at --tip-offset
+  NAME       one of modulus, adhesion, damping, viscosity, poisson_ratio, stiffness, quality_factor,
+             radius, free_amplitude, decay_length, bias, with the setpoint (or --tip-offset) held;
+             half a decade on either side of what the scene says
+
+examples:
+  phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
+  phasemap sweep samples/blend.toml setpoint --material ldpe -o setpoints.nc drive.free_amplitude=20e-9
+  phasemap sweep samples/blend.toml frequency 298e3 302e3 -n 400 --material ps --tip-offset 35e-9
+  phasemap sweep samples/blend.toml modulus 0.1e9 10e9 --log --material ps --setpoint 0.6
+  phasemap sweep samples/step.toml distance 45e-9 -5e-9 --material stiff --samples 256 -o curve.nc
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
+    """Declare the arguments of the command.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    positive : callable
+        Reads a whole number of at least 1.
+    """
+    parser._negative_number_matcher = re.compile(r"^-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")  # argparse's own has no 1e-9
+    parser.usage = "%(prog)s SCENE.toml AXIS [START STOP] [options] [key=value ...]"
+    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
+    parser.add_argument("axis", metavar="AXIS", help="distance, setpoint, frequency or a parameter; see below")
+    parser.add_argument(
+        "overrides", metavar="START STOP key=value", nargs="*",
+        help="first and last value in SI units; keys of the scene to set, such as tip.radius=20e-9",
+    )  # fmt: skip
+    parser.add_argument("-n", "--points", type=positive, default=200, metavar="N", help="values; default: 200")
+    parser.add_argument("--log", action="store_true", help="space the values logarithmically")
+    parser.add_argument("--material", metavar="NAME", help="of [materials.NAME]; not needed if there is only one")
+    held = parser.add_mutually_exclusive_group()
+    held.add_argument("--setpoint", type=float, metavar="S", help="amplitude over free amplitude; default: the scene's")
+    held.add_argument("--tip-offset", type=float, metavar="Z", help="rest position of the tip that is held, in m")
+    parser.add_argument(
+        "--samples", type=int, default=0, metavar="N", help="keep N points of deflection and force over a period"
+    )
+    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
+    parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--quiet", action="store_true", help="no summary")
+
+
+def is_number(word: str) -> bool:
+    """Whether a word of the command line is a number.
+
+    Examples
+    --------
+    >>> is_number("-5e-9"), is_number("tip.radius=20e-9")
+    (True, False)
+    """
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def sweep(arguments: argparse.Namespace) -> None:
+    """Do the sweep, write what is asked for, and say what was found."""
+    from phasemap.figures import check_format
+    from phasemap.io.netcdf import check_target, save
+    from phasemap.scene import check_choice, load_setup
+
+    started = time.perf_counter()
+    check_choice("AXIS", arguments.axis, AXES)
+    ends, overrides = _words(arguments.overrides)
+    setup = load_setup(arguments.scene, overrides)
+    name, material = _material(setup, arguments.material)
+    values = _values(arguments, ends, material, setup.microscope)
+    for path in (arguments.output, arguments.plot):
+        if path is not None:
+            check_target(path, arguments.overwrite)
+    if arguments.plot is not None:
+        check_format(arguments.plot)
+    with patience() as done:
+        found = _sweep(arguments, values, material, setup)
+        done()
+    found.attrs["title"] = f"{name} of {arguments.scene.name}"
+    if arguments.output is not None:
+        save(found, arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        from phasemap.plot import curve
+
+        curve(found, arguments.plot, overwrite=arguments.overwrite)
+    if not arguments.quiet:
+        print("\n".join(summary(found)))
+        print(f"took        {time.perf_counter() - started:.2f} s")
+        for path in (arguments.output, arguments.plot):
+            if path is not None:
+                print(f"written to  {path}")
+
+
+def _words(words: list[str]) -> tuple[tuple[float, float] | None, list[str]]:
+    """START and STOP, if they are given, and the keys to set."""
+    overrides = [word for word in words if "=" in word]
+    numbers = [word for word in words if "=" not in word]
+    for word in numbers:
+        if not is_number(word):
+            raise InputError("START or STOP", word, "a number in SI units, such as 20e-9")
+    if len(numbers) not in (0, 2):
+        raise InputError("START STOP", " ".join(numbers), "both of them or none")
+    return (float(numbers[0]), float(numbers[1])) if numbers else None, overrides
+
+
+def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
+    """The material asked for, or the only one."""
+    from phasemap.scene import check_choice
+
+    names = list(setup.materials)
+    if not names:
+        raise PhasemapError("the scene has no [materials]: give one, such as materials.mine.modulus=1e9.")
+    if name is None:
+        if len(names) > 1:
+            raise PhasemapError(f"the scene has several materials: choose one with --material: {', '.join(names)}.")
+        name = names[0]
+    check_choice("--material", name, names)
+    return name, setup.materials[name]
+
+
+def _values(
+    arguments: argparse.Namespace, ends: tuple[float, float] | None, material: Material, scope: Microscope
+) -> np.ndarray:
+    """The values of the axis."""
+    import numpy as np
+
+    if arguments.points < 2:
+        raise InputError("--points", arguments.points, "a whole number of at least 2")
+    logarithmic = arguments.log or (ends is None and arguments.axis in PARAMETERS)
+    start, stop = ends or _usual_ends(arguments.axis, material, scope)
+    if start == stop or not math.isfinite(start) or not math.isfinite(stop):
+        raise InputError("START STOP", f"{start:g} {stop:g}", "two different finite numbers")
+    if logarithmic and min(start, stop) <= 0:
+        raise InputError("START STOP", f"{start:g} {stop:g}", "two numbers above 0, for --log")
+    return (np.geomspace if logarithmic else np.linspace)(start, stop, arguments.points)
+
+
+def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float, float]:
+    """START and STOP where they are not given."""
+    if axis == "distance":
+        return scope.free_amplitude + BEYOND, 0.0
+    if axis == "setpoint":
+        return SETPOINTS
+    if axis == "frequency":
+        resonance, reach = scope.cantilever.resonance_frequency, HALF_WIDTHS * scope.cantilever.damping
+        return resonance * max(1 - reach, 0.1), resonance * (1 + reach)
+    owners = (material, scope.cantilever, scope.tip, scope.drive, scope.interaction)
+    value = next((getattr(owner, axis) for owner in owners if hasattr(owner, axis)), None)
+    if not value or axis == "poisson_ratio":
+        raise PhasemapError(f"START and STOP are missing: the scene's {axis} suggests no range.")
+    return value / SPREAD, value * SPREAD
+
+
+def _sweep(arguments: argparse.Namespace, values: np.ndarray, material: Material, setup: Setup) -> xr.Dataset:
+    """Call the function of the axis."""
+    from phasemap import sweep as by
+
+    scope, axis, samples = setup.microscope, arguments.axis, arguments.samples
+    if axis in ("distance", "setpoint"):
+        for option, value in (("--setpoint", arguments.setpoint), ("--tip-offset", arguments.tip_offset)):
+            if value is not None:
+                raise PhasemapError(f"{option} does not go with {axis}, which is what is swept.")
+        do = by.sweep_distance if axis == "distance" else by.sweep_setpoint
+        return do(material, scope, values, samples=samples)
+    height = arguments.tip_offset
+    setpoint = arguments.setpoint if arguments.setpoint is not None else setup.setpoint
+    if height is None and setpoint is None:
+        raise PhasemapError("the scene has no setpoint: give --setpoint or --tip-offset.")
+    if axis == "frequency":
+        if height is None:
+            height = _engaged(material, scope, setpoint)
+        return by.sweep_frequency(material, scope, values, tip_offset=height, samples=samples)
+    held: dict[str, Any] = {"setpoint": setpoint} if height is None else {"tip_offset": height}
+    return by.sweep_parameter(material, scope, axis, values, **held, samples=samples)
+
+
+def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> float:
+    """The tip offset at which a feedback stops that engages from far."""
+    from phasemap.sweep import sweep_setpoint
+    from phasemap.work import check_setpoint
+
+    lowest = check_setpoint(setpoint)
+    down = sweep_setpoint(material, scope, [(1 + lowest) / 2, lowest]).sel(direction="down")
+    height = float(down["tip_offset"].values[-1])
+    if not math.isfinite(height):
+        raise PhasemapError(f"the tip cannot be engaged to the setpoint {setpoint:g}: give --tip-offset.")
+    return height
+
+
+def summary(found: xr.Dataset) -> list[str]:
+    """Say what a sweep found: folds and jumps, and what is missing.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+
+    Returns
+    -------
+    list of str
+        Lines of a word and what it is.
+    """
+    import numpy as np
+
+    from phasemap.figures import describe_failures
+    from phasemap.plot_title import titles
+    from phasemap.units import readable
+
+    axis = str(found["status"].dims[1])
+    values, about = found[axis].values, found[axis].attrs
+    unit = readable(float(np.abs(values).max()), about["units"])
+    digits = 2 + math.ceil(math.log10(np.abs(values).max() / np.ptp(values)) + 2)
+    held = json.loads(found.attrs["configuration"])
+    still = {axis, *(["amplitude"] if "setpoint" in held else []), *(["tip_offset"] if "tip_offset" in held else [])}
+    shown = [name for name in ("amplitude", "tip_offset", "phase") if name not in still]
+    heads = ("title", "material", "microscope")[-len(titles(found)) :]
+    lines = [f"{word:<12}{line}" for word, line in zip(heads, titles(found), strict=True)]
+    ends = f"{unit.say(values[0], digits)} to {unit.say(values[-1], digits)}"
+    directions = [str(word) for word in found["direction"].values]
+    lines.append(f"swept       {about['long_name']} {ends}, {len(values)} values, {' and '.join(directions)}")
+
+    def say(name: str, prefixes: list[str], i: int) -> str:
+        numbers = [float(found[prefix + name].values[i]) for prefix in prefixes]
+        one = readable(float(np.nanmax(np.abs(numbers), initial=0.0)), found[prefixes[0] + name].attrs["units"])
+        words = dict.fromkeys(f"{number / one.size:.4g}" for number in numbers)  # once, if it stays the same
+        return f"{name.replace('_', ' ')} {' to '.join(words)} {one.text}"
+
+    for i, x in enumerate(found[f"fold_{axis}"].values):
+        lines.append(f"fold        at {unit.say(x, digits)}: {', '.join(say(name, ['fold_'], i) for name in shown)}")
+    for i, x in enumerate(found[f"jump_{axis}"].values):
+        ends = ", ".join(say(name, ["jump_from_", "jump_to_"], i) for name in shown)
+        word = directions[int(found["jump_direction"].values[i])]
+        lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
+    for line in describe_failures(found, "points") or ["none"]:
+        lines.append(f"failed      {line}")
+    return lines

@@ -1,0 +1,64 @@
+"""What a picture of a sweep says above it: which material, under which microscope."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from phasemap.units import say
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["titles"]
+
+
+def titles(ds: xr.Dataset) -> list[str]:
+    """Title, material and microscope of a sweep, a line each; what is swept is left out.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Of a sweep, with its ``configuration``.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> titles(xr.Dataset(attrs={"title": "ps of blend.toml", "configuration": "{}"}))
+    ['ps of blend.toml']
+    """
+    about = json.loads(ds.attrs.get("configuration", "{}"))
+    swept = about.get("sweep", "")
+    material = about.get("material", {})
+    scope = about.get("microscope", {})
+    lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
+    lines = [
+        [ds.attrs["title"]] if "title" in ds.attrs else [],
+        [
+            *_said(material, swept, modulus=("modulus {}", "Pa"), adhesion=("adhesion {}", "J m-2")),
+            *_said(material, swept, **{
+                "viscosity": ("viscosity {}", "Pa s"),
+            } if material.get("viscosity") is not None else {"damping": ("damping {}", "1")}),
+            *_said(about, swept, setpoint=("setpoint {} held", "1"), tip_offset=("tip offset {} held", "m")),
+        ],
+        [
+            *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),
+            *_said(lever, swept, quality_factor=("Q {}", "1")),
+            *_said(tip, swept, radius=("tip radius {}", "m")),
+            *_said(drive, swept, free_amplitude=("free amplitude {}", "m"), frequency=("driven at {}", "Hz")),
+        ],
+    ]  # fmt: skip
+    return [", ".join(line) for line in lines if line]
+
+
+def _said(table: dict[str, Any], swept: str, **words: tuple[str, str]) -> list[str]:
+    """The values of a table that are given and not swept, in words."""
+    return [
+        phrase.format(say(table[name], units, 5))
+        for name, (phrase, units) in words.items()
+        if table.get(name) is not None and name != swept
+    ]

@@ -1,0 +1,109 @@
+"""Pictures of one period: the deflection of the lever and the force on its tip."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap.errors import InputError
+from phasemap.figures import save
+from phasemap.plot_curve import COLOURS, is_sweep
+from phasemap.plot_title import titles
+from phasemap.status import Status
+from phasemap.units import readable, say
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+__all__ = ["trace"]
+
+WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
+WIDTH, PANEL, LEFT, RIGHT, GAP, LINE, LEGEND, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.17, 0.3, 0.55  # [inch]
+
+
+def trace(ds: xr.Dataset, at: float, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+    """Draw deflection and force over one period of the drive, for both directions of a sweep.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        What a sweep with ``samples=`` returned.
+    at : float
+        Value of the axis that is swept, in its SI unit; the nearest one is taken.
+    path : path-like, optional
+        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If `ds` has no traces, or `at` is outside the sweep.
+    FileError
+        If `path` cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np, phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+    >>> axis = np.linspace(18e-9, 10e-9, 12)
+    >>> ds = pm.sweep_distance(pm.Material(modulus=2e9, adhesion=0.1), scope, axis, samples=64)
+    >>> [axes.get_ylabel() for axes in trace(ds, at=11e-9).axes]
+    ['deflection to surface (nm)', 'force (nN)']
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not is_sweep(ds) or "trace_force" not in ds:
+        raise InputError("the dataset", "without traces", "a sweep with samples=256 (--samples 256)")
+    axis = str(ds["status"].dims[1])
+    values, units = ds[axis].values, ds[axis].attrs["units"]
+    if not values.min() <= at <= values.max():
+        raise InputError("at", say(at, units), f"from {say(values.min(), units)} to {say(values.max(), units)}")
+    one = ds.isel({axis: int(np.argmin(np.abs(values - at)))})
+    place = f"{ds[axis].attrs['long_name']} {say(one[axis].item(), units, 5)}"
+    head = titles(ds)
+    head[0] = f"{place}: {head[0]}" if head else place
+    top = 0.12 + LINE * len(head) + LEGEND
+    height = top + 2 * PANEL + GAP + AXIS
+    figure = Figure(figsize=(WIDTH, height))
+    canvas = FigureCanvasAgg(figure)
+    for row, (name, label) in enumerate((("deflection", "deflection to surface"), ("force", "force"))):
+        bottom = height - top - row * (PANEL + GAP) - PANEL
+        axes = figure.add_axes((LEFT / WIDTH, bottom / height, (WIDTH - LEFT - RIGHT) / WIDTH, PANEL / height))
+        shown = one[f"trace_{name}"].values
+        unit = readable(float(np.nanmax(np.abs(shown), initial=0.0)), one[f"trace_{name}"].attrs["units"])
+        axes.axhline(0, color="0.8", linewidth=0.6, zorder=1)
+        for direction, word in enumerate(str(name) for name in one["direction"].values):
+            status = Status.of(int(one["status"].values[direction]))
+            period = np.append(shown[direction], shown[direction, :1]) / unit.size
+            axes.plot(
+                np.append(one["drive_phase"].values, 360.0), period,
+                color=COLOURS[direction], linewidth=WIDTHS[direction], alpha=0.5 if direction == 0 else 1.0,
+                label=word if status is Status.good else f"{word}: {status.name.replace('_', ' ')}",
+            )  # fmt: skip
+        axes.set_ylabel(unit.label(label), fontsize=9)
+        axes.set(xlim=(0, 360), xticks=range(0, 361, 45))
+        axes.tick_params(labelsize=8, labelbottom=row == 1)
+        axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel("phase of the drive (degrees)", fontsize=9)
+    figure.align_ylabels()
+    for i, line in enumerate(head):
+        figure.text(
+            LEFT / WIDTH, 1 - (0.1 + i * LINE) / height, line, fontsize=9 - bool(i), color="0.1" if i == 0 else "0.35",
+            va="top",
+        )  # fmt: skip
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="upper left", ncols=2, fontsize=8, frameon=False, borderpad=0,
+        bbox_to_anchor=((LEFT + 0.05) / WIDTH, 1 - (top - LEGEND + 0.06) / height), borderaxespad=0,
+    )  # fmt: skip
+    if path is not None:
+        save(canvas, path, overwrite)
+    return figure

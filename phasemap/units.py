@@ -1,0 +1,77 @@
+"""SI units as people read them: with the prefix that suits the size."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+PREFIXES = {
+    1e12: "T", 1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p", 1e-15: "f",
+    1e-18: "a", 1e-21: "z",
+}  # fmt: skip
+WRITTEN = {"N m-1": "N/m", "J m-2": "J/m²", "degree": "degrees", "1": ""}
+BARE = ("degree", "1", "N m-1", "J m-2")  # never with a prefix
+
+
+class Unit(NamedTuple):
+    """A unit to show values in: its size in the SI unit, and how it is written."""
+
+    size: float
+    text: str
+
+    def label(self, name: str) -> str:
+        """The label of an axis.
+
+        Examples
+        --------
+        >>> Unit(1e-9, "nm").label("tip offset"), Unit(1.0, "").label("damping")
+        ('tip offset (nm)', 'damping')
+        """
+        return f"{name} ({self.text})" if self.text else name
+
+    def say(self, value: float, digits: int = 4) -> str:
+        """A value with its unit.
+
+        Examples
+        --------
+        >>> Unit(1e3, "kHz").say(148240.0, 5)
+        '148.24 kHz'
+        """
+        return f"{value / self.size:.{digits}g} {self.text}".rstrip()
+
+
+def readable(largest: float, units: str) -> Unit:
+    """Choose the prefix with which the largest value is from 1 to 1000.
+
+    Parameters
+    ----------
+    largest : float
+        In the SI unit; its sign does not matter.
+    units : str
+        UDUNITS, as in the attribute ``units``.
+
+    Returns
+    -------
+    Unit
+
+    Examples
+    --------
+    >>> readable(16e-9, "m"), readable(-2.0, "degree")
+    (Unit(size=1e-09, text='nm'), Unit(size=1.0, text='degrees'))
+    """
+    text = WRITTEN.get(units, units)
+    if units in BARE or not math.isfinite(largest) or largest == 0:
+        return Unit(1.0, text)
+    size = next((size for size in PREFIXES if abs(largest) >= size * (1 - 1e-9)), min(PREFIXES))
+    return Unit(size, PREFIXES[size] + text)
+
+
+def say(value: float, units: str, digits: int = 4) -> str:
+    """A single value with the unit that suits it.
+
+    Examples
+    --------
+    >>> say(0.2e9, "Pa"), say(0.06, "J m-2")
+    ('200 MPa', '0.06 J/m²')
+    """
+    return readable(value, units).say(value, digits)
