@@ -1,0 +1,166 @@
+"""Fits of modulus, adhesion, damping and whatever else to a measured frequency response or distance curve."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from phasemap._check import number, whole
+from phasemap.errors import InputError
+from phasemap.fitting.result import Fit
+from phasemap.material import Material
+from phasemap.microscope import Microscope
+
+__all__ = ["Fit", "fit_distance", "fit_frequency"]
+
+
+def fit_frequency(
+    frequencies: Any,
+    *,
+    scope: Microscope,
+    start: Material,
+    tip_offset: float,
+    amplitude: Any = None,
+    amplitude_error: Any = None,
+    phase: Any = None,
+    phase_error: Any = None,
+    direction: Any = "up",
+    parameters: Any = None,
+    starts: int = 5,
+) -> Fit:
+    """Fit a material to a measured frequency response by least squares, as Wang (1999) did for Fig. 3.
+
+    Each datum is compared with the stable branch that is nearest to it, so that it does not matter at first where the
+    response jumps; in the end the branches are checked against those that a sweep of the fitted material visits.
+
+    Parameters
+    ----------
+    frequencies : array_like, shape (n,)
+        [Hz], rising or falling.
+    scope : Microscope
+        Its drive says the free amplitude at resonance; its own frequency is not used.
+    start : Material
+        Where to start: within a factor of about 3 of the truth.
+    tip_offset : float
+        Rest position of the tip above the undeformed surface [m].
+    amplitude, phase : array_like, shape (n,) or (2, n)
+        Measured first harmonic [m] and phase [degree], 0 at free resonance and positive repulsive; one may be missing.
+    amplitude_error, phase_error : array_like or float
+        Standard errors of these [m, degree], above 0.
+    direction : str or tuple
+        "up", "down", or ("up", "down") for data of shape (2, n).
+    parameters : sequence of str, optional
+        What to fit: "modulus", "adhesion", "damping" (the default; "viscosity" if `start` has one), "stiffness",
+        "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length", "tip_offset",
+        "amplitude_scale" (amplitude read over the true one) or "phase_offset" (phase read less the true one).
+        The rest stays as given. A parameter that must stay positive has to start above 0; the material's are sought
+        within a factor of 1000 of their start, the microscope's within 3.
+    starts : int
+        Most starting points that are tried as long as chi2 is unlikely.
+
+    Returns
+    -------
+    Fit
+        Look at `good` before the values: a parameter that the data do not determine has an infinite error.
+
+    Raises
+    ------
+    InputError
+        If data or parameters are not as described, or there are not more data than parameters.
+
+    Examples
+    --------
+    >>> import numpy as np, phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))
+    >>> frequencies = np.linspace(147.8e3, 148.8e3, 26)
+    >>> film = pm.Material(modulus=0.89e9, adhesion=0.37, damping=0.014)
+    >>> sweep = pm.sweep_frequency(film, scope, frequencies, tip_offset=140e-9).sel(direction="up")
+    >>> fit = pm.fit_frequency(
+    ...     frequencies, scope=scope, start=pm.Material(1.5e9, 0.37, 0.02), tip_offset=140e-9, phase=sweep.phase,
+    ...     phase_error=0.5, parameters=("modulus", "damping"))
+    >>> fit.good, round(fit.material.modulus / 1e9, 3), round(fit.material.damping, 5)
+    (True, 0.89, 0.014)
+    """
+    height = number("tip_offset", tip_offset, "m")
+    given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
+    return _fit("frequency", "frequencies", frequencies, given, direction, scope, start, height, parameters, starts)
+
+
+def fit_distance(
+    tip_offsets: Any,
+    *,
+    scope: Microscope,
+    start: Material,
+    offset: float = 0.0,
+    amplitude: Any = None,
+    amplitude_error: Any = None,
+    phase: Any = None,
+    phase_error: Any = None,
+    direction: Any = "approach",
+    parameters: Any = None,
+    starts: int = 5,
+) -> Fit:
+    """Fit a material to a measured amplitude-phase-distance curve by least squares.
+
+    Parameters
+    ----------
+    tip_offsets : array_like, shape (n,)
+        Rest positions of the tip above the undeformed surface [m], rising or falling, but for a constant.
+    scope : Microscope
+    start : Material
+    offset : float
+        That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
+    amplitude, amplitude_error, phase, phase_error : array_like
+        As in `fit_frequency`.
+    direction : str or tuple
+        "approach", "retract", or ("approach", "retract") for data of shape (2, n).
+    parameters : sequence of str, optional
+        As in `fit_frequency`, with "offset" in place of "tip_offset".
+    starts : int
+        As in `fit_frequency`.
+
+    Returns
+    -------
+    Fit
+        As of `fit_frequency`; the tip offsets of its curve have the offset in them.
+
+    Raises
+    ------
+    InputError
+        As in `fit_frequency`.
+
+    Examples
+    --------
+    >>> import numpy as np, phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    >>> film, far = pm.Material(modulus=1e9, adhesion=0.05, damping=0.01), np.linspace(21e-9, 12e-9, 31)
+    >>> seen = pm.sweep_distance(film, scope, far).sel(direction="approach")
+    >>> fit = pm.fit_distance(
+    ...     far - 3e-9, scope=scope, start=pm.Material(2e9, 0.05, 0.005), phase=seen.phase, phase_error=0.5,
+    ...     amplitude=seen.amplitude, amplitude_error=0.1e-9, parameters=("modulus", "damping", "offset"))
+    >>> fit.good, round(fit.values["offset"] * 1e9, 2)
+    (True, 3.0)
+    """
+    height = number("offset", offset, "m")
+    given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
+    return _fit("tip_offset", "tip_offsets", tip_offsets, given, direction, scope, start, height, parameters, starts)
+
+
+def _fit(
+    axis: str, name: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope,
+    start: Material, height: float, parameters: Any, starts: int,
+) -> Fit:  # fmt: skip
+    from phasemap.fitting.data import check_data
+    from phasemap.fitting.parameters import Setup, check_parameters
+    from phasemap.fitting.problem import Problem
+    from phasemap.fitting.solve import search
+    from phasemap.fitting.verdict import make_fit
+
+    data, setup = check_data(axis, name, values, direction, given), Setup(start, scope, height)
+    chosen = check_parameters(parameters, setup, axis)
+    if data.size <= len(chosen):
+        raise InputError(
+            "number of data", data.size, f"more than the number of fitted parameters, which is {len(chosen)}"
+        )
+    problem = Problem(data, setup, chosen)
+    solution, tried = search(problem, whole("starts", starts, 1))
+    return make_fit(problem, solution, tried)

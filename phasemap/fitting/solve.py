@@ -1,0 +1,154 @@
+"""The best parameters, and what the data say about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from phasemap.fitting.problem import STEP, Problem, Ruler
+
+UNLIKELY = 1e-3  # chance of a chi2 as large, below which a fit is not believed
+AROUND = 5.0  # factor to either side of the start within which other starts lie
+LOOKS = 24  # places looked at for each batch of other starts
+RESOLVED = 3.0  # times the error of the derivatives: a combination that does less is not determined
+ROUGH = 0.1  # relative error of the derivatives of a datum that is left out of them
+ROUNDS = 2  # of secants
+FARTHEST = 0.3  # that secants go, of the scaled parameters
+SHARE = 0.1  # of a combination that is not determined: a parameter with less of it is not touched
+EVALUATIONS = 60  # of the optimiser, per stage
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Best scaled parameters of one start.
+
+    Parameters
+    ----------
+    q : ndarray, shape (parameters,)
+    chi2 : float
+        Of the data alone.
+    cost : float
+        With the gaps.
+    """
+
+    q: np.ndarray
+    chi2: float
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What the data say about the scaled parameters around a solution.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (parameters,)
+        Standard errors; infinite where the data do not determine the parameter.
+    correlation : ndarray, shape (parameters, parameters)
+        NaN beside the diagonal for these.
+    null : ndarray, shape (combinations, parameters)
+        Directions in which the data hardly change.
+    """
+
+    errors: np.ndarray
+    correlation: np.ndarray
+    null: np.ndarray
+
+
+def likelihood(chi2: float, degrees: int) -> float:
+    """Chance that errors as stated make chi2 at least as large."""
+    from scipy.special import chdtrc
+
+    return float(chdtrc(degrees, chi2))
+
+
+def search(problem: Problem, starts: int) -> tuple[Solution, int]:
+    """The best solution from the start given, and from others as long as none is good.
+
+    Returns
+    -------
+    solution : Solution
+    tried : int
+        Starts that were used.
+    """
+    degrees = problem.data.size - len(problem.parameters)
+    best, tried = None, 0
+    for q in _starts(problem, starts):
+        found = _refine(problem, q)
+        tried += 1
+        if best is None or found.cost < best.cost:
+            best = found
+        if likelihood(best.chi2, degrees) > UNLIKELY:
+            break
+    assert best is not None
+    return best, tried
+
+
+def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
+    """The start itself, then the most promising places around it."""
+    n = len(problem.parameters)
+    yield np.zeros(n)
+    if count < 2:
+        return
+    golden = 2.0
+    for _ in range(30):  # the root of g^(n + 1) = g + 1, whose powers fill a box most evenly
+        golden = (1 + golden) ** (1 / (n + 1))
+    share = (0.5 + np.outer(np.arange(1, LOOKS + 1), golden ** -np.arange(1.0, n + 1))) % 1
+    around = np.array([np.log(AROUND) if p.logarithmic and p.size == 1 else 0.1 for p in problem.parameters])
+    places = (2 * share - 1) * around
+    ruler = Ruler.coarse(problem.data)
+    costs = [float(np.log1p(problem.residuals(q, ruler) ** 2).sum()) for q in places]
+    yield from places[np.argsort(costs)[: count - 1]]
+
+
+def _refine(problem: Problem, q: np.ndarray) -> Solution:
+    """Go down from q: coarsely and without regard for outliers, then by the data's own errors."""
+    from scipy.optimize import least_squares
+
+    ruler = Ruler.strict(problem.data)
+    reach = np.array([p.reach for p in problem.parameters])
+    for measure, loss, tolerance in (
+        (Ruler.coarse(problem.data), "soft_l1", 1e-2),
+        (ruler, "linear", 1e-8),
+    ):
+        q = least_squares(
+            problem.residuals, q, problem.jacobian, (-reach, reach), x_scale=1.0, loss=loss, args=(measure,),
+            ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
+        ).x  # fmt: skip
+    squares = problem.residuals(q, ruler) ** 2
+    return Solution(q, float(squares[: problem.data.size].sum()), float(squares.sum()))
+
+
+def knowledge(problem: Problem, q: np.ndarray) -> Knowledge:
+    """Errors and correlations around a solution, and what the data cannot say.
+
+    A combination of parameters is determined if what it does to the data stands out of the error of the derivatives,
+    estimated from a second step. Errors come from J^T J, in the end with the secants over one standard error to either
+    side in place of derivatives: just before the end of a branch the latter are far too steep.
+    """
+    slopes = _slopes(problem, q, np.eye(len(q)), STEP)
+    wrong = _slopes(problem, q, np.eye(len(q)), 3 * STEP) - slopes
+    rough = np.linalg.norm(wrong, axis=1) > ROUGH * np.linalg.norm(slopes, axis=1)
+    slopes[rough] = wrong[rough] = 0
+    _, sizes, axes = np.linalg.svd(slopes, full_matrices=False)
+    good = sizes > np.maximum(RESOLVED * np.linalg.norm(wrong @ axes.T, axis=0), np.finfo(float).tiny)
+    null, axes, sizes = axes[~good], axes[good], sizes[good]
+    for _ in range(ROUNDS):
+        _, sizes, turn = np.linalg.svd(_slopes(problem, q, axes, np.minimum(1 / sizes, FARTHEST)), full_matrices=False)
+        axes = turn @ axes
+    covariance = (axes.T / sizes**2) @ axes
+    errors = np.sqrt(np.diag(covariance))
+    lost = (np.abs(null) > SHARE).any(axis=0)
+    correlation = np.full(covariance.shape, np.nan)
+    known = np.flatnonzero(~lost)
+    correlation[np.ix_(known, known)] = covariance[np.ix_(known, known)] / np.outer(errors[known], errors[known])
+    np.fill_diagonal(correlation, 1.0)
+    errors[lost] = np.inf
+    return Knowledge(errors, correlation, null)
+
+
+def _slopes(problem: Problem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:
+    """Central differences of the data's residuals along these directions, one column each."""
+    return problem.jacobian(q, Ruler.strict(problem.data), axes, steps)[: problem.data.size]

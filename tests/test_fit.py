@@ -1,0 +1,259 @@
+"""Fits recover what made the data, within their own errors, and say so where they cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+
+SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
+FILM = pm.Material(0.89e9, 0.37, 0.014)
+HEIGHT = 140e-9
+FREQUENCIES = np.linspace(146.5e3, 150e3, 51)
+OFFSETS = np.linspace(158e-9, 100e-9, 41)
+NOISE = {"amplitude_error": 0.5e-9, "phase_error": 0.5}
+
+
+def noisy(sweep: xr.Dataset, direction: str | tuple[str, ...], seed: int, scale: float = 1.0) -> dict[str, Any]:
+    """What an instrument would have recorded of a sweep, as arguments of a fit."""
+    generator = np.random.default_rng(seed)
+    seen = sweep.sel(direction=direction if isinstance(direction, str) else list(direction))
+    read = {
+        name: seen[name].values + scale * NOISE[f"{name}_error"] * generator.normal(size=seen[name].shape)
+        for name in ("amplitude", "phase")
+    }
+    return {**read, **NOISE, "direction": direction, "scope": SCOPE}
+
+
+def response(material: pm.Material, direction: str | tuple[str, ...], seed: int, height: float = HEIGHT) -> Any:
+    sweep = pm.sweep_frequency(material, SCOPE, FREQUENCIES, tip_offset=height)
+    return {**noisy(sweep, direction, seed), "tip_offset": height}
+
+
+def distance(material: pm.Material, direction: str | tuple[str, ...], seed: int, scale: float = 1.0) -> Any:
+    return noisy(pm.sweep_distance(material, SCOPE, OFFSETS), direction, seed, scale)
+
+
+def pulls(fit: pm.Fit, material: pm.Material = FILM) -> np.ndarray:
+    return np.array([(fit.values[n] - getattr(material, n)) / fit.errors[n] for n in fit.values if n != "offset"])
+
+
+@pytest.fixture(scope="module")
+def both() -> pm.Fit:
+    start = pm.Material(1.5e9, 0.25, 0.025)
+    return pm.fit_distance(OFFSETS, **distance(FILM, ("approach", "retract"), 5), start=start)
+
+
+# chi2 / degrees of ~100 values has a standard deviation of 0.14.
+def is_right(fit: pm.Fit, material: pm.Material = FILM) -> bool:
+    return fit.good and bool((abs(pulls(fit, material)) < 3).all()) and 0.6 < fit.chi2 / fit.degrees < 1.4
+
+
+@pytest.mark.parametrize(("direction", "factors"), [("up", (1.4, 0.6, 0.4)), ("down", (0.6, 1.6, 0.4))])
+def test_a_frequency_response_gives_back_what_made_it(direction: str, factors: tuple[float, ...]) -> None:
+    start = pm.Material(*(f * v for f, v in zip(factors, (0.89e9, 0.37, 0.014), strict=True)))
+    assert is_right(pm.fit_frequency(FREQUENCIES, **response(FILM, direction, 1), start=start))
+
+
+@pytest.mark.parametrize(("direction", "factors"), [("approach", (3.0, 3.0, 3.0)), ("retract", (0.4, 1.6, 0.33))])
+def test_a_distance_curve_gives_back_what_made_it(direction: str, factors: tuple[float, ...]) -> None:
+    start = pm.Material(*(f * v for f, v in zip(factors, (0.89e9, 0.37, 0.014), strict=True)))
+    assert is_right(pm.fit_distance(OFFSETS, **distance(FILM, direction, 2), start=start))
+
+
+def test_errors_are_those_of_many_measurements() -> None:
+    offsets = np.linspace(146e-9, 110e-9, 9)
+    sweep, found = pm.sweep_distance(FILM, SCOPE, offsets), []
+    for seed in range(20):
+        data = noisy(sweep, "approach", seed)
+        fit = pm.fit_distance(offsets, **data, start=FILM, parameters=("modulus", "damping"), starts=1)
+        found.append(pulls(fit))
+    spread = np.std(found, axis=0)
+    assert (spread > 0.7).all() and (spread < 1.4).all()  # 20 pulls: 1 +- 0.16
+
+
+def integrated(frequencies: np.ndarray, scope: pm.Microscope, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude and phase of a tip that started at rest, by classical Runge-Kutta, from Eqs. 1-4 of Wang (1999)."""
+    omega, k, radius = frequencies / 148.24e3, 40.0, scope.tip.radius
+    alpha = 0.5 / scope.cantilever.quality_factor
+    base = scope.drive.free_amplitude * 2 * alpha
+    stiffness, pull = 4 / 3 * FILM.modulus / (1 - 0.35**2), 2 * np.pi * FILM.adhesion * radius
+    decay = scope.interaction.decay_length
+
+    def acceleration(time: np.ndarray, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        deep, gap = np.maximum(z - height, 0), np.maximum(height - z, 0)
+        force = stiffness * np.sqrt(radius) * deep**1.5 - pull / (1 + gap / decay) ** 2
+        return base * np.cos(omega * time) - 2 * (alpha + FILM.damping * np.sqrt(deep / radius)) * v - z - force / k
+
+    steps, periods = 300, 130  # of the lever's 50 / pi periods of ringing down: e^-8
+    h, z, v = 2 * np.pi / omega / steps, np.zeros(len(omega)), np.zeros(len(omega))
+    first = np.zeros(len(omega), complex)
+    for i in range(steps * periods):
+        t = i * h
+        if i >= steps * (periods - 1):
+            first += 2 / steps * z * np.exp(-1j * omega * t)
+        a1 = acceleration(t, z, v)
+        v2 = v + h / 2 * a1
+        a2 = acceleration(t + h / 2, z + h / 2 * v, v2)
+        v3 = v + h / 2 * a2
+        a3 = acceleration(t + h / 2, z + h / 2 * v2, v3)
+        v4 = v + h * a3
+        a4 = acceleration(t + h, z + h * v3, v4)
+        z = z + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
+        v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return np.abs(first), 90 + np.degrees(np.angle(first))
+
+
+def test_a_response_that_was_integrated_in_time_is_fitted_as_well() -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 50.0), pm.Tip(30e-9), pm.Drive(50e-9))
+    frequencies = np.array([146, 146.5, 147, 147.3, 147.6, 148, 148.4, 149.5, 150, 150.5, 151]) * 1e3
+    amplitude, phase = integrated(frequencies, scope, 35e-9)
+    fit = pm.fit_frequency(
+        frequencies, scope=scope, start=pm.Material(1.5e9, 0.25, 0.02), tip_offset=35e-9,
+        amplitude=amplitude, phase=phase, amplitude_error=0.1e-9, phase_error=0.2, direction="down",
+    )  # fmt: skip
+    assert fit.good, str(fit)
+    assert fit.chi2 < 3  # no noise: what is left is the integration's error
+    assert (abs(pulls(fit)) < 1).all()
+
+
+def test_errors_grow_as_the_noise_does() -> None:
+    data = distance(FILM, "retract", 0, scale=0)
+    one = pm.fit_distance(OFFSETS, **data, start=FILM)
+    data.update(amplitude_error=1e-9, phase_error=1.0)
+    two = pm.fit_distance(OFFSETS, **data, start=FILM)
+    for name in one.errors:  # the model is not linear over an error: a few percent
+        assert two.errors[name] / one.errors[name] == pytest.approx(2, rel=0.05)
+
+
+def test_correlations_are_a_correlation_matrix(both: pm.Fit) -> None:
+    matrix = both.correlation
+    assert list(matrix.parameter.values) == list(matrix.other.values) == ["modulus", "adhesion", "damping"]
+    np.testing.assert_allclose(matrix.values, matrix.values.T, rtol=1e-12)
+    assert (np.diag(matrix) == 1).all() and (np.linalg.eigvalsh(matrix.values) > 0).all()
+
+
+def test_data_of_both_directions_are_fitted_at_once(both: pm.Fit) -> None:
+    assert is_right(both)
+    assert both.degrees == 4 * len(OFFSETS) - 3
+    assert both.material == pm.Material(**{**both.values, "poisson_ratio": 0.35})
+
+
+def test_a_fit_prints_its_units_and_goes_into_a_file(both: pm.Fit, tmp_path: Path) -> None:
+    text = str(both)
+    assert text.startswith("good fit") and " GPa" in text and " J/m²" in text and f"chi2 {both.chi2:.1f}" in text
+    both.to_dataset().to_netcdf(tmp_path / "fit.nc")
+    with xr.open_dataset(tmp_path / "fit.nc") as found:
+        assert found.parameter_value.sel(parameter="modulus").item() == both.values["modulus"]
+        assert found.attrs["good"] == 1
+        apart = (found.fitted_amplitude - found.measured_amplitude) / found.measured_amplitude_error
+        turned = (found.fitted_phase - found.measured_phase) / found.measured_phase_error
+        assert float((apart**2 + turned**2).sum()) == pytest.approx(both.chi2)
+
+
+def test_an_unknown_offset_and_viscosity_are_found() -> None:
+    viscous = pm.Material(0.89e9, 0.37, viscosity=50.0)
+    data = distance(viscous, "retract", 3)
+    start = pm.Material(1.4e9, 0.5, viscosity=90.0)
+    names = ("modulus", "adhesion", "viscosity", "offset")
+    fit = pm.fit_distance(OFFSETS - 5e-9, **data, start=start, offset=3e-9, parameters=names)
+    assert is_right(fit, viscous)
+    assert abs(fit.values["offset"] - 5e-9) < 3 * fit.errors["offset"] < 1e-9
+    assert fit.material.viscosity == fit.values["viscosity"]
+
+
+def test_data_that_never_touch_determine_nothing() -> None:
+    data = response(FILM, "up", 4, height=160e-9)
+    fit = pm.fit_frequency(FREQUENCIES, **data, start=FILM, parameters=("modulus", "damping"))
+    assert not fit.good
+    assert np.isinf(list(fit.errors.values())).all()
+    assert "do not depend on modulus" in fit.status and "do not depend on damping" in fit.status
+
+
+def test_parameters_that_act_together_are_named() -> None:
+    names = ("modulus", "adhesion", "damping", "radius")
+    fit = pm.fit_distance(OFFSETS, **distance(FILM, "retract", 6), start=FILM, parameters=names)
+    assert not fit.good
+    assert np.isinf(list(fit.errors.values())).all()
+    assert "modulus, adhesion, damping and radius are not determined one by one" in fit.status
+
+
+def test_a_damping_that_is_not_there_has_no_error_bar() -> None:
+    data = distance(pm.Material(0.89e9, 0.37), "retract", 8)
+    fit = pm.fit_distance(OFFSETS, **data, start=FILM)
+    assert not fit.good
+    assert np.isinf(fit.errors["damping"]) and np.isfinite(fit.errors["modulus"])
+    assert fit.status.startswith("damping ")
+
+
+def test_data_of_the_other_direction_are_found_out() -> None:
+    data = {**response(FILM, "up", 7), "direction": "down"}
+    fit = pm.fit_frequency(FREQUENCIES, **data, start=FILM)
+    assert not fit.good
+    assert "its sweep does not visit (down)" in fit.status
+    off = fit.curve.off_branch.sel(direction="down").values.astype(bool)
+    jumps = fit.curve.jump_frequency.values  # between the outermost ones up and down sweeps may differ, nowhere else
+    inside = (jumps.min() < FREQUENCIES) & (FREQUENCIES < jumps.max())
+    assert off.any() and not (off & ~inside).any()
+
+
+def test_a_single_datum_that_jumped_early_is_named_and_does_no_harm() -> None:
+    data, down = response(FILM, "up", 11), response(FILM, "down", 11)
+    last = int(np.flatnonzero(FREQUENCIES < 148.482e3)[-1])  # the upward jump is at 148.4823 kHz
+    for name in ("amplitude", "phase"):
+        data[name][last] = down[name][last]
+    fit = pm.fit_frequency(FREQUENCIES, **data, start=FILM)
+    assert is_right(fit), str(fit)
+    assert f"next to a jump (up) on another branch: {FREQUENCIES[last] / 1e3:.6g} kHz" in fit.status
+
+
+def test_a_model_that_does_not_fit_is_tried_from_other_starts() -> None:
+    data = distance(FILM, "retract", 9)
+    data["amplitude"] = 1.3 * data["amplitude"]
+    fit = pm.fit_distance(
+        OFFSETS[::4], **{k: v[::4] if np.ndim(v) else v for k, v in data.items()}, start=FILM, starts=2
+    )
+    assert not fit.good and fit.starts == 2
+    assert "after 2 starting points" in fit.status
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"phase": None, "amplitude": None}, "at least one of the two"),
+        ({"phase": np.zeros(4)}, r"phase is 'an array of shape \(4,\)'; allowed: one of shape \(41,\)"),
+        ({"phase": np.full(41, np.nan)}, "phase is 'nan .41 of 41 values.'"),
+        ({"amplitude_error": 0.0}, "amplitude_error is 0.0; allowed: numbers above 0 m"),
+        ({"phase_error": np.full(41, -1.0)}, "phase_error is -1.0"),
+        ({"phase_error": None}, "phase_error is 'None'; allowed: finite numbers"),
+        ({"phase_error": np.ones(3)}, "phase_error is 'an array of shape"),
+        ({"phase": "much"}, "phase is 'much'; allowed: numbers"),
+        ({"direction": "up"}, 'direction is \'up\'; allowed: "approach", "retract"'),
+        ({"direction": 3}, "direction is 3"),
+        ({"parameters": ("modulus", "hardness")}, "parameters is 'hardness'; allowed: names out of modulus, adhesion"),
+        ({"parameters": ("modulus", "tip_offset")}, "parameters is 'tip_offset'"),
+        ({"parameters": ("modulus", "modulus")}, "every name once"),
+        ({"parameters": ("viscosity",)}, "allowed: damping, because"),
+        ({"parameters": "modulus"}, "a sequence of names"),
+        ({"start": pm.Material(1e9, 0.0, 0.01)}, "adhesion to start from is 0.0; allowed: a number above 0 J m-2"),
+        ({"tip_offsets": OFFSETS[[0, 2, 1, 3]]}, "tip_offsets is"),
+        ({"offset": np.inf}, "offset is inf"),
+        ({"starts": 0}, "starts is 0"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_in_a_sentence(changes: dict[str, Any], message: str) -> None:
+    arguments = {
+        "tip_offsets": OFFSETS, "scope": SCOPE, "start": FILM, "amplitude": np.ones(41), "phase": np.ones(41), **NOISE
+    }  # fmt: skip
+    with pytest.raises(pm.InputError, match=message):
+        pm.fit_distance(**{**arguments, **changes})
+
+
+def test_as_many_parameters_as_data_are_refused() -> None:
+    with pytest.raises(pm.InputError, match="number of data is 3; allowed: more than the number of fitted parameters"):
+        pm.fit_distance(OFFSETS[:3], scope=SCOPE, start=FILM, phase=np.zeros(3), phase_error=1.0)
