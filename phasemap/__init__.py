@@ -9,11 +9,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from phasemap import generate
+    from phasemap import generate, plot
     from phasemap.accuracy import Accuracy
     from phasemap.control import Engage
     from phasemap.dataset import phase_lag
     from phasemap.errors import FileError, InputError, PhasemapError, SolveError
+    from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.interaction import Interaction
     from phasemap.material import Material
     from phasemap.microscope import Cantilever, Drive, Microscope, Tip
@@ -22,20 +23,24 @@ if TYPE_CHECKING:
     from phasemap.scene import load_scene
     from phasemap.status import Status
     from phasemap.surface import Surface
+    from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _HOME = {
     "Accuracy": "accuracy", "Cantilever": "microscope", "Drive": "microscope", "Engage": "control",
-    "FileError": "errors", "InputError": "errors", "Interaction": "interaction", "Material": "material",
+    "FileError": "errors", "Fit": "fit", "InputError": "errors", "Interaction": "interaction", "Material": "material",
     "Microscope": "microscope", "PhasemapError": "errors", "Pixel": "pixel", "SolveError": "errors",
-    "Status": "status", "Surface": "surface", "Tip": "microscope", "load_scene": "scene", "orbits": "pixel",
+    "Status": "status", "Surface": "surface", "Tip": "microscope", "fit_distance": "fit",
+    "fit_frequency": "fit", "load_scene": "scene", "orbits": "pixel",
     "phase_lag": "dataset", "simulate": "scan", "solve_pixel": "pixel",
+    "sweep_distance": "sweep", "sweep_frequency": "sweep", "sweep_parameter": "sweep", "sweep_setpoint": "sweep",
 }  # fmt: skip
-_MODULES = ("generate",)
+_MODULES = ("generate", "plot")
 
 __all__ = [
-    "Accuracy", "Cantilever", "Drive", "Engage", "FileError", "InputError", "Interaction", "Material", "Microscope",
-    "PhasemapError", "Pixel", "SolveError", "Status", "Surface", "Tip", "generate", "load_scene", "orbits",
-    "phase_lag", "simulate", "solve_pixel",
+    "Accuracy", "Cantilever", "Drive", "Engage", "FileError", "Fit", "InputError", "Interaction", "Material",
+    "Microscope", "PhasemapError", "Pixel", "SolveError", "Status", "Surface", "Tip", "fit_distance", "fit_frequency",
+    "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate", "solve_pixel", "sweep_distance",
+    "sweep_frequency", "sweep_parameter", "sweep_setpoint",
 ]  # fmt: skip
 
 
