@@ -170,7 +170,7 @@ def test_undamped_phase_is_arccos_of_setpoint_on_every_branch():
     # The drive's power is the lever's own loss: cos(phase) = setpoint (1 + sum n^2 A_n^2 / A^2) at resonance.
     losses = (curve.harmonic**2 * curve.harmonics**2).sum("harmonic") / curve.amplitude**2
     np.testing.assert_allclose(np.cos(np.radians(curve.phase)), ratios * (1 + losses), atol=1e-5)
-    np.testing.assert_allclose(np.abs(curve.phase), np.degrees(np.arccos(curve.setpoint)) * np.ones((2, 1)), atol=0.02)
+    np.testing.assert_allclose(np.abs(curve.phase), np.degrees(np.arccos(np.stack([ratios, ratios]))), atol=0.02)
 
 
 def test_a_setpoint_sweep_down_stops_where_engagement_does():

@@ -72,7 +72,7 @@ from phasemap._kernels.path import (
 Path = TypeVar("Path", Fixed, Swept)
 
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
-CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner of the curve
+CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
 ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
 
@@ -167,7 +167,7 @@ def advance(
                 point[:] = before
                 good = mark(law, path, tables, orbit, point)
                 turn = point[TU] * before[TU] + point[TV] * before[TV]
-                corner = step < CORNER and (turn > 0.0 or not hysteretic)
+                corner = step < CORNER and not hysteretic
                 if good and (corner or (turn > 0.7 and same_piece(path, reach, before, point))):
                     point[LENGTH] = step
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6

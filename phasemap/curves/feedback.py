@@ -62,6 +62,14 @@ class Feedback:
                 best, place = apart, Place(part, float(row[col.TIP_OFFSET]))
         return place
 
+    def _next(self, z0: float, down: bool) -> Place | None:
+        """The first place that a tip reaches that is lowered, or raised, from where nothing is stable."""
+        if down:
+            part = max((part for part in self.parts if part.x[-1] < z0), key=lambda part: part.x[-1], default=None)
+            return None if part is None else Place(part, float(part.x[-1]))
+        part = min((part for part in self.parts if part.x[0] > z0), key=lambda part: part.x[0], default=None)
+        return None if part is None else Place(part, float(part.x[0]))
+
     def seek(self, place: Place, index: int, direction: int) -> tuple[Place | None, int, Jump | None]:
         """Move the tip until the amplitude is the wanted value `index`.
 
@@ -94,7 +102,12 @@ class Feedback:
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
             landed = land(self.curves, col.TIP_OFFSET, self.parts, edge, beyond)
-            if landed is None:
+            if landed is not None:
+                place = Place(landed, beyond)
+                continue
+            # The tip taps irregularly, about as high as it is above the surface, until a stable orbit appears.
+            following = self._next(beyond, down)
+            if following is None:
                 break
-            place = Place(landed, beyond)
+            place = following
         return None, -1, Jump(direction, lost, None) if lost is not None else None

@@ -144,7 +144,8 @@ def _held(question: Question, amplitudes: np.ndarray, samples: int) -> Curves:
     free = question.scope.free_amplitude
     curves = Curves(law, path, AP, amplitudes, (-DEEP * free, np.inf, 0.98 * amplitudes[0]), samples)
     curves.from_far(0.0)
-    for amplitude in np.linspace(amplitudes[0], 0.98 * free, APART):
+    # A start is no value wanted: beside the lowest one.
+    for amplitude in np.linspace(1.0037 * amplitudes[0], max(0.98 * free, 1.01 * amplitudes[0]), APART):
         curves.seek(float(amplitude))
     _mend(curves, free)
     return curves
