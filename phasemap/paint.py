@@ -90,7 +90,8 @@ def _shifted(progress: Progress, start: int, total: int) -> Progress:
 
 def paint(job: Job, canvas: Canvas) -> int:
     """Fill the canvas, and return how many distinct materials the surface has."""
-    interpolating = job.solver.name == "auto"
+    # An atlas knows folds and grazing as borders, not the ends of the curves of a law with a neck.
+    interpolating = job.solver.name == "auto" and not job.scope.interaction.law.hysteretic
     found = job.surface.found
     if found is not None and len(found[0]) <= (FEW if interpolating else MOST):
         values = job.solve(found[0], canvas, job.progress)

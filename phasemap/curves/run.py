@@ -12,6 +12,7 @@ from phasemap.curves.feedback import Feedback, Place
 from phasemap.curves.pieces import Curves
 from phasemap.curves.record import Axis, dataset
 from phasemap.curves.walk import Jump, Segment, Visit, segments, walk
+from phasemap.curves.whole import FAINT, complete, held_curves, mend
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 from phasemap.status import Status
@@ -19,12 +20,9 @@ from phasemap.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
+
 STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin the curve from
-APART = 6  # amplitudes at which pieces apart from the curve from far are sought
-FAINT = 1e-5  # of the free amplitude, where a curve is left
 LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
-BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
-DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 
 def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple[np.ndarray, bool]:
@@ -37,7 +35,7 @@ def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple
     box = (tip_offset - free, np.inf, FAINT * scope.free_amplitude)
     curves = Curves(law, path, ZP, np.array([tip_offset]), box, 0)
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
-    _complete(curves, scope, tip_offset)
+    complete(curves, scope, tip_offset)
     rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
     return rows[rows[:, col.KIND] == col.WANTED], all(piece.ended != FULL for piece in curves.pieces)
 
@@ -50,7 +48,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
     wanted = np.sort(axis)
     curves = Curves(law, path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.free_amplitude), samples)
     curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
-    _complete(curves, scope, wanted[0])
+    complete(curves, scope, wanted[0])
     parts = segments(curves.pieces, col.TIP_OFFSET)
     approach = walk(curves, col.TIP_OFFSET, _at(parts, wanted[-1]), parts, True, 0)
     retract = walk(curves, col.TIP_OFFSET, _last(parts, approach, wanted[0]), parts, False, 1)
@@ -61,7 +59,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
     free = scope.free_amplitude
-    feedback = Feedback(_held(Question(material, scope), np.sort(axis) * free, samples))
+    feedback = Feedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
     n = len(axis)
     down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
     up, _ = _hold(feedback, place, range(n), 1)
@@ -93,7 +91,7 @@ def parameter(
     for m in starts:
         begin(curves, float(m), ratio is not None)
     if ratio is None:
-        _mend(curves, scope.drive.free_amplitude)
+        mend(curves, scope.drive.free_amplitude)
     curves.choose(wanted)
     if ratio is None:
         up, down = _both(curves)
@@ -102,25 +100,6 @@ def parameter(
     held = {"setpoint": ratio} if ratio is not None else {"tip_offset": height}
     about = Axis(name, axis, UNITS[name], name.replace("_", " "), ("up", "down"), col.PARAMETER, ratio is not None)
     return dataset(curves, about, scale.value, [up, down], material, scope, held)
-
-
-def _complete(curves: Curves, scope: Microscope, lowest: float) -> None:
-    """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
-    # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
-    free = scope.free_amplitude
-    highest = 0.98 * max(free, scope.drive.free_amplitude)
-    for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * highest), highest, APART):
-        curves.seek(float(amplitude))
-    _mend(curves, free)
-
-
-def _mend(curves: Curves, free: float) -> None:
-    """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
-    from phasemap._kernels.path import MP
-
-    if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
-        swept = curves.index == MP
-        curves.after_ends(col.PARAMETER if swept else col.TIP_OFFSET, BESIDE * (1.0 if swept else free), SETTLED * free)
 
 
 def _at(parts: list[Segment], x: float) -> Segment | None:
@@ -134,21 +113,6 @@ def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | None:
     there = [part for part in parts if part.row_at(x) is not None]
     same = [part for part in there if np.isclose(part.rows[0, col.AMPLITUDE], row[col.AMPLITUDE], rtol=1e-9)]
     return same[0] if same else (there[-1] if there and np.isnan(row[col.AMPLITUDE]) else None)
-
-
-def _held(question: Question, amplitudes: np.ndarray, samples: int) -> Curves:
-    """The distance curve from far, with rows at these amplitudes."""
-    from phasemap._kernels.path import AP
-
-    law, path = fixed_path(question)
-    free = question.scope.free_amplitude
-    curves = Curves(law, path, AP, amplitudes, (-DEEP * free, np.inf, 0.98 * amplitudes[0]), samples)
-    curves.from_far(0.0)
-    # A start is no value wanted: beside the lowest one.
-    for amplitude in np.linspace(1.0037 * amplitudes[0], max(0.98 * free, 1.01 * amplitudes[0]), APART):
-        curves.seek(float(amplitude))
-    _mend(curves, free)
-    return curves
 
 
 def _hold(feedback: Feedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
@@ -211,7 +175,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     def landing(edge: np.ndarray | None, m: float) -> Segment | None:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
         here = question.at(name, float(scale.value(m)))
-        feedback = Feedback(_held(here, np.array([ratio * here.scope.free_amplitude]), 0))
+        feedback = Feedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.free_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None

@@ -65,6 +65,11 @@ class ContactLaw(ABC):
         """At most four parameters p[0] ... p[3] of the formulas; by default K [Pa], w [J/m2] and R [m]."""
         return contact_stiffness, adhesion, radius
 
+    @property
+    def hysteretic(self) -> bool:
+        """Whether contact may outlast its depth, in a neck."""
+        return type(self).release is not ContactLaw.release
+
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         """Attraction [N] >= 0 that the long-range force joins at d = 0; by default that of `force`."""
         import numpy as np

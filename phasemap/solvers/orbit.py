@@ -59,7 +59,8 @@ def solve_exactly(
 ) -> None:
     """Take the cheap path where its error is below `phase` [degree] and `height` [m], else collocation.
 
-    With `average` an averaged orbit may stand. Collocation is compiled when the first pixel needs it.
+    With `average` an averaged orbit may stand. Collocation is compiled when the first pixel needs it. Curves of laws
+    with a neck are in pieces: where one does not lead to the setpoint, all of them are followed.
     """
     from phasemap._kernels import columns as col
     from phasemap._kernels.cheap import cheap_rows
@@ -77,3 +78,8 @@ def solve_exactly(
         from phasemap._kernels.tables import TABLES
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
+        necks = work.rows[first:last, col.RELEASE] != 0
+        for i in first + np.flatnonzero(necks & (status[first:last] == col.NOT_CONVERGED)):
+            from phasemap.curves.engage import engage
+
+            status[i] = engage(work, int(i), out[i])

@@ -1,0 +1,54 @@
+"""The whole of a curve: the piece from far, pieces apart from it, and those on which a tip lands."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.curves.pieces import Curves
+from phasemap.microscope import Microscope
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+    from phasemap._kernels.path import Fixed
+
+APART = 6  # amplitudes at which pieces apart from the curve from far are sought
+FAINT = 1e-5  # of the free amplitude, where a curve is left
+BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
+DEEP = 300.0  # free amplitudes by which the lever may be pressed down
+
+
+def held_curves(law: Law, path: Fixed, amplitudes: np.ndarray, samples: int) -> Curves:
+    """The distance curve from far, with rows at these amplitudes."""
+    from phasemap._kernels.approach import free_amplitude
+    from phasemap._kernels.path import AP
+
+    free = float(free_amplitude(path.lever))
+    curves = Curves(law, path, AP, amplitudes, (-DEEP * free, np.inf, 0.98 * amplitudes[0]), samples)
+    curves.from_far(0.0)
+    # A start is no value wanted: beside the lowest one.
+    for amplitude in np.linspace(1.0037 * amplitudes[0], max(0.98 * free, 1.01 * amplitudes[0]), APART):
+        curves.seek(float(amplitude))
+    mend(curves, free)
+    return curves
+
+
+def complete(curves: Curves, scope: Microscope, lowest: float) -> None:
+    """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
+    # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
+    free = scope.free_amplitude
+    highest = 0.98 * max(free, scope.drive.free_amplitude)
+    for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * highest), highest, APART):
+        curves.seek(float(amplitude))
+    mend(curves, free)
+
+
+def mend(curves: Curves, free: float) -> None:
+    """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
+    from phasemap._kernels.path import MP
+
+    if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
+        swept = curves.index == MP
+        curves.after_ends(col.PARAMETER if swept else col.TIP_OFFSET, BESIDE * (1.0 if swept else free), SETTLED * free)
