@@ -33,7 +33,13 @@ def python(folder: Path, *arguments: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
+SLOW = ("paper_fig6_laws",)  # compiles two more laws
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else []) for path in EXAMPLES],
+)
 def test_an_example_answers_and_draws_its_picture(path: Path, tmp_path: Path) -> None:
     assert python(tmp_path, str(path)).strip()
     assert (tmp_path / f"{path.stem}.png").read_bytes().startswith(b"\x89PNG")

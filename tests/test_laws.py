@@ -449,6 +449,9 @@ MARCHED: dict[str, tuple[Interaction, float]] = {  # with the damping
 }
 
 
+LONG_TO_COMPILE = ("neck, damped", "spring", "jkr, bias")
+
+
 def marched(problem: Any, z0: float, y: np.ndarray, eta: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
     y, acc = y.copy(), np.empty(7)
     for _ in range(periods):
@@ -456,7 +459,9 @@ def marched(problem: Any, z0: float, y: np.ndarray, eta: float, periods: int) ->
     return y, acc
 
 
-@pytest.mark.parametrize("name", MARCHED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG_TO_COMPILE else []) for name in MARCHED]
+)
 def test_energy_closes_with_a_neck(name: str) -> None:
     interaction, damping = MARCHED[name]
     token, p = interaction.token(), row_of(interaction, damping=damping)

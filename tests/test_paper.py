@@ -156,6 +156,7 @@ def test_jump_d_rises_with_damping() -> None:
 # Fig. 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.999, 1.0, 1.0005, 1.001])
 def test_in_the_repulsive_regime_the_phase_rises_from_dmt_over_maugis_to_jkr(ratio: float) -> None:
     dmt, maugis, jkr, hertz = (fig6.phases(law, ratio)[-1] for law in ("DMT", "Maugis", "JKR", "Hertz"))
@@ -163,6 +164,7 @@ def test_in_the_repulsive_regime_the_phase_rises_from_dmt_over_maugis_to_jkr(rat
     assert dmt + 0.1 < maugis < jkr - 0.1 < hertz
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.9985, 1.001, 1.0015])
 def test_in_the_slight_tapping_regime_every_law_with_adhesion_gives_the_same_phase(ratio: float) -> None:
     dmt, *others = (fig6.phases(law, ratio) for law in ("DMT", "Maugis", "JKR"))

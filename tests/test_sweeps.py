@@ -225,6 +225,7 @@ def test_a_time_trace_has_the_amplitude_the_phase_and_the_forces_of_its_orbit():
     assert force.max() == pytest.approx(float(one.peak_force), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_jkr_tip_loses_its_orbit_at_first_touch_and_finds_it_again_where_shooting_says():
     (case,) = [case for case in FOLDS if case["name"] == "jkr, adhesion 0.1"]
     curve = pm.sweep_distance(material_of(case), scope_of(case), np.linspace(39.8e-9, 36e-9, 39))
