@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import generate, plot
     from phasemap.accuracy import Accuracy
-    from phasemap.control import Engage
+    from phasemap.control import Engage, Feedback, Raster
     from phasemap.dataset import phase_lag
     from phasemap.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.fit import Fit, fit_distance, fit_frequency
@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _HOME = {
-    "Accuracy": "accuracy", "Cantilever": "microscope", "Drive": "microscope", "Engage": "control",
+    "Accuracy": "accuracy", "Cantilever": "microscope", "Drive": "microscope", "Engage": "control", "Feedback": "control",
     "FileError": "errors", "Fit": "fit", "InputError": "errors", "Interaction": "interaction", "Material": "material",
-    "Microscope": "microscope", "PhasemapError": "errors", "Pixel": "pixel", "SolveError": "errors",
+    "Microscope": "microscope", "PhasemapError": "errors", "Pixel": "pixel", "Raster": "control",
+    "SolveError": "errors",
     "Status": "status", "Surface": "surface", "Tip": "microscope", "fit_distance": "fit",
     "fit_frequency": "fit", "load_scene": "scene", "orbits": "pixel",
     "phase_lag": "dataset", "simulate": "scan", "solve_pixel": "pixel",
@@ -37,8 +38,8 @@ _HOME = {
 _MODULES = ("generate", "plot")
 
 __all__ = [
-    "Accuracy", "Cantilever", "Drive", "Engage", "FileError", "Fit", "InputError", "Interaction", "Material",
-    "Microscope", "PhasemapError", "Pixel", "SolveError", "Status", "Surface", "Tip", "fit_distance", "fit_frequency",
+    "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction", "Material",
+    "Microscope", "PhasemapError", "Pixel", "Raster", "SolveError", "Status", "Surface", "Tip", "fit_distance", "fit_frequency",
     "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate", "solve_pixel", "sweep_distance",
     "sweep_frequency", "sweep_parameter", "sweep_setpoint",
 ]  # fmt: skip

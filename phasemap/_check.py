@@ -59,11 +59,14 @@ def in_words(
     return " ".join(["a finite number", " and ".join(bounds)]).rstrip() + shown
 
 
-def whole(name: str, value: object, minimum: int) -> int:
+def whole(name: str, value: object, minimum: int, maximum: int | None = None) -> int:
     """Return `value` as an int, or raise `InputError`."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
-        raise InputError(name, value, f"a whole number of at least {minimum}")
-    return int(value)
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        n = int(value)
+        if n >= minimum and (maximum is None or n <= maximum):
+            return n
+    allowed = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
+    raise InputError(name, value, f"a whole number {allowed}")
 
 
 def shape_pair(value: object) -> tuple[int, int]:

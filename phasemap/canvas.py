@@ -28,31 +28,33 @@ class Canvas:
     surface : Surface
     names : tuple of str
         Image variables, `status` among them.
+    directions : tuple of str
+        Passes over each line that are kept apart; none for one image.
     """
 
-    def __init__(self, surface: Surface, names: tuple[str, ...]) -> None:
-        count = surface.shape[0] * surface.shape[1]
-        self._surface, self.names = surface, names
+    def __init__(self, surface: Surface, names: tuple[str, ...], directions: tuple[str, ...] = ()) -> None:
+        size = (max(len(directions), 1), surface.shape[0] * surface.shape[1])
+        self._surface, self.names, self._directions = surface, names, directions
         self._arrays = {
-            name: np.full(count, PENDING, np.int8) if name in FLAGS else np.full(count, np.nan) for name in names
+            name: np.full(size, PENDING, np.int8) if name in FLAGS else np.full(size, np.nan) for name in names
         }
 
     @property
     def status(self) -> Array:
-        """Status codes of all pixels, PENDING where nothing was put; shape (pixels,)."""
-        return self._arrays["status"]
+        """Status codes of all pixels, PENDING where nothing was put; shape (pixels,), of all directions in turn."""
+        return self._arrays["status"].reshape(-1)
 
     def values(self, rows: Array, status: Array, used: Array) -> dict[str, Array]:
         """Variables of result rows, shape (..., COLUMNS), on a flat surface."""
         flags = {"status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows)}
         return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in self.names}
 
-    def put(self, pixels: Pixels, values: dict[str, Array]) -> None:
+    def put(self, pixels: Pixels, values: dict[str, Array], direction: int = 0) -> None:
         """Fill in what `values` gave, one entry a pixel."""
         for name, value in values.items():
             if name == "height" and self._surface.topography is not None:
                 value = value + self._surface.topography.reshape(-1)[pixels]
-            self._arrays[name][pixels] = value
+            self._arrays[name][direction, pixels] = value
 
     def image(self) -> xr.Dataset:
         """The image as a Dataset that shares the arrays."""
@@ -63,10 +65,15 @@ class Canvas:
             "y": ("y", y, {"long_name": "distance from the top of the image", "units": "m", "axis": "Y"}),
             "x": ("x", x, {"long_name": "distance from the left of the image", "units": "m", "axis": "X"}),
         }
+        dims: tuple[str, ...] = ("y", "x")
+        shape: tuple[int, ...] = self._surface.shape
+        if self._directions:
+            coords["direction"] = ("direction", list(self._directions), {"long_name": "pass over the line"})
+            dims, shape = ("direction", *dims), (len(self._directions), *shape)
         image = xr.Dataset(coords=coords)
         for name, flat in self._arrays.items():
             attributes: dict[str, Any] = (
                 flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}
             )
-            image[name] = (("y", "x"), flat.reshape(self._surface.shape), attributes)
+            image[name] = (dims, flat.reshape(shape), attributes)
         return image

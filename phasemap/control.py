@@ -1,8 +1,21 @@
-"""How the controller comes to the setpoint."""
+"""How the controller comes to the setpoint, and keeps it from pixel to pixel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from phasemap._check import number, whole
+from phasemap.errors import InputError
+
+LINES = ("trace", "retrace")
+
+
+class Control(Protocol):
+    """What every control has."""
+
+    directions: ClassVar[tuple[str, ...]]
+    """Passes over a line that are recorded; none where a pixel has no history."""
 
 
 @dataclass(frozen=True)
@@ -18,3 +31,136 @@ class Engage:
     >>> Engage()
     Engage()
     """
+
+    directions: ClassVar[tuple[str, ...]] = ()
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Quasi-static scan: the state of the oscillation is carried from pixel to pixel, along trace and retrace.
+
+    The feedback and the lever are at rest at every pixel. Where two stable orbits hold the setpoint, the tip stays on
+    the branch (attractive or repulsive) on which it comes, and leaves it only where the branch ends; trace and retrace
+    of a bistable surface therefore differ.
+
+    Parameters
+    ----------
+    engage : {"line", "image"}
+        Whether the tip is engaged anew, from far, before each line, or once before the first.
+
+    Raises
+    ------
+    InputError
+        If `engage` is neither.
+
+    Examples
+    --------
+    >>> Raster().engage
+    'line'
+    """
+
+    directions: ClassVar[tuple[str, ...]] = LINES
+
+    engage: str = "line"
+
+    def __post_init__(self) -> None:
+        check_engage(self.engage)
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """Scan in time: lock-in, PI controller and scanner follow the surface that passes under the tip.
+
+    The surface passes at constant speed, there and back; a line with its overscan takes ``1 / line_rate``. The lock-in
+    is a cascade of low-pass filters on the complex amplitude. With the error e = amplitude - setpoint amplitude the
+    scanner is sent to ``-(Kp e + Ki integral(e dt) + Kd de/dt)``: it comes nearer where the amplitude is too large.
+
+    Parameters
+    ----------
+    line_rate : float
+        Lines a second [Hz], each of them trace and retrace.
+    proportional_gain : float, optional
+        Kp [1], metre of the scanner by metre of amplitude; None is tuned.
+    integral_gain : float, optional
+        Ki [1/s]; None is tuned.
+    derivative_gain : float
+        Kd [s].
+    bandwidth : float
+        Of the lock-in, at -3 dB [Hz].
+    order : int
+        Of its low-pass filter, 1 to 4.
+    scanner_resonance : float, optional
+        [Hz]; None is a scanner that follows at once.
+    scanner_quality : float
+        Quality factor of that resonance [1].
+    scanner_range : float, optional
+        Travel of the scanner [m], half of it up and half of it down from where it engaged; None is unlimited.
+    overscan : float
+        Part of the line by which the tip runs on at both ends, where it turns at constant acceleration.
+    engage : {"line", "image"}
+        Whether the tip is engaged anew, from far, before each line, or once before the first.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    Examples
+    --------
+    >>> control = Feedback(line_rate=2.0)
+    >>> round(control.dwell(512) * 1e3, 3)
+    0.407
+    """
+
+    directions: ClassVar[tuple[str, ...]] = LINES
+
+    line_rate: float = 1.0
+    proportional_gain: float | None = None
+    integral_gain: float | None = None
+    derivative_gain: float = 0.0
+    bandwidth: float = 5e3
+    order: int = 2
+    scanner_resonance: float | None = None
+    scanner_quality: float = 10.0
+    scanner_range: float | None = None
+    overscan: float = 0.05
+    engage: str = "line"
+
+    def __post_init__(self) -> None:
+        number("line_rate", self.line_rate, "Hz", above=0)
+        if (self.proportional_gain is None) != (self.integral_gain is None):
+            known = "proportional_gain" if self.integral_gain is None else "integral_gain"
+            raise InputError(known, getattr(self, known), "both gains, or None for both, which tunes them")
+        if self.proportional_gain is not None:
+            number("proportional_gain", self.proportional_gain, "1", minimum=0)
+        if self.integral_gain is not None:
+            number("integral_gain", self.integral_gain, "1/s", minimum=0)
+        number("derivative_gain", self.derivative_gain, "s", minimum=0)
+        number("bandwidth", self.bandwidth, "Hz", above=0)
+        whole("order", self.order, 1, 4)
+        if self.scanner_resonance is not None:
+            number("scanner_resonance", self.scanner_resonance, "Hz", above=0)
+        number("scanner_quality", self.scanner_quality, "1", above=0)
+        if self.scanner_range is not None:
+            number("scanner_range", self.scanner_range, "m", above=0)
+        number("overscan", self.overscan, "1", minimum=0, maximum=1)
+        check_engage(self.engage)
+
+    def dwell(self, pixels: int) -> float:
+        """Time over each of the pixels of a line [s].
+
+        A turn at constant acceleration that runs on by a part o of the line takes as long as 4 o of the line, twice in
+        each period.
+        """
+        return 1 / (self.line_rate * 2 * (1 + 4 * self.overscan) * pixels)
+
+
+def check_engage(engage: object) -> None:
+    """Refuse what is neither "line" nor "image".
+
+    Raises
+    ------
+    InputError
+    """
+    if engage not in ("line", "image"):
+        raise InputError("engage", engage, "'line' or 'image'")

@@ -50,6 +50,7 @@ FLOATS: dict[str, Variable] = {
     ),
     "phase": Variable("phase, 0 at free resonance, positive repulsive", "degree", _column(col.PHASE, 180 / np.pi)),
     "amplitude": Variable("amplitude of the first harmonic", "m", _column(col.AMPLITUDE)),
+    "amplitude_error": Variable("amplitude less setpoint amplitude", "m", _column(col.AMPLITUDE_ERROR)),
     "tip_offset": Variable("tip offset (rest position of the tip above the surface)", "m", _column(col.TIP_OFFSET)),
     "mean_deflection": Variable("mean deflection, positive towards the surface", "m", _column(col.MEAN)),
     "indentation": Variable("largest indentation, negative without contact", "m", _column(col.INDENTATION)),
@@ -76,6 +77,8 @@ IMAGE_VARIABLES = (
     "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
     "branch", "status", "solver", "error_phase", "error_height", "energy_closure",
 )  # fmt: skip
+SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
+"""Of a scan in time."""
 
 
 def phase_lag(phase: T) -> T:
@@ -120,8 +123,8 @@ def branch_of(rows: Array) -> Array:
     return np.where(np.isnan(stiffening), -1, stiffening > 0).astype(np.int8)
 
 
-def check_variables(variables: object) -> tuple[str, ...]:
-    """Return the names of image variables asked for, all of them for None.
+def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES) -> tuple[str, ...]:
+    """Return the names of `known` variables asked for, all of them for None.
 
     Raises
     ------
@@ -129,14 +132,14 @@ def check_variables(variables: object) -> tuple[str, ...]:
         If a name is unknown.
     """
     if variables is None:
-        return IMAGE_VARIABLES
+        return known
     if not isinstance(variables, Iterable):
-        raise InputError("variables", variables, "names out of " + ", ".join(IMAGE_VARIABLES))
+        raise InputError("variables", variables, "names out of " + ", ".join(known))
     names: tuple[Any, ...] = (variables,) if isinstance(variables, str) else tuple(variables)
     for name in names:
-        if name not in IMAGE_VARIABLES:
-            raise InputError("variables", name, "names out of " + ", ".join(IMAGE_VARIABLES))
-    return tuple(name for name in IMAGE_VARIABLES if name in names or name == "status")
+        if name not in known:
+            raise InputError("variables", name, "names out of " + ", ".join(known))
+    return tuple(name for name in known if name in names or name == "status")
 
 
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:

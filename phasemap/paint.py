@@ -15,6 +15,7 @@ from phasemap.atlas import Atlas, Oracle, build
 from phasemap.atlas.axes import Axes
 from phasemap.atlas.oracle import FUNCTIONS
 from phasemap.canvas import PENDING, Canvas
+from phasemap.control import Control
 from phasemap.distinct import BLOCK, Distinct, count_distinct
 from phasemap.microscope import Microscope
 from phasemap.solvers import Solver
@@ -46,6 +47,7 @@ class Job:
     scope : Microscope
     amplitude : float
         At the setpoint [m].
+    control : Control
     solver : Solver
     accuracy : Accuracy
     workers : int
@@ -56,6 +58,7 @@ class Job:
     surface: Surface
     scope: Microscope
     amplitude: float
+    control: Control
     solver: Solver
     accuracy: Accuracy
     workers: int

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas
-from phasemap.control import Engage
+from phasemap.control import Control, Engage
 from phasemap.dataset import check_variables, describe, provenance
 from phasemap.errors import InputError, SolveError
 from phasemap.microscope import Microscope
@@ -35,7 +35,7 @@ def simulate(
     scope: Microscope,
     setpoint: float,
     solver: str = "auto",
-    control: Engage | None = None,
+    control: Control | None = None,
     accuracy: Accuracy | None = None,
     *,
     variables: Iterable[str] | None = None,
@@ -106,17 +106,18 @@ def simulate(
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
-    if not isinstance(control, Engage):
-        raise InputError("control", control, "Engage()")
+    painter = _PAINTERS.get(type(control))
+    if painter is None:
+        raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in _PAINTERS))
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
     names = check_variables(variables)
     method = by_name(solver)
-    canvas = Canvas(surface, names)
-    job = Job(surface, scope, setpoint * scope.free_amplitude, method, accuracy, workers_of(threads), progress)
-    distinct = paint(job, canvas)
+    canvas = Canvas(surface, names, control.directions)
+    job = Job(surface, scope, setpoint * scope.free_amplitude, control, method, accuracy, workers_of(threads), progress)
+    distinct = painter(job, canvas)
     if strict:
-        _refuse_failures(canvas.status.reshape(surface.shape))
+        _refuse_failures(canvas.status.reshape(-1, *surface.shape))
     solved = time.perf_counter() - started
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
@@ -154,11 +155,17 @@ def _largest(surface: Surface, scope: Microscope) -> Work:
     return make_work(np.nan_to_num(largest), surface.viscosity is not None, scope, scope.free_amplitude)
 
 
+_PAINTERS: dict[type[Control], Callable[[Job, Canvas], int]] = {Engage: paint}
+"""Who fills the canvas; returns how many distinct materials the surface has."""
+
+
 def _refuse_failures(status: Array) -> None:
+    """Raise where a status, shape (directions, ny, nx), is not good."""
     bad = status != 0
     if bad.any():
-        row, column = (int(i) for i in np.unravel_index(np.argmax(bad), bad.shape))
-        advice = Status.of(int(status[row, column])).value
+        place = np.unravel_index(np.argmax(bad), bad.shape)
+        row, column = (int(i) for i in place[1:])
+        advice = Status.of(int(status[place])).value
         count = int(bad.sum())
         failed = "1 pixel has no solution; it is" if count == 1 else f"{count} pixels have no solution; the first is"
         raise SolveError(f"{failed} at row {row}, column {column}. {advice}")

@@ -29,6 +29,14 @@ class Status(Enum):
         "The neck of this contact law breaks within reach of the long-range force, so that a loop would create energy. "
         "Use contact='maugis' or 'dmt', a shorter decay_length, or decay_length=None."
     )
+    out_of_range = "The scanner came to the end of its range. Give a larger scanner_range, or level the surface."
+    diverged = (
+        "The feedback blew up, or the tip was driven into the surface for good. Lower the gains or the line rate."
+    )
+    not_engaged = (
+        "The tip did not reach the setpoint when it was engaged at the start of this line. "
+        "Change the setpoint, or lower the gains."
+    )
 
     @property
     def code(self) -> int:

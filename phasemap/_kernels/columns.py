@@ -24,6 +24,9 @@ ERROR_PHASE = 11  # estimated [rad]
 ERROR_HEIGHT = 12  # estimated [m]
 COLUMNS = 13
 
+# Columns of a row of a scan in time: TIP_OFFSET, PHASE, AMPLITUDE and STIFFENING, averaged over a pixel, and
+AMPLITUDE_ERROR = 5  # amplitude less setpoint [m]
+
 # Columns of a full row, shape (FULL,): the above, and
 MEAN_FORCE = 13  # of the surface on the tip [N], positive repulsive
 PEAK_FORCE = 14  # largest [N]
@@ -50,6 +53,9 @@ INVALID = 5
 TOO_MANY_CONTACTS = 6
 NO_AVERAGED_ORBIT = 7
 CREATES_ENERGY = 8
+OUT_OF_RANGE = 9
+DIVERGED = 10
+NOT_ENGAGED = 11
 PENDING = -1  # between two kernels only
 
 # Solver codes.
