@@ -25,23 +25,30 @@ if TYPE_CHECKING:
     from phasemap.surface import Surface
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
-_HOME = {
-    "Accuracy": "accuracy", "Cantilever": "microscope", "Drive": "microscope", "Engage": "control", "Feedback": "control",
-    "FileError": "errors", "Fit": "fit", "InputError": "errors", "Interaction": "interaction", "Material": "material",
-    "Microscope": "microscope", "PhasemapError": "errors", "Pixel": "pixel", "Raster": "control",
-    "SolveError": "errors",
-    "Status": "status", "Surface": "surface", "Tip": "microscope", "fit_distance": "fit",
-    "fit_frequency": "fit", "load_scene": "scene", "orbits": "pixel",
-    "phase_lag": "dataset", "simulate": "scan", "solve_pixel": "pixel",
-    "sweep_distance": "sweep", "sweep_frequency": "sweep", "sweep_parameter": "sweep", "sweep_setpoint": "sweep",
-}  # fmt: skip
+_NAMES = {
+    "accuracy": ("Accuracy",),
+    "control": ("Engage", "Feedback", "Raster"),
+    "dataset": ("phase_lag",),
+    "errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
+    "fit": ("Fit", "fit_distance", "fit_frequency"),
+    "interaction": ("Interaction",),
+    "material": ("Material",),
+    "microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
+    "pixel": ("Pixel", "orbits", "solve_pixel"),
+    "scan": ("simulate",),
+    "scene": ("load_scene",),
+    "status": ("Status",),
+    "surface": ("Surface",),
+    "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
+}
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = ("generate", "plot")
 
 __all__ = [
-    "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction", "Material",
-    "Microscope", "PhasemapError", "Pixel", "Raster", "SolveError", "Status", "Surface", "Tip", "fit_distance", "fit_frequency",
-    "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate", "solve_pixel", "sweep_distance",
-    "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
+    "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "SolveError", "Status", "Surface", "Tip",
+    "fit_distance", "fit_frequency", "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate",
+    "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
 ]  # fmt: skip
 
 

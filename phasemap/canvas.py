@@ -35,6 +35,7 @@ class Canvas:
     def __init__(self, surface: Surface, names: tuple[str, ...], directions: tuple[str, ...] = ()) -> None:
         size = (max(len(directions), 1), surface.shape[0] * surface.shape[1])
         self._surface, self.names, self._directions = surface, names, directions
+        self.notes: dict[str, float] = {}  # what a control found out, for the image's attributes
         self._arrays = {
             name: np.full(size, PENDING, np.int8) if name in FLAGS else np.full(size, np.nan) for name in names
         }
@@ -70,7 +71,7 @@ class Canvas:
         if self._directions:
             coords["direction"] = ("direction", list(self._directions), {"long_name": "pass over the line"})
             dims, shape = ("direction", *dims), (len(self._directions), *shape)
-        image = xr.Dataset(coords=coords)
+        image = xr.Dataset(coords=coords, attrs=self.notes)
         for name, flat in self._arrays.items():
             attributes: dict[str, Any] = (
                 flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}

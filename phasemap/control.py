@@ -16,6 +16,8 @@ class Control(Protocol):
 
     directions: ClassVar[tuple[str, ...]]
     """Passes over a line that are recorded; none where a pixel has no history."""
+    in_time: ClassVar[bool]
+    """Whether time passes while the tip moves on."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Engage:
     """
 
     directions: ClassVar[tuple[str, ...]] = ()
+    in_time: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class Raster:
     """
 
     directions: ClassVar[tuple[str, ...]] = LINES
+    in_time: ClassVar[bool] = False
 
     engage: str = "line"
 
@@ -113,6 +117,7 @@ class Feedback:
     """
 
     directions: ClassVar[tuple[str, ...]] = LINES
+    in_time: ClassVar[bool] = True
 
     line_rate: float = 1.0
     proportional_gain: float | None = None

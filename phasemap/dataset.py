@@ -16,6 +16,8 @@ from phasemap.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
+    from phasemap.control import Control
+
 Array = np.ndarray
 T = TypeVar("T", float, Array, "xr.DataArray")
 
@@ -121,6 +123,11 @@ def branch_of(rows: Array) -> Array:
     """Branch codes: 0 attractive, 1 repulsive, -1 where there is no orbit."""
     stiffening = rows[..., col.STIFFENING]
     return np.where(np.isnan(stiffening), -1, stiffening > 0).astype(np.int8)
+
+
+def variables_of(control: Control) -> tuple[str, ...]:
+    """Names of the variables that an image taken under this control has."""
+    return SCAN_VARIABLES if control.in_time else IMAGE_VARIABLES
 
 
 def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from phasemap.distinct import BLOCK, Distinct, count_distinct
 from phasemap.microscope import Microscope
 from phasemap.solvers import Solver
 from phasemap.surface import Surface
-from phasemap.work import properties, work_of
+from phasemap.work import Work, properties, work_of
 from phasemap.workers import Progress, run, spread
 
 Array = NDArray[np.float64]
@@ -73,12 +73,16 @@ class Job:
         """See `phasemap.work.properties`."""
         return properties(materials, self.surface.viscosity is not None, self.scope)
 
+    def work(self, materials: Array) -> Work:
+        """Work of these materials."""
+        return work_of(*self.properties(materials), self.scope, self.amplitude)
+
     def solve(self, materials: Array, canvas: Canvas, progress: Progress | None = None) -> dict[str, Array]:
         """Variables of distinct materials, one entry a material."""
         parts = []
         for first in range(0, len(materials), CHUNK):
             some = materials[first : first + CHUNK]
-            work = work_of(*self.properties(some), self.scope, self.amplitude)
+            work = self.work(some)
             later = None if progress is None else _shifted(progress, first, len(materials))
             rows, status, used = run(self.solver, work, self.accuracy, threads=self.workers, progress=later)
             parts.append(canvas.values(rows, status, used))

@@ -11,8 +11,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas
-from phasemap.control import Control, Engage
-from phasemap.dataset import check_variables, describe, provenance
+from phasemap.control import Control, Engage, Feedback
+from phasemap.dataset import check_variables, describe, provenance, variables_of
 from phasemap.errors import InputError, SolveError
 from phasemap.microscope import Microscope
 from phasemap.paint import Job, paint
@@ -106,16 +106,15 @@ def simulate(
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
-    painter = _PAINTERS.get(type(control))
-    if painter is None:
+    if type(control) not in _PAINTERS:
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in _PAINTERS))
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
-    names = check_variables(variables)
+    names = check_variables(variables, variables_of(control))
     method = by_name(solver)
     canvas = Canvas(surface, names, control.directions)
     job = Job(surface, scope, setpoint * scope.free_amplitude, control, method, accuracy, workers_of(threads), progress)
-    distinct = painter(job, canvas)
+    distinct = _PAINTERS[type(control)](job, canvas)
     if strict:
         _refuse_failures(canvas.status.reshape(-1, *surface.shape))
     solved = time.perf_counter() - started
@@ -155,7 +154,14 @@ def _largest(surface: Surface, scope: Microscope) -> Work:
     return make_work(np.nan_to_num(largest), surface.viscosity is not None, scope, scope.free_amplitude)
 
 
-_PAINTERS: dict[type[Control], Callable[[Job, Canvas], int]] = {Engage: paint}
+def _paint_feedback(job: Job, canvas: Canvas) -> int:
+    """`phasemap.feedback.paint`, whose kernels are imported only where they are needed."""
+    from phasemap.feedback import paint
+
+    return paint(job, canvas)
+
+
+_PAINTERS: dict[type[Control], Callable[[Job, Canvas], int]] = {Engage: paint, Feedback: _paint_feedback}
 """Who fills the canvas; returns how many distinct materials the surface has."""
 
 

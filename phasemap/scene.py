@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap.accuracy import Accuracy
-from phasemap.control import Engage
+from phasemap.control import Control, Engage, Feedback
 from phasemap.errors import FileError, InputError
 from phasemap.interaction import Interaction
 from phasemap.material import Material
@@ -35,7 +35,7 @@ __all__ = ["Scene", "Setup", "load_scene", "load_setup"]
 T = TypeVar("T")
 Table = dict[str, Any]
 
-CONTROLS: dict[str, type[Engage]] = {"engage": Engage}
+CONTROLS: dict[str, type[Control]] = {"engage": Engage, "feedback": Feedback}
 TABLES = ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "output")
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
@@ -287,7 +287,7 @@ def _value(text: str) -> Any:
 
 def _build(tables: Table, folder: Path) -> Scene:
     """Make the objects of every table."""
-    from phasemap.dataset import check_variables
+    from phasemap.dataset import check_variables, describe, variables_of
     from phasemap.scene_surface import build_surface
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
@@ -305,7 +305,7 @@ def _build(tables: Table, folder: Path) -> Scene:
         raise InputError("[output] file", file, "a file name")
     if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
-    construct("[output]", {"variables": variables}, check_variables)
+    construct("[output]", {"variables": variables}, check_variables, known=variables_of(control))
     materials = _materials(tables)
     surface, files = build_surface(_table(tables, "surface"), materials, folder)
     config = {
@@ -313,10 +313,7 @@ def _build(tables: Table, folder: Path) -> Scene:
         "surface": tables["surface"],
         "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
         **dataclasses.asdict(microscope),
-        "control": {
-            "kind": next(kind for kind, cls in CONTROLS.items() if cls is control_class),
-            **dataclasses.asdict(control),
-        },
+        "control": describe(control),
         "accuracy": dataclasses.asdict(accuracy),
         "files": files,
     }

@@ -1,0 +1,1 @@
+"""Kernels of scans: the state of the oscillation goes from pixel to pixel."""

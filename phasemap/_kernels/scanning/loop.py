@@ -1,0 +1,111 @@
+"""The feedback loop: lock-in, controller and scanner, and the noise that enters there.
+
+Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z = Re(a exp(i omega tau)):
+
+* lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; the last one is what it shows, R = abs(x),
+  phase = 90 degrees + arg(x);
+* controller: e = R - setpoint, I' = Ki e, command = -(Kp e + I + Kd e') within the scanner's range, where I waits;
+* scanner: at the command, or Z'' + (w_s/Q_s) Z' + w_s^2 (Z - command) = 0.
+
+White noise of the deflection, of one-sided density n^2 [m^2/Hz], has n^2/T of variance in each quadrature of an average
+over a time T: a is followed by a white complex noise with that. The lever's own noise moves a itself (fluctuation and
+dissipation): in equilibrium <z^2> = k_B T/k.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.law import OPTIONS
+
+# Entries of the loop. Lengths in m, times in tau.
+SETPOINT, KP, KI, KD = 0, 1, 2, 3
+RATE, ORDER = 4, 5  # r of the filters, and how many
+SPRING, LOSS = 6, 7  # w_s^2 and w_s/Q_s of the scanner; 0 where it follows at once
+LOW, HIGH = 8, 9  # of the scanner
+RAMP = 10  # speed at which the tip is lowered whatever the amplitude
+THERMAL = 11  # <z^2> of the free lever [m^2]
+DETECTOR = 12  # n^2 [m^2 per tau]
+LOOP = 13
+
+# Entries of the state: a; I, Z, Z'; the filters.
+AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
+
+# What is collected while a pixel passes: integrals over time of 1, Z, R and phase; whether the scanner was at its end.
+TIME, SUM_PLACE, SUM_AMPLITUDE, SUM_PHASE, STOPPED, TALLY = 0, 1, 2, 3, 4, 5
+
+
+@njit(**OPTIONS)
+def used(loop: np.ndarray) -> int:
+    """How many entries of the state move."""
+    return FILTERS + 2 * int(loop[ORDER])
+
+
+@njit(**OPTIONS)
+def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Amplitude [m] and phase [rad] at the lock-in's output."""
+    last = used(loop) - 2
+    return math.hypot(y[last], y[last + 1]), math.atan2(y[last], -y[last + 1])
+
+
+@njit(**OPTIONS)
+def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Rates of what `shown` gives."""
+    last = used(loop) - 2
+    before = last - 2 if last > FILTERS else AMP
+    x, u = y[last], y[last + 1]
+    dx, du = loop[RATE] * (y[before] - x), loop[RATE] * (y[before + 1] - u)
+    size = math.hypot(x, u)
+    return (x * dx + u * du) / size, (x * du - u * dx) / (size * size)
+
+
+@njit(**OPTIONS)
+def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
+    """Where the scanner is sent [m], the rate of I, and whether the scanner is at an end of its range."""
+    error = shown(loop, y)[0] - loop[SETPOINT]
+    wanted = -(loop[KP] * error + y[INTEGRAL])
+    if loop[KD] != 0.0:
+        wanted -= loop[KD] * drift_of(loop, y)[0]
+    rate = loop[KI] * error + loop[RAMP]
+    below, above = wanted < loop[LOW], wanted > loop[HIGH]
+    if (below and rate > 0.0) or (above and rate < 0.0):
+        rate = 0.0
+    return min(max(wanted, loop[LOW]), loop[HIGH]), rate, below or above
+
+
+@njit(**OPTIONS)
+def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
+    """Let the lock-in's filters run for a time during which a stays: a cascade of equal filters has a closed form."""
+    s = loop[RATE] * time
+    decay = math.exp(-s)
+    for part in range(2):
+        a = y[AMP + part]
+        for j in range(int(loop[ORDER]) - 1, -1, -1):
+            away, weight = 0.0, 1.0
+            for i in range(j, -1, -1):
+                away += weight * (y[FILTERS + 2 * i + part] - a)
+                weight *= s / (j - i + 1)
+            y[FILTERS + 2 * j + part] = a + decay * away
+
+
+@njit(**OPTIONS)
+def move_scanner(loop: np.ndarray, y: np.ndarray, to: float, time: float) -> None:
+    """Let the scanner run for a time towards a command that stays."""
+    if loop[SPRING] == 0.0:
+        y[PLACE] = to
+        return
+    half = 0.5 * loop[LOSS]
+    x, v = y[PLACE] - to, y[SPEED]
+    square = loop[SPRING] - half * half
+    decay = math.exp(-half * time)
+    if square > 0.0:
+        w = math.sqrt(square)
+        c, s = math.cos(w * time), math.sin(w * time) / w
+    else:
+        w = math.sqrt(-square)
+        c, s = math.cosh(w * time), math.sinh(w * time) / w if w > 0.0 else time
+    y[PLACE] = to + decay * (x * c + (v + half * x) * s)
+    y[SPEED] = decay * (v * c - (half * v + loop[SPRING] * x) * s)

@@ -1,0 +1,85 @@
+"""From a control in SI units to the numbers of the loop that the kernels read, in lengths and tau."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels.scanning import loop as of
+from phasemap.control import Feedback
+from phasemap.errors import InputError
+from phasemap.microscope import Microscope
+
+Array = np.ndarray
+
+BOLTZMANN = 1.380649e-23  # J/K, exact
+FEWEST_PERIODS = 5.0  # over a pixel: fewer say nothing about it
+WIDEST = 0.2  # of the drive frequency: a lock-in as wide passes the oscillation itself
+
+
+def drive_frequency(scope: Microscope) -> float:
+    """Frequency of the drive [Hz]."""
+    return scope.frequency_ratio * scope.cantilever.resonance_frequency
+
+
+def check(control: Feedback, scope: Microscope, pixels: int) -> None:
+    """Refuse what cannot work with this lever and this many pixels a line.
+
+    Raises
+    ------
+    InputError
+        If a pixel has fewer than 5 periods, or lock-in, scanner or gains are too fast for the drive.
+    """
+    frequency = drive_frequency(scope)
+    if control.dwell(pixels) * frequency < FEWEST_PERIODS:
+        most = control.dwell(pixels) * control.line_rate * frequency / FEWEST_PERIODS
+        raise InputError(
+            "line_rate", control.line_rate, f"at most {most:.3g} Hz for {pixels} pixels a line at {frequency:.4g} Hz",
+            f"Each pixel needs {FEWEST_PERIODS:g} periods of the drive.",
+        )  # fmt: skip
+    for name in ("bandwidth", "scanner_resonance"):
+        value = getattr(control, name)
+        if value is not None and value > WIDEST * frequency:
+            raise InputError(name, value, f"at most {WIDEST * frequency:.4g} Hz, a fifth of the drive frequency")
+    if control.integral_gain is not None and control.integral_gain > frequency:
+        hint = "The controller acts once a period and would then move by more than the error."
+        raise InputError("integral_gain", control.integral_gain, f"at most {frequency:.4g} 1/s", hint)
+
+
+def loop_of(
+    control: Feedback, scope: Microscope, amplitude: float, temperature: float = 0.0, detector_noise: float = 0.0
+) -> Array:
+    """The loop's numbers; gains that are to be tuned are 0.
+
+    Parameters
+    ----------
+    control : Feedback
+    scope : Microscope
+    amplitude : float
+        At the setpoint [m].
+    temperature : float
+        Of the lever's own noise [K].
+    detector_noise : float
+        One-sided density of the deflection signal's noise [m/sqrt(Hz)].
+
+    Returns
+    -------
+    ndarray, shape (LOOP,)
+    """
+    tau = 2 * math.pi * scope.cantilever.resonance_frequency  # per second
+    loop = np.zeros(of.LOOP)
+    loop[of.SETPOINT] = amplitude
+    loop[of.KP], loop[of.KI] = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
+    loop[of.KD] = control.derivative_gain * tau
+    # Of n equal filters in a row each is wider than all together.
+    loop[of.RATE] = 2 * math.pi * control.bandwidth / math.sqrt(2 ** (1 / control.order) - 1) / tau
+    loop[of.ORDER] = control.order
+    if control.scanner_resonance is not None:
+        w = 2 * math.pi * control.scanner_resonance / tau
+        loop[of.SPRING], loop[of.LOSS] = w * w, w / control.scanner_quality
+    loop[of.HIGH] = math.inf if control.scanner_range is None else control.scanner_range / 2
+    loop[of.LOW] = -loop[of.HIGH]
+    loop[of.THERMAL] = BOLTZMANN * temperature / scope.cantilever.stiffness
+    loop[of.DETECTOR] = detector_noise**2 * tau
+    return loop

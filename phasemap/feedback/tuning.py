@@ -1,0 +1,176 @@
+"""Gains as an operator finds them: raised until the loop rings, and then taken back.
+
+The loop is made linear about every stable orbit that the materials of a scene have at the setpoint, slow flow, lock-in,
+controller and scanner together. It rings where an eigenvalue of that system comes to the imaginary axis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from phasemap._kernels.approach import averaged_orbits
+from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA
+from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.quick import parameters
+from phasemap._kernels.scanning import loop as of
+from phasemap._kernels.scanning.flow import rates
+from phasemap.control import Feedback
+from phasemap.errors import InputError
+from phasemap.feedback.loop import loop_of
+from phasemap.microscope import Microscope
+from phasemap.work import Work
+
+Array = np.ndarray
+Jacobians = tuple[Array, Array, Array]
+
+BACK = 2.5  # by which gains are taken back from where the loop rings: 8 dB
+MOST = 48  # materials that are looked at
+RESETS = np.geomspace(0.03, 3.0, 9)  # Kp/Ki that are tried, in decay times of lever and lock-in
+LOUDEST = 1e3  # Kp at which the search ends
+MOST_MARGIN = 1e6  # that is told from infinity
+NUDGE = 1e-6  # of the amplitude, for derivatives
+
+
+def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
+    """Find gains, where the control leaves them open.
+
+    The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
+    proportional to integral gain.
+
+    Parameters
+    ----------
+    control : Feedback
+    scope : Microscope
+    work : Work
+        The scene's materials at the setpoint.
+
+    Returns
+    -------
+    Feedback
+        With both gains.
+
+    Raises
+    ------
+    InputError
+        If no material has a stable orbit at the setpoint.
+    """
+    if control.integral_gain is not None:
+        return control
+    system = _linear(control, scope, work)
+    if not len(system[0]):
+        raise InputError(
+            "integral_gain", None, "gains of one's own where no material has a stable averaged orbit at the setpoint"
+        )
+    tau = 2 * math.pi * scope.cantilever.resonance_frequency
+    loop = loop_of(control, scope, 1.0)
+    slowest = 1 / work.lever[ALPHA0] + control.order / loop[of.RATE]
+    best = 0.0, 0.0
+    for reset in RESETS * slowest:
+        integral = _limit(system, reset, 1.0, LOUDEST / reset) / BACK
+        if integral > best[1]:
+            best = integral * reset, integral
+    return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * tau))
+
+
+def margin(control: Feedback, scope: Microscope, work: Work) -> float:
+    """By what factor both gains could be raised before the loop rings; below 1 it does. NaN where nothing is known."""
+    system = _linear(control, scope, work)
+    tau = 2 * math.pi * scope.cantilever.resonance_frequency
+    proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
+    if not len(system[0]) or proportional == integral == 0.0:
+        return math.nan
+    return _limit(system, proportional, integral, MOST_MARGIN)
+
+
+def _limit(system: Jacobians, proportional: float, integral: float, highest: float) -> float:
+    """The largest factor on both gains, up to `highest`, at which all materials are stable, to 1 %."""
+    low = high = highest
+    while not _stable(system, low * proportional, low * integral):
+        high, low = low, 0.1 * low
+        if low < 1e-12 * highest:
+            return 0.0
+    while high > 1.01 * low:
+        middle = math.sqrt(low * high)
+        if _stable(system, middle * proportional, middle * integral):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _stable(system: Jacobians, proportional: float, integral: float) -> bool:
+    """Whether every eigenvalue of every material is on the left."""
+    still, by_proportional, by_integral = system
+    values = np.linalg.eigvals(still + proportional * by_proportional + integral * by_integral)
+    return bool((values.real < 0).all())
+
+
+def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
+    """Jacobians of the loop at all stable orbits: without gains, and what a unit of each gain adds; (n, m, m) each."""
+    parts: list[tuple[Array, ...]] = []
+    valid = np.flatnonzero(work.refused() == GOOD)
+    for i in valid[:: max(1, len(valid) // MOST)]:
+        p, amplitude = parameters(work.rows[i]), float(work.amplitudes[i])
+        for orbit in averaged_orbits(work.law, p, work.lever, amplitude):
+            loop = loop_of(replace(control, proportional_gain=0.0, integral_gain=0.0), scope, amplitude)
+            loop[of.LOW], loop[of.HIGH] = -math.inf, math.inf
+            state, mean = _steady(work, loop, orbit)
+            gains = []
+            for proportional, integral in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
+                loop[of.KP], loop[of.KI] = proportional, integral
+                gains.append(_jacobian(work, p, loop, state, mean))
+            still = gains[0]
+            lever = still[of.AMP : of.AMP + 2, of.AMP : of.AMP + 2]
+            lifted = (
+                still[of.AMP : of.AMP + 2, of.PLACE] if loop[of.SPRING] else -still[of.AMP : of.AMP + 2, of.INTEGRAL]
+            )
+            rising = np.linalg.solve(lever, -lifted) @ state[of.AMP : of.AMP + 2]
+            # The feedback holds an orbit that is stable and whose amplitude grows with distance.
+            if (np.linalg.eigvals(lever).real < 0).all() and rising > 0:
+                kept = _moving(loop)
+                still, first, second = (jacobian[np.ix_(kept, kept)] for jacobian in gains)
+                parts.append((still, first - still, second - still))
+    if not parts:
+        empty = np.zeros((0, 1, 1))
+        return empty, empty, empty
+    still, first, second = (np.array(part) for part in zip(*parts, strict=True))
+    return still, first, second
+
+
+def _moving(loop: Array) -> Array:
+    """Entries of the state that move."""
+    still = () if loop[of.SPRING] else (of.PLACE, of.SPEED)
+    return np.array([j for j in range(of.used(loop)) if j not in still])
+
+
+def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
+    """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and the mean deflection."""
+    z0, mean, amplitude, push, drag = orbit
+    omega, alpha0 = work.lever[OMEGA], work.lever[ALPHA0]
+    a = amplitude * np.exp(
+        -1j * math.atan2(2 * alpha0 * omega * amplitude - drag, push + amplitude * (1 - omega * omega))
+    )
+    state = np.zeros(of.STATE)
+    state[of.AMP : of.AMP + 2] = a.real, a.imag
+    state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag
+    state[of.INTEGRAL], state[of.PLACE] = -z0, z0
+    return state, float(mean)
+
+
+def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean: float) -> Array:
+    """Central differences of the loop's rates."""
+    reach, size = reach_of(work.law, p), NUDGE * loop[of.SETPOINT]
+    out = np.zeros((of.STATE, of.STATE))
+    rate = np.zeros(of.STATE)
+    for j in range(of.STATE):
+        for sign in (1.0, -1.0):
+            there = state.copy()
+            there[j] += sign * size
+            guess = mean
+            for _ in range(3):  # the mean deflection settles at once
+                guess = rates(work.law, p, work.lever, reach, loop, 0.0, there, guess, rate)
+            out[:, j] += sign * rate / (2 * size)
+    return out
