@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from phasemap.material import Material
     from phasemap.microscope import Cantilever, Drive, Microscope, Tip
     from phasemap.pixel import Pixel, orbits, solve_pixel
+    from phasemap.realism import Realism, TipChange
     from phasemap.scan import simulate
     from phasemap.scene import load_scene
     from phasemap.status import Status
@@ -35,6 +36,7 @@ _NAMES = {
     "material": ("Material",),
     "microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
     "pixel": ("Pixel", "orbits", "solve_pixel"),
+    "realism": ("Realism", "TipChange"),
     "scan": ("simulate",),
     "scene": ("load_scene",),
     "status": ("Status",),
@@ -46,8 +48,8 @@ _MODULES = ("generate", "plot")
 
 __all__ = [
     "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
-    "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "SolveError", "Status", "Surface", "Tip",
-    "fit_distance", "fit_frequency", "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate",
+    "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "SolveError", "Status", "Surface", "Tip",
+    "TipChange", "fit_distance", "fit_frequency", "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate",
     "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
 ]  # fmt: skip
 

@@ -57,6 +57,15 @@ class Canvas:
                 value = value + self._surface.topography.reshape(-1)[pixels]
             self._arrays[name][direction, pixels] = value
 
+    def part(self, surface: Surface, rows: slice) -> Canvas:
+        """Rows of this canvas, to be filled as an image of their own; `surface` has just these rows."""
+        part = Canvas(surface, (), self._directions)
+        first, last, _ = rows.indices(self._surface.shape[0])
+        pixels = slice(first * surface.shape[1], last * surface.shape[1])
+        part.names, part.notes = self.names, self.notes
+        part._arrays = {name: array[:, pixels] for name, array in self._arrays.items()}
+        return part
+
     def image(self) -> xr.Dataset:
         """The image as a Dataset that shares the arrays."""
         import xarray as xr

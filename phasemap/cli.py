@@ -280,6 +280,8 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
     print(f"solver      {scene.options['solver']}")
+    if realism := str(scene.options["realism"]):
+        print(f"realism     {realism}")
 
 
 def _print_summary(scene: Scene, image: xr.Dataset) -> None:

@@ -174,4 +174,6 @@ def describe(thing: Any) -> Any:
     if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
         fields = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
         return {"kind": type(thing).__name__.lower(), **fields}
+    if isinstance(thing, tuple):
+        return [describe(one) for one in thing]
     return thing if thing is None or isinstance(thing, (bool, int, float, str)) else getattr(thing, "name", str(thing))

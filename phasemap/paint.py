@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from phasemap.canvas import PENDING, Canvas
 from phasemap.control import Control
 from phasemap.distinct import BLOCK, Distinct, count_distinct
 from phasemap.microscope import Microscope
+from phasemap.realism import Realism
 from phasemap.solvers import Solver
 from phasemap.surface import Surface
 from phasemap.work import Work, properties, work_of
@@ -53,6 +54,8 @@ class Job:
     workers : int
         Threads.
     progress : callable, optional
+    realism : Realism
+        Its drift is in the surface already; what comes after the scan is no concern of a painter.
     """
 
     surface: Surface
@@ -63,6 +66,7 @@ class Job:
     accuracy: Accuracy
     workers: int
     progress: Progress | None
+    realism: Realism = field(default_factory=Realism)
 
     @property
     def pixels(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from phasemap.dataset import check_variables, describe, provenance, variables_of
 from phasemap.errors import InputError, SolveError
 from phasemap.microscope import Microscope
 from phasemap.paint import Job, paint
+from phasemap.realism import Realism, check_realism, drifted, finish, rows_of, scopes_by_row
 from phasemap.solvers import by_name
 from phasemap.status import Status
 from phasemap.surface import Surface
@@ -38,6 +40,7 @@ def simulate(
     control: Control | None = None,
     accuracy: Accuracy | None = None,
     *,
+    realism: Realism | None = None,
     variables: Iterable[str] | None = None,
     strict: bool = False,
     progress: Progress | None = None,
@@ -59,6 +62,8 @@ def simulate(
         How the controller comes to the setpoint; every pixel is engaged anew from far by default.
     accuracy : Accuracy, optional
         Largest error against the exact orbit, for "auto".
+    realism : Realism, optional
+        What a real microscope adds: noise, drift, offsets of lines, a change of the tip, quantisation; none by default.
     variables : iterable of str, optional
         Which variables to return, all by default; `status` always comes along.
     strict : bool
@@ -110,24 +115,40 @@ def simulate(
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in _PAINTERS))
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
+    realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     names = check_variables(variables, variables_of(control))
+    surface = drifted(surface, realism.drift)
     method = by_name(solver)
     canvas = Canvas(surface, names, control.directions)
-    job = Job(surface, scope, setpoint * scope.free_amplitude, control, method, accuracy, workers_of(threads), progress)
-    distinct = _PAINTERS[type(control)](job, canvas)
+    amplitude, workers = setpoint * scope.free_amplitude, workers_of(threads)
+    distinct = _paint(Job(surface, scope, amplitude, control, method, accuracy, workers, progress, realism), canvas)
     if strict:
         _refuse_failures(canvas.status.reshape(-1, *surface.shape))
     solved = time.perf_counter() - started
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
-        "accuracy": describe(accuracy), "shape": list(surface.shape), "pixel_size": list(surface.pixel_size),
+        "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
+        "pixel_size": list(surface.pixel_size),
     }  # fmt: skip
     image = canvas.image()
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs["modelled"] = "; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None))
     image.attrs["distinct_materials"] = distinct
     image.attrs["seconds"] = round(solved, 6)
-    return image
+    return finish(image, realism)
+
+
+def _paint(job: Job, canvas: Canvas) -> int:
+    """Fill the canvas; without time, the lines before and after a change of the tip are images of their own."""
+    painter = _PAINTERS[type(job.control)]
+    blocks = scopes_by_row(job.realism, job.scope, job.surface.shape[0])
+    if len(blocks) == 1 or job.control.in_time:
+        return painter(job, canvas)
+    distinct = 0
+    for rows, scope in blocks:
+        part = rows_of(job.surface, rows)
+        distinct += painter(replace(job, surface=part, scope=scope), canvas.part(part, rows))
+    return distinct
 
 
 def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:

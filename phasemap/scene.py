@@ -1,9 +1,9 @@
 """Scenes: one TOML file that says everything a simulation needs.
 
 The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scene_surface`), ``[materials.NAME]``,
-``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind), ``[accuracy]`` and ``[output]``
-(file, variables). Keys are the arguments of the Python objects of the same name, in SI units; nothing unknown is passed
-over.
+``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind), ``[accuracy]``, ``[realism]`` and
+``[output]`` (file, variables). Keys are the arguments of the Python objects of the same name, in SI units; nothing
+unknown is passed over.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from phasemap.errors import FileError, InputError
 from phasemap.interaction import Interaction
 from phasemap.material import Material
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.realism import Realism, TipChange, check_realism
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +37,10 @@ T = TypeVar("T")
 Table = dict[str, Any]
 
 CONTROLS: dict[str, type[Control]] = {"engage": Engage, "feedback": Feedback}
-TABLES = ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "output")
+TABLES = (
+    "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
+    "output",
+)  # fmt: skip
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
 
@@ -58,7 +62,7 @@ class Scene:
     surface : Surface
     microscope : Microscope
     options : mapping
-        The further arguments of `phasemap.simulate`: setpoint, solver, control, accuracy, variables.
+        The further arguments of `phasemap.simulate`: setpoint, solver, control, accuracy, realism, variables.
     output : Path or None
         The file that ``[output]`` names, relative to the scene's folder.
     config : mapping
@@ -288,7 +292,7 @@ def _value(text: str) -> Any:
 def _build(tables: Table, folder: Path) -> Scene:
     """Make the objects of every table."""
     from phasemap.dataset import check_variables, describe, variables_of
-    from phasemap.scene_surface import build_surface
+    from phasemap.scene_surface import build_surface, dilate
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     setpoint, scan = _scan(_table(tables, "scan"))
@@ -308,6 +312,8 @@ def _build(tables: Table, folder: Path) -> Scene:
     construct("[output]", {"variables": variables}, check_variables, known=variables_of(control))
     materials = _materials(tables)
     surface, files = build_surface(_table(tables, "surface"), materials, folder)
+    surface = dilate(tables["surface"], surface, microscope.tip)
+    realism = _realism(_table(tables, "realism"), control, surface.shape[0])
     config = {
         "scan": scan,
         "surface": tables["surface"],
@@ -315,6 +321,7 @@ def _build(tables: Table, folder: Path) -> Scene:
         **dataclasses.asdict(microscope),
         "control": describe(control),
         "accuracy": dataclasses.asdict(accuracy),
+        "realism": dataclasses.asdict(realism),
         "files": files,
     }
     options = {
@@ -322,6 +329,7 @@ def _build(tables: Table, folder: Path) -> Scene:
         "solver": scan["solver"],
         "control": control,
         "accuracy": accuracy,
+        "realism": realism,
         "variables": variables,
     }
     return Scene(surface, microscope, options, folder / file if file else None, config)
@@ -342,6 +350,14 @@ def _microscope(tables: Table) -> Microscope:
     """The microscope of the tables for its parts."""
     lever, tip = _object(tables, "cantilever", Cantilever), _object(tables, "tip", Tip)
     return Microscope(lever, tip, _object(tables, "drive", Drive), _object(tables, "interaction", Interaction))
+
+
+def _realism(table: Table, control: Control, lines: int) -> Realism:
+    """The realism of its table, which has one of its own for a change of the tip."""
+    if "tip_change" in table:
+        table = {**table, "tip_change": _from_table("[realism.tip_change]", table["tip_change"], TipChange)}
+    realism = _from_table("[realism]", table, Realism)
+    return construct("[realism]", {"realism": realism}, check_realism, control=control, lines=lines)
 
 
 def _materials(tables: Table) -> dict[str, Material]:

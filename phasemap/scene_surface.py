@@ -13,6 +13,9 @@
 A map is written as rows of numbers, as the name of a ``.npy``, ``.csv``, ``.txt`` or ``.nc`` file, as
 ``{ file = "maps.nc", variable = "E" }``, or as a generated field, ``{ generator = "roughness", ... }``. Files are
 relative to the scene's folder; ``"package:NAME/path"`` is a file that an installed package brings along.
+
+With ``dilate = true`` every surface is seen with a tip of finite size, as `phasemap.Surface.dilated` makes it;
+``half_angle`` is that of its cone [degree].
 """
 
 from __future__ import annotations
@@ -32,11 +35,13 @@ from phasemap.material import Material
 if TYPE_CHECKING:
     import numpy as np
 
+    from phasemap.microscope import Tip
     from phasemap.surface import Surface
 
-__all__ = ["build_surface"]
+__all__ = ["build_surface", "dilate"]
 
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
+DILATION = ("dilate", "half_angle")  # keys of `dilate`; the makers of surfaces pass them over
 
 
 def build_surface(
@@ -81,7 +86,7 @@ def build_surface(
     kind = table["kind"]
     check_choice("[surface] kind", kind, ["labels", "maps", "measured", *generators])
     files = _Files(folder)
-    arguments = {key: value for key, value in table.items() if key != "kind"}
+    arguments = {key: value for key, value in table.items() if key not in ("kind", *DILATION)}
     if kind == "maps":
         surface = _from_maps(arguments, files)
     elif kind == "measured":
@@ -89,6 +94,37 @@ def build_surface(
     else:
         surface = _from_labels(arguments, materials, files, generators.get(kind))
     return surface, files.digests
+
+
+def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
+    """See the surface with a tip of finite size if its ``[surface]`` table asks for that.
+
+    Parameters
+    ----------
+    table : mapping
+        The table, with the keys dilate and half_angle if there are any.
+    surface : Surface
+    tip : Tip
+
+    Returns
+    -------
+    Surface
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed, or there is a half angle and nothing to dilate.
+    """
+    from phasemap.scene import construct
+
+    wanted = table.get("dilate", False)
+    if not isinstance(wanted, bool):
+        raise InputError("[surface] dilate", wanted, "true or false")
+    if wanted:
+        return construct("[surface]", {"half_angle": table.get("half_angle")}, surface.dilated, tip=tip)
+    if "half_angle" in table:
+        raise InputError("[surface] half_angle", table["half_angle"], "given only with dilate = true")
+    return surface
 
 
 class _Files:

@@ -20,6 +20,8 @@ from phasemap.material import Material
 if TYPE_CHECKING:
     import xarray as xr
 
+    from phasemap.microscope import Tip
+
 __all__ = ["Surface"]
 
 FloatArray = NDArray[np.float64]
@@ -360,6 +362,31 @@ class Surface:
         fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
         columns = [column.reshape(-1)[pixels] for column in fields if column is not None]
         return np.column_stack(columns)
+
+    def dilated(self, tip: Tip, half_angle: float | None = None) -> Surface:
+        """Return the surface as a tip of finite size meets it: steps and particles look wider, pits narrower.
+
+        Parameters
+        ----------
+        tip : Tip
+            A sphere of its radius that goes over into a cone.
+        half_angle : float, optional
+            Of that cone [degree]; 20 by default.
+
+        Returns
+        -------
+        Surface
+            Its topography is the height of the apex, its materials are those of the points touched. See
+            `phasemap.dilation.dilated`.
+
+        Raises
+        ------
+        InputError
+            If `half_angle` is not above 0 and below 90.
+        """
+        from phasemap.dilation import HALF_ANGLE, dilated
+
+        return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
 
     def __eq__(self, other: object) -> bool:
         """Whether both have the same values everywhere; where both have NaN they agree."""

@@ -17,6 +17,7 @@ from phasemap.errors import FileError, InputError
 from phasemap.interaction import Interaction
 from phasemap.material import Material
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.realism import Realism
 from phasemap.scene import Scene, load_scene
 from phasemap.surface import Surface
 
@@ -65,6 +66,7 @@ def test_a_scene_says_what_python_says(tmp_path: Path) -> None:
         "solver": "auto",
         "control": Engage(),
         "accuracy": Accuracy(),
+        "realism": Realism(),
         "variables": None,
     }
     assert made.output is None
@@ -108,7 +110,6 @@ def test_every_table_is_read(tmp_path: Path) -> None:
         ("drive.frequency=-3", r"\[drive\] frequency is -3; allowed: a finite number above 0 Hz"),
         ("interaction.contact=hertzz", r"\[interaction\] contact is 'hertzz'; allowed: one of hertz, dmt"),
         ("accuracy.phase=0", r"\[accuracy\] phase is 0; allowed: a finite number above 0"),
-        ("control.kind=raster", r"\[control\] kind is 'raster'; allowed: one of engage\."),
         ("control.gain=1", r"\[control\] gain is unknown"),
         ("output.file=3", r"\[output\] file is 3; allowed: a file name"),
         ('output.variables=["phases"]', r"\[output\] variables is 'phases'; allowed: names out of height, phase"),

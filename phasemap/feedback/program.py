@@ -36,8 +36,7 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     >>> program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0)[:, [of.GROUND, of.SLOPE, of.PIXEL]].tolist()[:4]
     [[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [2.0, 2.0, 1.0], [4.0, 0.0, 1.0]]
     """
-    nx = len(ground)
-    edges = np.concatenate([ground[:1], 0.5 * (ground[1:] + ground[:-1]), ground[-1:]])
+    nx, edges = len(ground), _edges(ground)
     there = np.zeros((2 * nx, of.PROGRAM))
     there[:, of.SPAN] = 0.5 * dwell
     there[:, of.MATERIAL] = np.repeat(materials, 2)
@@ -55,3 +54,20 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
         left, right = ([[half, materials[i], ground[i], 0.0, -1.0]] for i in (0, -1))
         parts = [np.array(left), there, np.array(2 * right), back, np.array(left)]
     return np.concatenate(parts)
+
+
+def mean_ground(ground: Array) -> Array:
+    """Height [m] over which the tip passes in each pixel, on average.
+
+    Examples
+    --------
+    >>> mean_ground(np.array([0.0, 8.0, 8.0])).tolist()
+    [1.0, 7.0, 8.0]
+    """
+    edges = _edges(ground)
+    return np.asarray(0.25 * edges[:-1] + 0.5 * ground + 0.25 * edges[1:])
+
+
+def _edges(ground: Array) -> Array:
+    """Height at the pixels' edges."""
+    return np.concatenate([ground[:1], 0.5 * (ground[1:] + ground[:-1]), ground[-1:]])

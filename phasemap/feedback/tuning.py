@@ -162,7 +162,7 @@ def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean: float) -> Array:
     """Central differences of the loop's rates."""
-    reach, size = reach_of(work.law, p), NUDGE * loop[of.SETPOINT]
+    reach, size, bulge = reach_of(work.law, p), NUDGE * loop[of.SETPOINT], (0.0, 0.0)  # of no weight for ringing
     out = np.zeros((of.STATE, of.STATE))
     rate = np.zeros(of.STATE)
     for j in range(of.STATE):
@@ -171,6 +171,6 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean:
             there[j] += sign * size
             guess = mean
             for _ in range(3):  # the mean deflection settles at once
-                guess = rates(work.law, p, work.lever, reach, loop, 0.0, there, guess, rate)
+                guess = rates(work.law, p, bulge, work.lever, reach, loop, 0.0, there, guess, 0j, rate)
             out[:, j] += sign * rate / (2 * size)
     return out

@@ -1,7 +1,7 @@
 """The full equation of motion under the loop, period by period.
 
-While a period passes, the scanner stays and so does the ground under the tip. The lock-in takes in the first harmonic
-of that period, and the controller sends the scanner on at its end.
+While a period passes, the scanner stays, and the ground under the tip is that at its middle. The lock-in takes in the
+first harmonic of that period, and the controller sends the scanner on at its end.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ from phasemap._kernels.scanning.loop import (
     shown,
 )
 
-# Entries of a beat's memory: size of the march's steps; time [tau] by which the last period went beyond what was asked.
-ETA, AHEAD = 0, 1
+# Entries of a beat's memory: size of the march's steps; how much later [tau] than the end of what was asked the next
+# period begins; Z, R and phase of the last one.
+ETA, AHEAD, OF_PLACE, OF_AMPLITUDE, OF_PHASE, MEMORY = 0, 1, 2, 3, 4, 5
 
 
 class Beat(NamedTuple):
@@ -49,7 +50,18 @@ class Beat(NamedTuple):
 @njit(**OPTIONS)
 def new_beat(eta: float) -> Beat:
     """Return one at rest, to be marched in steps of this size."""
-    return Beat(np.zeros(STATE), np.zeros(3), np.zeros(7), np.array([eta, 0.0]))
+    memory = np.zeros(MEMORY)
+    memory[ETA] = eta
+    return Beat(np.zeros(STATE), np.zeros(3), np.zeros(7), memory)
+
+
+@njit(**OPTIONS)
+def _collect(memory: np.ndarray, time: float, tally: np.ndarray) -> None:
+    """Count so much of the last period."""
+    tally[TIME] += time
+    tally[SUM_PLACE] += time * memory[OF_PLACE]
+    tally[SUM_AMPLITUDE] += time * memory[OF_AMPLITUDE]
+    tally[SUM_PHASE] += time * memory[OF_PHASE]
 
 
 @njit(**OPTIONS)
@@ -67,31 +79,33 @@ def beat_on(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
     beat: Beat, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Let the periods pass that begin within a time `span`, over ground as in `flow_on`; returns a status."""
+    """Let the periods pass whose middle is within a time `span`, over ground as in `flow_on`; returns a status."""
     y, memory = beat.y, beat.memory
     period = 2.0 * math.pi / lever[col.OMEGA]
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
     at = memory[AHEAD]
-    while at < span:
-        z0 = y[PLACE] - ground - slope * at
+    if at > 0.0:
+        _collect(memory, min(at, span), tally)
+    while at + 0.5 * period < span:
+        z0 = y[PLACE] - ground - slope * (at + 0.5 * period)
         if march_period(law, row, lever, z0, memory[ETA], beat.tip, beat.sums) < 0:
             return col.DIVERGED
         y[AMP], y[AMP + 1] = beat.sums[0], -beat.sums[1]
         if noisy:
             _shake(lever, loop, period, noise, beat)
+        amplitude, phase = shown(loop, y)
         filter_for(loop, y, period)
-        place = y[PLACE]
+        amplitude_after, phase_after = shown(loop, y)
+        memory[OF_PLACE] = y[PLACE]
+        memory[OF_AMPLITUDE] = 0.5 * (amplitude + amplitude_after)
+        memory[OF_PHASE] = 0.5 * (phase + phase_after)
         to, rate, stopped = command(loop, y)
         y[INTEGRAL] += rate * period
         to, _, _ = command(loop, y)
         move_scanner(loop, y, to, period)
-        amplitude, phase = shown(loop, y)
-        tally[TIME] += period
-        tally[SUM_PLACE] += period * place
-        tally[SUM_AMPLITUDE] += period * amplitude
-        tally[SUM_PHASE] += period * phase
         if stopped:
             tally[STOPPED] = 1.0
+        _collect(memory, min(at + period, span) - max(at, 0.0), tally)
         at += period
     memory[AHEAD] = at - span
     return col.GOOD

@@ -20,6 +20,7 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,
     DETECTOR,
@@ -56,7 +57,7 @@ _WHEN = _A.sum(axis=1)
 STAGES = 4
 
 # Entries of a flow's memory.
-STEP, MEAN = 0, 1
+STEP, SHIFT = 0, 1
 
 
 class Flow(NamedTuple):
@@ -76,10 +77,14 @@ def new_flow() -> Flow:
 
 @njit(**OPTIONS)
 def rates(
-    law: Law, p: tuple[float, ...], lever: np.ndarray, reach: float, loop: np.ndarray, ground: float, y: np.ndarray,
-    mean: float, out: np.ndarray,
+    law: Law, p: tuple[float, ...], bulge: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
+    ground: float, y: np.ndarray, shift: float, bend: complex, out: np.ndarray,
 ) -> float:  # fmt: skip
-    """Fill `out` with dy/dtau over a ground of this height [m]; takes and returns the mean deflection [m]."""
+    """Fill `out` with dy/dtau over a ground of this height [m].
+
+    `bulge` is kappa of an attractive and a repulsive P. Takes and returns by how much [m] mean deflection and harmonics
+    carry the tip towards the ground.
+    """
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
     a = complex(y[AMP], y[AMP + 1])
     size = max(abs(a), FAINTEST * loop[SETPOINT])
@@ -90,16 +95,22 @@ def rates(
         place = y[PLACE]
         out[PLACE] = y[SPEED]
         out[SPEED] = loop[SPRING] * (to - place) - loop[LOSS] * y[SPEED]
-    push, drag, mean = harmonics(law, p, lever, reach, size, (place - ground - mean) / size)
+    # The controller acts once a period: the scanner is where it was sent half a period ago, on average.
+    place -= math.pi / omega * _speed_of(loop, y, out)
+    push, drag, mean = harmonics(law, p, lever, reach, size, (place - ground - shift) / size)
     drive = lever[col.BASE] - complex(1.0 - omega * omega, 2.0 * alpha0 * omega) * a
-    da = (drive - complex(push, -drag) * a / size) / (2.0 * complex(alpha0, omega))
+    inertia = 2.0 * complex(alpha0, omega)
+    force = complex(push, -drag) * a / size
+    da = (drive - force) / inertia
+    # Of second order: the amplitude is highest, and the tip nearest, later by A'/(A omega^2) while it grows; and a''.
+    da += (force * complex(0.0, (da * a.conjugate()).real / (size * size * omega)) - bend) / inertia
     out[AMP], out[AMP + 1] = da.real, da.imag
     for part in range(2):
         before = y[AMP + part]
         for j in range(FILTERS + part, used(loop), 2):
             out[j] = loop[RATE] * (before - y[j])
             before = y[j]
-    return mean
+    return mean + push * (bulge[REPELLED] if push > 0.0 else bulge[ATTRACTED])
 
 
 @njit(**OPTIONS)
@@ -159,8 +170,8 @@ def _shake(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Gener
 
 @njit(**OPTIONS)
 def flow_on(
-    law: Law, p: tuple[float, ...], lever: np.ndarray, reach: float, loop: np.ndarray, ground: float, slope: float,
-    span: float, flow: Flow, tally: np.ndarray, noise: np.random.Generator,
+    law: Law, p: tuple[float, ...], bulge: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
+    ground: float, slope: float, span: float, flow: Flow, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
     """Let a time `span` pass over ground that begins at a height [m] and rises by `slope`; returns a status."""
     y, k, trial, memory = flow
@@ -168,7 +179,8 @@ def flow_on(
     longest = NOISY / max(loop[RATE], lever[col.ALPHA0]) if noisy else math.inf
     if not memory[STEP] > 0.0:
         memory[STEP] = 0.1 / loop[RATE]
-    done, fresh = 0.0, True
+    done, fresh, bend = 0.0, True, 0.0j
+    period = 2.0 * math.pi / lever[col.OMEGA]
     for _ in range(MOST_STEPS):
         left = span - done
         h = min(memory[STEP], longest)
@@ -176,23 +188,28 @@ def flow_on(
         if last:
             h = left
         if fresh:
-            memory[MEAN] = rates(law, p, lever, reach, loop, ground + slope * done, y, memory[MEAN], k[0])
+            memory[SHIFT] = rates(
+                law, p, bulge, lever, reach, loop, ground + slope * done, y, memory[SHIFT], bend, k[0]
+            )
             fresh = False
-        mean = memory[MEAN]
+        shift = memory[SHIFT]
         for stage in range(1, STAGES):
             for j in range(used(loop)):
                 step = 0.0
                 for i in range(stage):
                     step += _A[stage, i] * k[i, j]
                 trial[j] = y[j] + h * step
-            mean = rates(law, p, lever, reach, loop, ground + slope * (done + _WHEN[stage] * h), trial, mean, k[stage])
+            below = ground + slope * (done + _WHEN[stage] * h)
+            shift = rates(law, p, bulge, lever, reach, loop, below, trial, shift, bend, k[stage])
+            if not noisy and _WHEN[stage] * h > period:
+                bend = complex(k[stage, AMP] - k[0, AMP], k[stage, AMP + 1] - k[0, AMP + 1]) / (_WHEN[stage] * h)
         error = _error(loop, flow, h)
         if error <= 1.0:
             _collect(loop, flow, h, 1.0, tally)
             _collect(loop, flow, h, -1.0, tally)
             y[:] = trial
             k[0] = k[STAGES - 1]
-            memory[MEAN], done = mean, done + h
+            memory[SHIFT], done = shift, done + h
             if noisy:
                 _shake(lever, loop, h, noise, y)
                 fresh = True

@@ -16,7 +16,8 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
 from phasemap._kernels.scanning.beat import Beat, beat_on
-from phasemap._kernels.scanning.flow import MEAN, STEP, Flow, flow_on
+from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
+from phasemap._kernels.scanning.flow import SHIFT, STEP, Flow, flow_on
 from phasemap._kernels.scanning.loop import (
     AMP,
     FILTERS,
@@ -44,6 +45,8 @@ from phasemap._kernels.scanning.loop import (
 # [m per tau], and the pixel to which it belongs (-1: none is recorded).
 SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 
+BULGE = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `bulge`
+
 APPROACH = 0.05  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
 CALM = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 LOOKS = 40  # at whether it has
@@ -66,8 +69,8 @@ def _advance_flow(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
     tip: Flow, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    p = parameters(row)
-    return flow_on(law, p, lever, reach_of(law, p), loop, ground, slope, span, tip, tally, noise)
+    p, bulge = parameters(row), (row[BULGE + ATTRACTED], row[BULGE + REPELLED])
+    return flow_on(law, p, bulge, lever, reach_of(law, p), loop, ground, slope, span, tip, tally, noise)
 
 
 @njit(**OPTIONS)
@@ -89,7 +92,7 @@ def _place(lever: np.ndarray, place: float, y: np.ndarray) -> None:
 @njit(**OPTIONS)
 def _rest_flow(lever: np.ndarray, place: float, tip: Flow) -> None:
     _place(lever, place, tip.y)
-    tip.memory[STEP] = tip.memory[MEAN] = 0.0
+    tip.memory[STEP] = tip.memory[SHIFT] = 0.0
 
 
 @njit(**OPTIONS)

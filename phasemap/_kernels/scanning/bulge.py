@@ -1,8 +1,9 @@
-"""How much higher the exact orbit lies than the averaged one.
+"""How far the lever's higher harmonics carry the tip while the surface pushes, for the slow flow.
 
 First-order averaging has the phase at a given amplitude within hundredths of a degree, but the tip offset off by some
-percent of the indentation, for the tip is slowed while it is in contact. A slow flow over a ground raised by that comes
-to rest where the exact orbit is.
+percent of the indentation: a short push excites harmonics n >= 2 as well, whose deflections P/(n^2 - 1) add up to 3/4 P
+at the time of contact and to less if that is longer. So an orbit with first harmonic P lies higher than its average by
+kappa P, and kappa, which hardly depends on P, is taken from the exact orbits at the setpoint.
 """
 
 from __future__ import annotations
@@ -16,29 +17,27 @@ from phasemap._kernels.approach import averaged_orbits, slope_of
 from phasemap._kernels.corrected import HEIGHT
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.quick import cheap_orbit, engage, new_room, parameters, refine
+from phasemap._kernels.quick import new_room, parameters, refine
+
+ATTRACTED, REPELLED = 0, 1
 
 
 @njit(**OPTIONS)
-def lifts(
+def bulges(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, first: int, last: int,
     out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Exact less averaged tip offset [m] of the rows [first, last); NaN where the cheap path finds none.
+    """Fill out, shape (n, 2), with kappa where P < 0 and where P > 0; NaN where the cheap path has no such orbit.
 
-    limits = (phase [rad], height [m]) are errors that may be left. Of several orbits the one on which the tip engages
-    counts where that is sure, and the nearest to the surface elsewhere.
+    limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
     room, guess = new_room(), np.zeros(6)
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
-        surety = engage(law, p, lever, amplitude, guess, room.top)
-        if cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room):
-            out[i] = room.state[HEIGHT] - guess[0]
-            continue
         for orbit in averaged_orbits(law, p, lever, amplitude):
             guess[:5] = orbit
             guess[5] = slope_of(law, p, lever, guess)
             if refine(law, p, lever, reach_of(law, p), guess, limits, room.nodes, room.state):
-                out[i] = room.state[HEIGHT] - guess[0]
+                side = REPELLED if guess[3] > 0.0 else ATTRACTED
+                out[i, side] = (room.state[HEIGHT] - guess[0]) / guess[3]

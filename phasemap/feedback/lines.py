@@ -1,0 +1,115 @@
+"""The lines of a scan: what passes under the tip, moved by one of the two engines, and what is recorded."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.scanning.beat import new_beat
+from phasemap._kernels.scanning.bulge import bulges
+from phasemap._kernels.scanning.flow import new_flow
+from phasemap._kernels.scanning.line import scan_line
+from phasemap.canvas import Canvas
+from phasemap.control import Feedback
+from phasemap.feedback.loop import loop_of
+from phasemap.feedback.program import mean_ground, program_of
+from phasemap.paint import Job
+from phasemap.realism import generator
+from phasemap.work import Work
+from phasemap.workers import spread
+
+Array = np.ndarray
+
+ETA = 0.7  # size of the march's steps: 2e-4 degree
+BULGES, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many of them at a time
+
+
+class Tip:
+    """The state that goes from pixel to pixel: the lever's, and the loop's with the range that engaging gave it."""
+
+    def __init__(self, engine: int) -> None:
+        self.state = new_flow() if engine == col.AVERAGING else new_beat(ETA)
+        self.loop: Array | None = None  # as long as it is not engaged
+
+
+class Lines:
+    """The lines of an image under one control and one tip.
+
+    Parameters
+    ----------
+    job : Job
+    control : Feedback
+        With gains.
+    work : Work
+        The distinct materials.
+    numbers : ndarray of int, shape (ny, nx)
+        Which of them each pixel has.
+    engine : int
+        Code of the solver that moves the tip.
+    canvas : Canvas
+        To be filled.
+    """
+
+    def __init__(self, job: Job, control: Feedback, work: Work, numbers: Array, engine: int, canvas: Canvas) -> None:
+        self.job, self.control, self.work, self.canvas, self.engine = job, control, work, canvas, engine
+        self.numbers = np.where(work.refused() == col.GOOD, np.arange(len(work)), -1)[numbers]
+        realism = job.realism
+        self.loop = loop_of(
+            control, job.scope, job.amplitude, realism.temperature or 0.0, realism.detector_noise or 0.0
+        )
+        tau = 2 * math.pi * job.scope.cantilever.resonance_frequency
+        self.dwell = control.dwell(job.surface.shape[1]) * tau
+        self.rows = _with_bulges(job, work) if engine == col.AVERAGING else work.rows
+
+    def scan(self, row: int, tip: Tip) -> None:
+        """Scan one line there and back, after engaging if the tip is not."""
+        nx = self.job.surface.shape[1]
+        topography = self.job.surface.topography
+        ground = np.zeros(nx) if topography is None else topography[row]
+        program = program_of(self.numbers[row], ground, self.dwell, self.control.overscan)
+        out, status = np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8)
+        noise = generator(self.job.realism.seed, f"lever, line {row}")
+        engaged = tip.loop is not None
+        loop = self.loop.copy() if tip.loop is None else tip.loop
+        law, lever = self.work.law, self.work.lever
+        done = scan_line(law, self.rows, lever, loop, program, engaged, tip.state, out, status, noise)
+        tip.loop = loop if done == col.GOOD else None
+        self._put(row, out, status, ground)
+
+    def _put(self, row: int, out: Array, status: Array, ground: Array) -> None:
+        """Turn what was recorded along a line into variables of its pixels."""
+        nx, job = len(ground), self.job
+        stiffening = job.scope.base_amplitude * np.sin(out[:, col.PHASE]) / out[:, col.AMPLITUDE]
+        out[:, col.STIFFENING] = stiffening - 1 + job.scope.frequency_ratio**2
+        place = out[:, col.TIP_OFFSET].copy()
+        out[:, col.TIP_OFFSET] -= np.tile(mean_ground(ground), 2)
+        values = self.canvas.values(out, status, np.full(2 * nx, self.engine, np.int8))
+        if "height" in values:  # what the scanner does, whatever the amplitude; `put` adds the topography
+            values["height"] = place - np.tile(ground, 2) - job.amplitude
+        for direction in range(2):
+            part = slice(direction * nx, (direction + 1) * nx)
+            some = {name: value[part] for name, value in values.items()}
+            self.canvas.put(slice(row * nx, (row + 1) * nx), some, direction)
+
+
+def _with_bulges(job: Job, work: Work) -> Array:
+    """Rows with the two kappa of `phasemap._kernels.scanning.bulge` behind them, interpolated in contact stiffness."""
+    limits = np.array([math.radians(job.accuracy.phase), job.accuracy.height])
+    stiffness = work.rows[:, col.CONTACT]
+    order = np.argsort(stiffness, kind="stable")
+    some = order[:: max(1, -(-len(order) // BULGES))]
+    found, rows, amplitudes = np.full((len(some), 2), np.nan), work.rows[some], work.amplitudes[some]
+
+    def solve(first: int, last: int) -> None:
+        bulges(work.law, rows, work.lever, amplitudes, limits, first, last, found)
+
+    spread(solve, [*range(0, len(some), CHUNK), len(some)], job.workers, None)
+    kappa = np.zeros((len(work), 2))
+    for side in (0, 1):
+        values = np.where(np.isnan(found[:, side]), found[:, 1 - side], found[:, side])
+        known = np.isfinite(values)
+        if known.any():
+            kappa[:, side] = np.interp(stiffness, stiffness[some[known]], values[known])
+    return np.hstack([work.rows, kappa])

@@ -1,0 +1,289 @@
+"""Scans in time: the loop's parts against their formulas, both engines against each other and against rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+import phasemap as pm
+from phasemap._kernels.scanning import loop as of
+from phasemap.feedback import margin, tune
+from phasemap.feedback.loop import loop_of
+from phasemap.work import make_work
+
+SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+SETPOINT = 0.7
+AMPLITUDE = SETPOINT * SCOPE.free_amplitude
+SOFT, HARD = pm.Material(1e9, 0.05, damping=0.01), pm.Material(3e9, 0.05, damping=0.005)
+FAST = pm.Feedback(line_rate=20.0)
+QUICK = pm.Feedback(line_rate=100.0)  # 78 periods over each of 16 pixels
+ENGINES = ("averaging", "march")
+
+
+def line(labels: list[int], topography: list[float] | None = None, rows: int = 1) -> pm.Surface:
+    """A line of soft (0) and hard (1) pixels, `rows` times over."""
+    relief = None if topography is None else np.tile(topography, (rows, 1))
+    return pm.Surface.from_labels(np.tile(labels, (rows, 1)), {0: SOFT, 1: HARD}, pixel_size=4e-9, topography=relief)
+
+
+def scan(surface: pm.Surface, control: pm.Feedback = FAST, solver: str = "averaging", **more: object) -> xr.Dataset:
+    return pm.simulate(surface, SCOPE, SETPOINT, solver, control, **more)
+
+
+STEP = [0.0] * 8 + [3e-9] * 8
+
+
+# The parts of the loop
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_lock_in_passes_half_the_power_at_its_bandwidth(order: int) -> None:
+    control = pm.Feedback(bandwidth=4e3, order=order)
+    rate = loop_of(control, SCOPE, AMPLITUDE)[of.RATE] * 2 * math.pi * 300e3  # per second
+    _, response = signal.freqs_zpk([], [-rate] * order, rate**order, [2 * math.pi * 4e3])
+    assert abs(response[0]) ** 2 == pytest.approx(0.5, rel=1e-12)
+
+
+@given(st.integers(1, 4), st.floats(1e-3, 5.0))
+@settings(max_examples=40, deadline=None)
+def test_lock_in_filters_as_a_cascade_of_low_passes(order: int, time: float) -> None:
+    loop, y = np.zeros(of.LOOP), np.zeros(of.STATE)
+    loop[of.ORDER], loop[of.RATE] = order, 1.0
+    y[of.AMP], y[of.AMP + 1] = 2.0, -1.0
+    of.filter_for(loop, y, time)
+    cascade = signal.StateSpace(
+        np.diag([-1.0] * order) + np.diag([1.0] * (order - 1), -1),
+        np.eye(order, 1),
+        np.eye(order),
+        np.zeros((order, 1)),
+    )
+    _, rising = signal.step(cascade, T=np.linspace(0.0, time, 201))
+    assert y[of.FILTERS : of.FILTERS + 2 * order : 2] == pytest.approx(2.0 * rising[-1].ravel(), abs=1e-9)
+    assert y[of.FILTERS + 1 : of.FILTERS + 2 * order : 2] == pytest.approx(-rising[-1].ravel(), abs=1e-9)
+
+
+@pytest.mark.parametrize("quality", [0.3, 0.5, 8.0])  # creeping, at the border, ringing
+def test_scanner_answers_as_a_damped_resonance(quality: float) -> None:
+    loop, y = np.zeros(of.LOOP), np.zeros(of.STATE)
+    loop[of.SPRING], loop[of.LOSS] = 4.0, 2.0 / quality
+    for _ in range(10):
+        of.move_scanner(loop, y, 1.0, 0.3)
+    _, response = signal.step(([4.0], [1.0, 2.0 / quality, 4.0]), T=np.linspace(0.0, 3.0, 11))
+    assert y[of.PLACE] == pytest.approx(response[-1], abs=1e-9)
+
+
+def test_turn_at_constant_acceleration_takes_four_overscans() -> None:
+    # Speed v, path o L there and back: deceleration a = v^2/(2 o L), time 2 v/a = 4 o L/v.
+    control = pm.Feedback(line_rate=2.0, overscan=0.1)
+    crossing = 100 * control.dwell(100)
+    assert 2 * crossing + 2 * 4 * 0.1 * crossing == pytest.approx(1 / 2.0)
+
+
+# At rest
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_elastic_contrast_is_in_the_height_and_not_in_the_phase(solver: str) -> None:
+    materials = {0: replace(SOFT, damping=0.0), 1: replace(HARD, damping=0.0)}
+    surface = pm.Surface.from_labels([[0] * 8 + [1] * 8], materials, pixel_size=4e-9)
+    image = scan(surface, pm.Feedback(line_rate=8.0), solver).isel(direction=0, y=0)
+    assert not image.status.any()
+    # Settled in the last pixels of each half; the march's phase is good to 2e-4 degree, the feedback's rest to 1e-3.
+    assert float(image.phase[7]) == pytest.approx(math.degrees(math.acos(SETPOINT)), abs=0.01)
+    assert float(image.phase[15]) == pytest.approx(float(image.phase[7]), abs=0.01)
+    assert float(image.height[15] - image.height[7]) > 0.5e-9
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_image_tends_to_the_quasi_static_one_as_the_scan_slows(solver: str) -> None:
+    surface = line([0] * 3 + [1] * 3, [0.0, 1e-9, 2e-9, 2e-9, 1e-9, 0.0])
+    still = pm.simulate(surface, SCOPE, SETPOINT, "orbit").isel(y=0)
+    for rate in (10.0, 1.0) if solver == "averaging" else (10.0,):
+        moving = scan(surface, pm.Feedback(line_rate=rate), solver).isel(direction=0, y=0)
+        # On a slope an integrator is held off the setpoint by the slope's speed over Ki, and nothing else is left.
+        speed = 1e-9 / pm.Feedback(line_rate=rate).dwell(6)
+        lag = speed / moving.attrs["integral_gain_per_second"]
+        assert float(abs(moving.tip_offset - still.tip_offset).max()) == pytest.approx(lag, rel=0.05)
+
+
+def test_flow_rests_at_the_height_of_the_exact_orbit() -> None:
+    surface = line([0] * 8 + [1] * 8)
+    exact = pm.simulate(surface, SCOPE, SETPOINT, "orbit").isel(y=0)
+    image = scan(surface).isel(direction=0, y=0)
+    assert float(image.height[7]) == pytest.approx(float(exact.height[7]), abs=1e-12)
+    assert float(image.height[15]) == pytest.approx(float(exact.height[15]), abs=1e-12)
+    assert float(image.phase[15]) == pytest.approx(float(exact.phase[15]), abs=0.05)  # of averaging at rest
+
+
+# In motion
+
+
+@pytest.mark.parametrize(("rate", "degrees"), [(25.0, 0.1), (50.0, 0.2)])  # 312 and 156 periods over each pixel
+def test_flow_agrees_with_the_equation_of_motion(rate: float, degrees: float) -> None:
+    surface = line([0] * 6 + [1] * 10, [0.0] * 3 + [3e-9] * 8 + [1e-9] * 5)
+    control = pm.Feedback(line_rate=rate)
+    slow, full = scan(surface, control), scan(surface, control, "march")
+    assert abs(full.amplitude_error).max() > 0.04 * SCOPE.free_amplitude  # there is something to agree on
+    assert abs(slow.phase - full.phase).max() < degrees
+    assert abs(slow.amplitude_error - full.amplitude_error).max() < 0.005 * SCOPE.free_amplitude
+
+
+def test_retrace_sees_a_symmetric_line_as_trace_does() -> None:
+    image = scan(line([0] * 5 + [1] * 6 + [0] * 5))
+    # Both come to the line at rest, and settle to 2e-4 of the amplitude when they engage.
+    there, back = image.isel(direction=0, y=0), image.isel(direction=1, y=0, x=slice(None, None, -1))
+    assert np.allclose(there.phase, back.phase, atol=0.02)
+    assert np.allclose(there.height, back.height, atol=5e-12)
+
+
+def test_edges_show_errors_of_opposite_sign_in_trace_and_retrace() -> None:
+    image = scan(line([0] * 16, STEP), QUICK).isel(y=0)
+    trace, retrace = image.amplitude_error
+    assert float(trace.min()) < -0.05 * AMPLITUDE  # going up: the amplitude is cut
+    assert float(retrace.max()) > 0.02 * AMPLITUDE  # coming down: the tip flies
+
+
+def test_tip_parachutes_at_the_speed_of_the_integrator() -> None:
+    control = pm.Feedback(line_rate=20.0, proportional_gain=0.0, integral_gain=1500.0, overscan=0.0)
+    dwell = control.dwell(16)
+    image = scan(line([0] * 16, [200e-9] * 4 + [0.0] * 12), control).isel(direction=0, y=0)
+    falling = np.diff(image.height.values)[6:12]
+    # Far above the surface the amplitude is the free one: dZ/dt = -Ki (A_free - A_setpoint); the lever has decayed to
+    # that within exp(-dwell/0.42 ms) of 6 pixels of 1.6 ms, and the tail of the attraction takes away less than 2 %.
+    assert falling == pytest.approx(-1500.0 * dwell * (SCOPE.free_amplitude - AMPLITUDE), rel=0.03)
+
+
+def test_proportional_gain_moves_the_scanner_at_once() -> None:
+    loop = loop_of(pm.Feedback(proportional_gain=0.5, integral_gain=0.0), SCOPE, AMPLITUDE)
+    y = np.zeros(of.STATE)
+    y[of.FILTERS + 2] = AMPLITUDE + 1e-9  # of a lock-in of order 2
+    assert of.command(loop, y)[0] == pytest.approx(-0.5e-9)
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_scan_of_an_image_goes_on_where_the_last_line_ended(solver: str) -> None:
+    surface = line([0] * 4 + [1] * 4, rows=2)
+    lines, image = scan(surface, FAST, solver), scan(surface, replace(FAST, engage="image"), solver)
+    assert lines.isel(y=0).equals(image.isel(y=0))
+    # A line that is engaged anew begins at rest; one that goes on may not, but has had half a turn to settle.
+    assert np.allclose(lines.isel(y=1).phase, image.isel(y=1).phase, atol=0.1)
+
+
+# Gains
+
+
+def work_of_both() -> object:
+    return make_work(np.array([[1e9, 0.05, 0.01, 0.35], [3e9, 0.05, 0.005, 0.35]]), False, SCOPE, AMPLITUDE)
+
+
+def test_tuned_gains_are_a_factor_below_ringing() -> None:
+    tuned = tune(pm.Feedback(), SCOPE, work_of_both())
+    assert tuned.integral_gain > 500.0  # a lever of 300 kHz and Q 400 decays at 2400/s
+    assert margin(tuned, SCOPE, work_of_both()) == pytest.approx(2.5, rel=0.02)
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_loop_rings_where_its_margin_says_so(solver: str) -> None:
+    tuned = tune(pm.Feedback(line_rate=10.0), SCOPE, work_of_both())
+    left = []
+    for factor in (2.5 / 1.15, 2.5 * 1.15):  # 15 % inside and outside
+        gains = {name: factor * getattr(tuned, name) for name in ("proportional_gain", "integral_gain")}
+        image = scan(line([1] * 24, [0.0] * 12 + [0.2e-9] * 12), replace(tuned, **gains), solver).isel(direction=0, y=0)
+        error = np.abs(image.amplitude_error.values)
+        left.append(error[20:].max() / error[11:14].max())
+    assert left[0] < 0.5 < 0.8 < left[1]
+
+
+def test_scanner_that_resonates_needs_lower_gains() -> None:
+    free, bound = (
+        tune(pm.Feedback(scanner_resonance=f, scanner_quality=30.0), SCOPE, work_of_both()) for f in (None, 1e3)
+    )
+    assert bound.integral_gain < 0.5 * free.integral_gain
+
+
+def test_image_says_its_gains() -> None:
+    image = scan(line([0] * 8))
+    assert image.attrs["gain_margin"] == pytest.approx(2.5, rel=0.02)
+    assert image.attrs["periods_per_pixel"] == pytest.approx(FAST.dwell(8) * 300e3, rel=1e-5)
+
+
+# What goes wrong
+
+
+def test_scanner_at_the_end_of_its_range_is_flagged_and_the_rest_is_kept() -> None:
+    control = replace(FAST, scanner_range=4e-9)
+    image = scan(line([0] * 16, [0.0] * 5 + [10e-9] * 5 + [0.0] * 6), control).isel(direction=0, y=0)
+    status = image.status.values
+    assert (status[6:10] == pm.Status.out_of_range.code).all() and not status[:4].any() and not status[-2:].any()
+    assert float(image.tip_offset[7] + 10e-9 - image.tip_offset[0]) == pytest.approx(2e-9, abs=0.05e-9)
+    assert np.isfinite(image.height).all()
+
+
+def test_feedback_of_the_wrong_strength_is_a_status_and_loses_no_other_line() -> None:
+    surface = line([0] * 16, [0.0] * 16, rows=2)
+    relief = surface.topography.copy()
+    relief[1, 8:] = 2000e-9  # a wall that no feedback climbs within a pixel
+    image = scan(replace(surface, topography=relief))
+    assert not image.status.isel(y=0).any()
+    wall = image.isel(direction=0, y=1)
+    assert not wall.status[:7].any() and np.isfinite(wall.phase[:7]).all()
+    assert (wall.status[9:] == pm.Status.diverged.code).all() and np.isnan(wall.phase[9:]).all()
+
+
+def test_pixel_without_material_is_flagged_and_the_tip_goes_on() -> None:
+    surface = pm.Surface([[1e9, 1e9, np.nan, 1e9, 1e9]], 0.05, 0.01, pixel_size=4e-9, allow_nan=True)
+    image = scan(surface).isel(y=0)
+    assert (image.status.values == [0, 0, pm.Status.invalid.code, 0, 0]).all()
+    assert np.isnan(image.phase[:, 2]).all() and np.isfinite(image.phase[:, 3:]).all()
+
+
+@pytest.mark.parametrize(
+    ("control", "sentence"),
+    [
+        (pm.Feedback(line_rate=2000.0), "line_rate is 2000.0; allowed: at most 1.56e\\+03 Hz for 16 pixels a line"),
+        (pm.Feedback(bandwidth=1e5), "bandwidth is 100000.0; allowed: at most 6e\\+04 Hz, a fifth of the drive"),
+        (pm.Feedback(scanner_resonance=1e5), "scanner_resonance is 100000.0; allowed: at most 6e\\+04 Hz"),
+        (pm.Feedback(proportional_gain=0.0, integral_gain=1e6), "integral_gain is 1000000.0; allowed: at most 3e\\+05"),
+    ],
+)
+def test_control_that_cannot_work_is_refused(control: pm.Feedback, sentence: str) -> None:
+    with pytest.raises(pm.InputError, match=sentence):
+        scan(line([0] * 16), control)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"line_rate": 0.0}, "line_rate is 0.0; allowed: a finite number above 0 Hz"),
+        ({"integral_gain": 100.0}, "integral_gain is 100.0; allowed: both gains, or None for both"),
+        ({"order": 5}, "order is 5; allowed: a whole number from 1 to 4"),
+        ({"engage": "pixel"}, "engage is 'pixel'; allowed: 'line' or 'image'"),
+        ({"overscan": 2.0}, "overscan is 2.0; allowed: a finite number of at least 0 and at most 1"),
+    ],
+)
+def test_control_out_of_range_is_refused(arguments: dict[str, object], sentence: str) -> None:
+    with pytest.raises(pm.InputError, match=sentence):
+        pm.Feedback(**arguments)
+
+
+def test_orbit_is_no_engine_in_time() -> None:
+    with pytest.raises(pm.InputError, match="'averaging', 'march' or 'auto' with control=Feedback"):
+        scan(line([0] * 16), solver="orbit")
+
+
+def test_auto_integrates_in_time_where_a_lever_of_low_q_cannot_be_averaged() -> None:
+    wet = replace(SCOPE, cantilever=pm.Cantilever(40.0, 300e3, 5.0))
+    image = pm.simulate(line([0] * 4), wet, SETPOINT, control=pm.Feedback(line_rate=200.0))
+    assert image.solver.attrs["flag_meanings"].split()[int(image.solver[0, 0, 0]) + 1] == "march"
+
+
+def test_image_does_not_depend_on_threads() -> None:
+    surface = line([0] * 4 + [1] * 4, rows=5)
+    assert scan(surface, threads=1).equals(scan(surface, threads=2))
