@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from phasemap.accuracy import Accuracy
     from phasemap.control import Engage, Feedback, Raster
     from phasemap.dataset import phase_lag
+    from phasemap.ensemble import load_ensemble
     from phasemap.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.interaction import Interaction
@@ -30,6 +31,7 @@ _NAMES = {
     "accuracy": ("Accuracy",),
     "control": ("Engage", "Feedback", "Raster"),
     "dataset": ("phase_lag",),
+    "ensemble": ("load_ensemble",),
     "errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
     "interaction": ("Interaction",),
@@ -49,8 +51,8 @@ _MODULES = ("generate", "plot")
 __all__ = [
     "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
     "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "SolveError", "Status", "Surface", "Tip",
-    "TipChange", "fit_distance", "fit_frequency", "generate", "load_scene", "orbits", "phase_lag", "plot", "simulate",
-    "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "TipChange", "fit_distance", "fit_frequency", "generate", "load_ensemble", "load_scene", "orbits", "phase_lag",
+    "plot", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
 ]  # fmt: skip
 
 

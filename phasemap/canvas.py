@@ -80,10 +80,10 @@ class Canvas:
         if self._directions:
             coords["direction"] = ("direction", list(self._directions), {"long_name": "pass over the line"})
             dims, shape = ("direction", *dims), (len(self._directions), *shape)
-        image = xr.Dataset(coords=coords, attrs=self.notes)
+        data: dict[str, Any] = {}
         for name, flat in self._arrays.items():
             attributes: dict[str, Any] = (
                 flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}
             )
-            image[name] = (dims, flat.reshape(shape), attributes)
-        return image
+            data[name] = (dims, flat.reshape(shape), attributes)
+        return xr.Dataset(data, coords, self.notes)

@@ -13,13 +13,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from phasemap import cli_sweep
+from phasemap import cli_ensemble, cli_sweep
 from phasemap._console import patience
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from phasemap.ensemble import Ensemble
     from phasemap.scene import Scene
 
 __all__ = ["main"]
@@ -36,6 +37,7 @@ EXAMPLES = """examples:
 PLOT_EXAMPLES = """examples:
   phasemap plot blend.nc
   phasemap plot blend.nc -o blend.pdf
+  phasemap plot ensemble.nc --sample 3
   phasemap plot curve.nc --quantities amplitude,phase,dissipation
   phasemap plot curve.nc --trace 12e-9 -o trace.png
 """
@@ -43,6 +45,9 @@ RUN_EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
   phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
+  phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
+
+A scene with a table [ensemble] is simulated in all its variants. After an interrupt the same command goes on.
 """
 BENCH_EXAMPLES = """examples:
   phasemap bench --quick
@@ -83,8 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "") + ".")
     except MemoryError:
         return _complain("not enough memory; simulate fewer pixels.")
-    except KeyboardInterrupt:
-        print("phasemap: interrupted; nothing was written.", file=sys.stderr)
+    except KeyboardInterrupt as stopped:
+        print(f"phasemap: interrupted; {str(stopped) or 'nothing was written'}.", file=sys.stderr)
         return INTERRUPTED
     return 0
 
@@ -140,6 +145,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--overwrite", action="store_true", help="replace the output if it exists")
     run.add_argument("--quiet", action="store_true", help="no progress and no summary")
     run.add_argument("--threads", type=_positive, metavar="N", help="how many threads; default: all cores")
+    run.add_argument("--workers", type=_positive, metavar="N", help="processes for an ensemble; default: all cores")
     run.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
 
     plot = command(
@@ -151,6 +157,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     what = plot.add_mutually_exclusive_group()
     what.add_argument("--quantities", metavar="A,B", help="of a sweep, such as phase,dissipation; a panel each")
+    what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
     what.add_argument("--trace", metavar="AT", type=float, help="of a sweep with --samples: one period at this value")
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
 
@@ -199,6 +206,12 @@ def _run(arguments: argparse.Namespace) -> None:
     from phasemap.io.netcdf import check_target, save
     from phasemap.scene import load_scene
 
+    ensemble = _ensemble_of(arguments)
+    if ensemble is not None:
+        cli_ensemble.run(arguments, ensemble, _output_of(arguments, ensemble))
+        return
+    if arguments.workers:
+        raise PhasemapError("--workers is for an ensemble; one image takes --threads.")
     started = time.perf_counter()
     scene = load_scene(arguments.scene, arguments.overrides)
     output = check_target(_output_of(arguments, scene), arguments.overwrite)
@@ -215,12 +228,12 @@ def _run(arguments: argparse.Namespace) -> None:
 
 def _plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
-    from phasemap.io.netcdf import check_target, load
+    from phasemap.io.netcdf import check_target, load, load_sample
     from phasemap.plot import curve, plot, trace
 
     output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
-    ds = load(arguments.file)
+    ds = load(arguments.file) if arguments.sample is None else load_sample(arguments.file, arguments.sample)
     if arguments.trace is not None:
         trace(ds, arguments.trace, output, arguments.overwrite)
     elif arguments.quantities is not None:
@@ -238,7 +251,14 @@ def _validate(arguments: argparse.Namespace) -> None:
     from phasemap.scene import load_scene
     from phasemap.work import make_work
 
-    scene = load_scene(arguments.scene, arguments.overrides)
+    ensemble = _ensemble_of(arguments)
+    if ensemble is None:
+        scene = load_scene(arguments.scene, arguments.overrides)
+    else:
+        ensemble.check()
+        cli_ensemble.print_ensemble(ensemble)
+        print("the first sample:")
+        scene = ensemble.scene(0)
     surface, scope = scene.surface, scene.microscope
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.free_amplitude
@@ -248,7 +268,16 @@ def _validate(arguments: argparse.Namespace) -> None:
     print("The scene is valid.")
 
 
-def _output_of(arguments: argparse.Namespace, scene: Scene) -> Path:
+def _ensemble_of(arguments: argparse.Namespace) -> Ensemble | None:
+    """The ensemble that a scene file is; None if it is one scene."""
+    from phasemap.ensemble import is_ensemble, load_ensemble
+
+    if not is_ensemble(arguments.scene, arguments.overrides):
+        return None
+    return load_ensemble(arguments.scene, arguments.overrides)
+
+
+def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
     """The file to write: what the command says before what the scene says."""
     if arguments.output is not None:
         return Path(arguments.output)

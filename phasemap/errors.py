@@ -34,6 +34,10 @@ class InputError(PhasemapError, ValueError):
         super().__init__(f"{name} is {shown}; allowed: {allowed}." + (f" {hint}" if hint else ""))
         self.name, self.value, self.allowed, self.hint = name, value, allowed, hint
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, object, str, str]]:
+        """Made from its parts again where it comes out of another process."""
+        return type(self), (self.name, self.value, self.allowed, self.hint)
+
 
 class FileError(PhasemapError, OSError):
     """A file that cannot be read, or a place that cannot be written."""

@@ -130,6 +130,8 @@ def _check(ds: xr.Dataset) -> None:
         if name not in ds:
             raise InputError("the dataset", sorted(map(str, ds.data_vars)), "an image with height and phase")
         dims = ds[name].dims
+        if "sample" in dims:
+            raise InputError("the dataset", f"an ensemble of {ds.sizes['sample']} images", "one of them (--sample N)")
         if dims not in (("y", "x"), ("direction", "y", "x")):
             raise InputError(f"dims of {name}", dims, "('y', 'x') or ('direction', 'y', 'x')")
     for dim in ("y", "x"):

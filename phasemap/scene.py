@@ -2,8 +2,8 @@
 
 The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scene_surface`), ``[materials.NAME]``,
 ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind), ``[accuracy]``, ``[realism]`` and
-``[output]`` (file, variables). Keys are the arguments of the Python objects of the same name, in SI units; nothing
-unknown is passed over.
+``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one (`phasemap.ensemble`). Keys are the
+arguments of the Python objects of the same name, in SI units; nothing unknown is passed over.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from phasemap.surface import Surface
 
-__all__ = ["Scene", "Setup", "load_scene", "load_setup"]
+__all__ = ["Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_from_tables", "with_value"]
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -156,8 +156,8 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     >>> list(load_setup("samples/step.toml").materials)
     ['compliant', 'stiff']
     """
-    tables = _tables(Path(path), overrides)
-    check_keys("the scene's table", tables, TABLES, ("cantilever", "tip", "drive"))
+    tables = read_tables(path, overrides)
+    check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
     scan = _table(tables, "scan")
     setpoint = _scan(scan)[0] if "setpoint" in scan else None
     return Setup(_microscope(tables), _materials(tables), setpoint)
@@ -192,8 +192,10 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     ...
     phasemap.errors.InputError: [tip] radus is unknown; allowed: radius, modulus, poisson_ratio. Did you mean 'radius'?
     """
-    path = Path(path)
-    return _build(_tables(path, overrides), path.parent)
+    tables = read_tables(path, overrides)
+    if "ensemble" in tables:
+        raise InputError("[ensemble]", _Word("there"), "no such table in a single scene", "Use load_ensemble.")
+    return scene_from_tables(tables, Path(path).parent)
 
 
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
@@ -247,11 +249,33 @@ def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T
         raise InputError(f"{name} {key}", error.value, error.allowed, error.hint) from error
 
 
-def _tables(path: Path, overrides: Iterable[str]) -> Table:
-    """The tables of a scene file, with keys set from outside."""
-    tables = _read_toml(path)
+def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
+    """Read the tables of a scene file, with keys set from outside; nothing is checked yet.
+
+    Parameters
+    ----------
+    path, overrides
+        As in `load_scene`.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If an override has not the form ``"table.key=value"``.
+    FileError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> read_tables("samples/step.toml", ["scan.setpoint=0.6"])["scan"]
+    {'setpoint': 0.6}
+    """
+    tables = _read_toml(Path(path))
     for override in overrides:
-        _apply(tables, override)
+        tables = _apply(tables, override)
     return tables
 
 
@@ -266,21 +290,54 @@ def _read_toml(path: Path) -> Table:
         raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
 
 
-def _apply(tables: Table, override: str) -> None:
-    """Set one key from ``"table.key=value"``."""
+def _apply(tables: Table, override: str) -> Table:
+    """The tables with one key set from ``"table.key=value"``."""
     name, equals, text = override.partition("=")
-    *path, key = name.strip().split(".")
-    if not equals or not path or not all([*path, key]):
+    name = name.strip()
+    if not equals or "." not in name or not all(name.split(".")):
         raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20e-9")
-    table = tables
+    try:
+        return with_value(tables, name, value_of(text))
+    except InputError as error:
+        raise InputError("override", override, error.allowed) from error
+
+
+def with_value(tables: Table, name: str, value: Any) -> Table:
+    """Return the tables with one key set; those that are given stay as they are.
+
+    Parameters
+    ----------
+    tables : dict
+    name : str
+        ``"table.key"``; tables on the way are made where there are none.
+    value : object
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If what is on the way is no table.
+
+    Examples
+    --------
+    >>> with_value({"tip": {"radius": 10e-9}}, "tip.modulus", 130e9)
+    {'tip': {'radius': 1e-08, 'modulus': 130000000000.0}}
+    """
+    *path, key = name.split(".")
+    changed = table = dict(tables)
     for part in path:
-        table = table.setdefault(part, {})
-        if not isinstance(table, dict):
-            raise InputError("override", override, f"a key of a table; {part} is none")
-    table[key] = _value(text)
+        inside = table.get(part, {})
+        if not isinstance(inside, dict):
+            raise InputError("key", name, f"a key of a table; {part} is none")
+        table[part] = table = dict(inside)
+    table[key] = value
+    return changed
 
 
-def _value(text: str) -> Any:
+def value_of(text: str) -> Any:
     """Read text as one TOML value, and as itself where it is none."""
     try:
         parsed = tomllib.loads(f"value = {text}")
@@ -289,8 +346,33 @@ def _value(text: str) -> Any:
     return parsed["value"] if len(parsed) == 1 else text
 
 
-def _build(tables: Table, folder: Path) -> Scene:
-    """Make the objects of every table."""
+def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = None) -> Scene:
+    """Check the tables of a scene, and make what they describe.
+
+    Parameters
+    ----------
+    tables : dict
+        As `read_tables` gives them.
+    folder : Path
+        Where relative file names start.
+    surface : Surface, optional
+        Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
+        checked in no time.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError, FileError
+        As in `load_scene`.
+
+    Examples
+    --------
+    >>> scene_from_tables(read_tables("samples/step.toml"), Path("samples")).surface.shape
+    (128, 256)
+    """
     from phasemap.dataset import check_variables, describe, variables_of
     from phasemap.scene_surface import build_surface, dilate
 
@@ -311,8 +393,10 @@ def _build(tables: Table, folder: Path) -> Scene:
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
     construct("[output]", {"variables": variables}, check_variables, known=variables_of(control))
     materials = _materials(tables)
-    surface, files = build_surface(_table(tables, "surface"), materials, folder)
-    surface = dilate(tables["surface"], surface, microscope.tip)
+    files: dict[str, str] = {}
+    if surface is None:
+        surface, files = build_surface(_table(tables, "surface"), materials, folder)
+        surface = dilate(tables["surface"], surface, microscope.tip)
     realism = _realism(_table(tables, "realism"), control, surface.shape[0])
     config = {
         "scan": scan,

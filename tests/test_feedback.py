@@ -214,6 +214,27 @@ def test_image_says_its_gains() -> None:
     assert image.attrs["periods_per_pixel"] == pytest.approx(FAST.dwell(8) * 300e3, rel=1e-5)
 
 
+# Noise
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_thermal_motion_of_the_free_lever_has_equipartition(solver: str) -> None:
+    # A soft lever of Q = 20 that forgets within 6 periods; <z^2> = <|a|^2>/2 less the driven part, taken 4000 times over
+    # a decay time, of which some 1300 are independent: the standard error of a variance is sqrt(2/2600) = 3 %.
+    scope = pm.Microscope(pm.Cantilever(0.1, 30e3, 20.0), pm.Tip(10e-9), pm.Drive(50e-9))
+    work = make_work(np.array([[1e9, 0.0, 0.0, 0.35]]), False, scope, 0.7 * scope.free_amplitude)
+    loop = loop_of(pm.Feedback(bandwidth=5e3), scope, 0.7 * scope.free_amplitude, temperature=300.0)
+    tip = new_flow() if solver == "averaging" else new_beat(0.7)
+    row, tally = np.append(work.rows[0], [0.0, 0.0]), np.zeros(of.TALLY)
+    loop[of.HIGH], loop[of.LOW] = np.inf, -np.inf
+    random = np.random.default_rng(1)
+    states = np.array([
+        tip.y[:2].copy() for _ in range(4000)
+        if place(scope, work, tip) is None and step(work.law, row, work.lever, loop, tip, tally, random) == 0
+    ])
+    assert states.var(axis=0).sum() / 2 == pytest.approx(1.380649e-23 * 300.0 / 0.1, rel=0.1)
+
+
 # What goes wrong
 
 

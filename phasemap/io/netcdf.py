@@ -8,12 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap.errors import FileError
+from phasemap._check import whole
+from phasemap.errors import FileError, InputError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["check_target", "load", "replacing", "save"]
+__all__ = ["check_target", "load", "load_sample", "replacing", "save"]
 
 COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % smaller and took a quarter longer
 
@@ -167,6 +168,43 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     ...
     phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
     """
+    return _read(path, None)
+
+
+def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
+    """Read one sample of an ensemble's file into memory.
+
+    Parameters
+    ----------
+    path : path-like
+        A netCDF file with a dimension "sample".
+    sample : int
+        From 0.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory, without that dimension.
+
+    Raises
+    ------
+    InputError
+        If there is no such sample.
+    FileError
+        As in `load`.
+
+    Examples
+    --------
+    >>> load_sample("nowhere.nc", 3)
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
+    """
+    return _read(path, sample)
+
+
+def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
+    """A file, or one sample of it."""
     path = Path(path)
     if not path.exists():
         raise FileError(f"cannot read {path}: there is no such file.")
@@ -177,6 +215,16 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     import xarray as xr
 
     try:
-        return xr.load_dataset(path, engine="netcdf4")
+        with xr.open_dataset(path, engine="netcdf4") as ds:
+            return ds.load() if sample is None else _pick(ds, sample).load()
+    except InputError:
+        raise
     except (OSError, RuntimeError, ValueError) as error:
         raise FileError(f"cannot read {path}: it is not a netCDF file, or it is damaged or cut short.") from error
+
+
+def _pick(ds: xr.Dataset, sample: int) -> xr.Dataset:
+    """One sample of an ensemble."""
+    if "sample" not in ds.dims:
+        raise InputError("sample", sample, "nothing, for this file holds no ensemble")
+    return ds.isel(sample=whole("sample", sample, 0, ds.sizes["sample"] - 1))

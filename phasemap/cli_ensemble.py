@@ -1,0 +1,113 @@
+"""``phasemap run`` and ``validate`` where the scene is an ensemble."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phasemap._console import patience
+from phasemap.errors import PhasemapError
+
+if TYPE_CHECKING:
+    from phasemap.ensemble import Ensemble
+
+__all__ = ["print_ensemble", "run"]
+
+Progress = Callable[[int, int], None]
+
+FEW = 6  # values that are listed
+
+
+def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None:
+    """Simulate an ensemble into a file.
+
+    Raises
+    ------
+    PhasemapError
+        If an argument is for single images, or a sample cannot be simulated.
+    KeyboardInterrupt
+        After Ctrl-C, with a word on what is kept.
+    """
+    from phasemap.workers import workers_of
+
+    if arguments.threads or arguments.strict:
+        option = "--threads" if arguments.threads else "--strict"
+        raise PhasemapError(f"{option} is for one image; an ensemble takes --workers, and its file counts what failed.")
+    started, workers = time.perf_counter(), workers_of(arguments.workers)
+    if arguments.quiet:
+        with _resumable(output) as watched:
+            ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
+        return
+    with patience() as first_result, _bar(first_result) as shown, _resumable(output, shown) as watched:
+        ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
+    print_ensemble(ensemble)
+    print(f"failed      {_failed(output)}")
+    print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
+
+
+def print_ensemble(ensemble: Ensemble) -> None:
+    """How many samples there are, and what is varied from where to where."""
+    print(f"samples     {len(ensemble)}")
+    for key in ensemble.keys:
+        values = [sample[key] for sample in ensemble.samples]
+        if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+            said = f"{min(values):.6g} to {max(values):.6g}"
+        else:
+            words = sorted({str(value) for value in values})
+            said = ", ".join(words) if len(words) <= FEW else f"{len(words)} values, such as {words[0]}"
+        print(f"varied      {key}: {said}")
+
+
+@contextmanager
+def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress]:
+    """Lend a progress that is remembered, so that an interrupt can say what is kept."""
+    kept = "nothing was written"
+
+    def progress(done: int, total: int) -> None:
+        nonlocal kept
+        if done:
+            kept = f"{done} of {total} samples are kept in {output}.parts; run the same command again to go on"
+        if shown is not None:
+            shown(done, total)
+
+    try:
+        yield progress
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(kept) from None
+
+
+@contextmanager
+def _bar(first_result: Callable[[], None]) -> Iterator[Progress]:
+    """Lend a progress that draws a bar on stderr if it takes more than a second."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    with tqdm(delay=1.0, mininterval=interval, unit=" samples", file=sys.stderr, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            if bar.total is None:  # the first call says what an earlier run has done
+                bar.total, bar.initial = total, done
+                if done:
+                    print(f"phasemap: {done} of {total} samples were done already.", file=sys.stderr)
+            if done == total or done > bar.initial:
+                first_result()
+            bar.update(done - bar.n)
+
+        yield progress
+
+
+def _failed(output: Path) -> str:
+    """How many pixels of how many samples have no solution, in words."""
+    import xarray as xr
+
+    with xr.open_dataset(output, engine="netcdf4") as ds:
+        failed, pixels = ds["failed"].values, ds["status"].size
+    if not failed.any():
+        return "none"
+    count = int(failed.sum())
+    return f"{count} of {pixels} pixels ({100 * count / pixels:.3g} %), in {int((failed > 0).sum())} samples"

@@ -1,0 +1,355 @@
+"""Ensembles: a scene in many variants, simulated into one netCDF file.
+
+A scene file becomes an ensemble by a table ``[ensemble]``. Either ``count`` samples are drawn,
+
+.. code-block:: toml
+
+    [ensemble]
+    count = 100
+    seed = 1                                                        # 0 if it is not given
+    [ensemble.vary]
+    materials.soft.modulus = { low = 1e8, high = 5e9, scale = "log" }     # or "linear", as by default
+    surface.seed = { low = 0, high = 999999, whole = true }
+    scan.setpoint = [0.5, 0.7, 0.9]                                       # one of these
+
+or they are the rows of a table, a CSV file in the scene's folder whose header names the keys:
+
+.. code-block:: toml
+
+    [ensemble]
+    table = "runs.csv"
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from phasemap._check import whole
+from phasemap.ensemble_samples import make_samples
+from phasemap.errors import FileError, InputError
+from phasemap.scene import TABLES, Scene, check_choice, missing, read_tables, scene_from_tables, with_value
+
+__all__ = ["Ensemble", "is_ensemble", "load_ensemble"]
+
+Table = dict[str, Any]
+Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
+
+UNITS = {"scan.setpoint": "1", "cantilever.resonance_frequency": "Hz"}  # of keys that no sweep has
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """A scene, and the keys of it that each sample has values of its own for.
+
+    Parameters
+    ----------
+    tables : mapping
+        The tables of the scene, as its file has them, ``[ensemble]`` included.
+    samples : tuple of dict
+        The values of the varied keys, ``{"scan.setpoint": 0.7, ...}``, of each sample.
+    folder : Path
+        Where relative file names start.
+
+    Examples
+    --------
+    >>> ensemble = load_ensemble("samples/ensemble.toml", ["ensemble.count=3"])
+    >>> len(ensemble), ensemble.keys[0]
+    (3, 'materials.ldpe.modulus')
+    >>> ensemble.scene(2).microscope.tip.radius
+    1e-08
+    """
+
+    tables: Mapping[str, Any]
+    samples: tuple[Mapping[str, Any], ...]
+    folder: Path
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that are varied."""
+        return tuple(self.samples[0])
+
+    @property
+    def output(self) -> Path | None:
+        """The file that ``[output]`` names."""
+        file = self.tables.get("output", {}).get("file")
+        return self.folder / file if file else None
+
+    def scene(self, sample: int) -> Scene:
+        """Make the scene of one sample, which gives its image by itself too.
+
+        Parameters
+        ----------
+        sample : int
+            From 0.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        InputError, FileError
+            As in `phasemap.load_scene`, with the number of the sample.
+        """
+        whole("sample", sample, 0, len(self) - 1)
+        with _named(sample):
+            return scene_from_tables(self._tables(sample), self.folder)
+
+    def check(self, every_surface: bool = True) -> None:
+        """Check the scenes of all samples.
+
+        Parameters
+        ----------
+        every_surface : bool
+            Make the surface of every sample, and not only of the first. Where surfaces are generated or read, that may
+            take as long as to simulate their images.
+
+        Raises
+        ------
+        InputError, FileError
+            As in `phasemap.load_scene`, with the number of the sample; or if the images of two samples differ in size.
+        """
+        first = self.scene(0)
+        same_surface = not any(key.startswith("surface.") for key in self.keys) or not every_surface
+        for sample in range(1, len(self)):
+            with _named(sample):
+                made = scene_from_tables(self._tables(sample), self.folder, first.surface if same_surface else None)
+                _check_form(made, _form(first))
+
+    def simulate(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        workers: int = 1,
+        overwrite: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Path:
+        """Simulate all samples into one netCDF file, and go on where an earlier call was stopped.
+
+        Samples that are done are kept in the folder ``PATH.parts`` until all are.
+
+        Parameters
+        ----------
+        path : path-like
+            The file to write.
+        workers : int
+            How many processes, each with one thread. The bytes of the file do not depend on it. A script must call
+            this under ``if __name__ == "__main__"`` for more than one.
+        overwrite : bool
+            Whether an existing file may be replaced.
+        progress : callable, optional
+            Called as ``progress(done, total)``, in samples: at first with what was done already.
+
+        Returns
+        -------
+        Path
+            The file: the image variables of `phasemap.simulate` with a dimension ``sample`` in front; over the samples,
+            the varied keys as coordinates, how many pixels ``failed``, and the numbers among the attributes of single
+            images; and the scene as JSON.
+
+        Raises
+        ------
+        InputError, FileError
+            If a sample cannot be simulated, with its number, or the images of two samples differ in size; those that
+            are done are kept.
+
+        Examples
+        --------
+        >>> import tempfile, xarray as xr
+        >>> ensemble = load_ensemble("samples/ensemble.toml", ["ensemble.count=2"])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with xr.open_dataset(ensemble.simulate(f"{folder}/two.nc")) as ds:
+        ...         print(dict(ds.sizes))
+        {'sample': 2, 'y': 64, 'x': 64}
+        """
+        from phasemap.ensemble_file import Parts, assemble
+        from phasemap.io.netcdf import check_target
+        from phasemap.processes import in_processes
+
+        path = check_target(path, overwrite)
+        whole("workers", workers, 1)
+        form = _form(self.scene(0))
+        parts = Parts(path, (self._tables(sample) for sample in range(len(self))), self.folder)
+        try:
+            if progress is not None:
+                progress(parts.done, len(self))
+            jobs = ((sample, self._tables(sample), file) for sample, file in parts.missing())
+            with closing(in_processes(partial(_make, folder=self.folder, form=form), jobs, workers)) as made:
+                for file in made:
+                    done = parts.add(file)
+                    if progress is not None:
+                        progress(done, len(self))
+            assemble(path, parts.files, self._columns(), self._attributes(), overwrite)
+            parts.remove()
+        finally:
+            parts.leave()
+        return path
+
+    def _tables(self, sample: int) -> Table:
+        """The tables of the scene of one sample."""
+        tables = {name: table for name, table in self.tables.items() if name != "ensemble"}
+        for key, value in self.samples[sample].items():
+            tables = with_value(tables, key, value)
+        return tables
+
+    def _columns(self) -> list[tuple[str, dict[str, str], list[Any]]]:
+        """Name, attributes and values of each varied key."""
+        return [(name_of(key), _attributes_of(key), [sample[key] for sample in self.samples]) for key in self.keys]
+
+    def _attributes(self) -> dict[str, Any]:
+        """Global attributes of the file: no time is among them, for the same ensemble gives the same bytes."""
+        from phasemap.dataset import provenance
+
+        about = provenance({}, "")
+        return {
+            **{name: about[name] for name in ("Conventions", "source", "phasemap_version")},
+            "scene": json.dumps(self.tables, ensure_ascii=False, default=str),
+        }
+
+
+def is_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> bool:
+    """Whether a scene file has a table ``[ensemble]``.
+
+    Raises
+    ------
+    InputError, FileError
+        As in `phasemap.scene.read_tables`.
+
+    Examples
+    --------
+    >>> is_ensemble("samples/ensemble.toml"), is_ensemble("samples/step.toml")
+    (True, False)
+    """
+    return "ensemble" in read_tables(path, overrides)
+
+
+def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Ensemble:
+    """Read a scene file with a table ``[ensemble]``, and draw or read the values of its samples.
+
+    The scenes of all samples are checked; of their surfaces that of the first only, see `Ensemble.check`.
+
+    The values of a sample depend on the seed, the key and the number of the sample only: neither on how many samples
+    there are, nor on what else is varied.
+
+    Parameters
+    ----------
+    path : path-like
+        A TOML file.
+    overrides : iterable of str
+        ``"table.key=value"``, as in `phasemap.load_scene`; ``"ensemble.count=1000"`` too.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InputError
+        If a table, key or value is not allowed, in the scene or in ``[ensemble]``.
+    FileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> few = load_ensemble("samples/ensemble.toml", ["ensemble.count=2"])
+    >>> many = load_ensemble("samples/ensemble.toml", ["ensemble.count=9"])
+    >>> few.samples == many.samples[:2]
+    True
+    """
+    overrides, folder = list(overrides), Path(path).parent
+    tables = read_tables(path, overrides)
+    if "ensemble" not in tables:
+        raise missing("[ensemble]", "count")
+    samples = make_samples(tables["ensemble"], folder)
+    for key in samples[0]:
+        _check_key(key, tables)
+    for override in overrides:
+        if override.partition("=")[0].strip() in samples[0]:
+            raise InputError("override", override, "a key that the ensemble does not vary")
+    names = [name_of(key) for key in samples[0]]
+    if len(set(names)) < len(names):
+        raise InputError("names of variables", ", ".join(names), "another one for each key")
+    ensemble = Ensemble(tables, samples, folder)
+    ensemble.check(every_surface=False)
+    return ensemble
+
+
+def name_of(key: str) -> str:
+    """The name of the variable that holds a key: the key, without characters that file formats refuse.
+
+    Examples
+    --------
+    >>> name_of("scan.setpoint"), name_of("materials.PS/PMMA.modulus")
+    ('scan.setpoint', 'materials.PS_PMMA.modulus')
+    """
+    return re.sub(r"[^\w.]", "_", key)
+
+
+def _attributes_of(key: str) -> dict[str, str]:
+    """What the file says about a key."""
+    from phasemap.curves.control import UNITS as SWEPT
+
+    *tables, name = key.split(".")
+    about = {"long_name": " ".join([*tables, name]).replace("_", " "), "key": key}
+    units = UNITS.get(key, SWEPT.get(name))
+    return about if units is None else {**about, "units": units}
+
+
+def _check_key(key: str, tables: Table) -> None:
+    """Refuse a key of no table, or of a material that the scene does not have: a new one would have no effect."""
+    table, *rest = key.split(".")
+    if not rest or not all(rest):
+        raise InputError("key of [ensemble]", key, "table.key, such as scan.setpoint")
+    check_choice(f"the table of {key}", table, [known for known in TABLES if known != "output"])
+    materials = tables.get("materials")
+    if table == "materials" and isinstance(materials, dict):
+        check_choice(f"the material of {key}", rest[0], materials)
+
+
+def _form(scene: Scene) -> Form:
+    """What the images of all samples must share."""
+    return scene.surface.shape, scene.surface.pixel_size
+
+
+def _check_form(scene: Scene, first: Form) -> None:
+    """Refuse an image that does not fit on that of the first sample."""
+    for name, value, same in zip(("number of pixels", "pixel size"), _form(scene), first, strict=True):
+        if value != same:
+            raise InputError(name, value, f"{same}, as in sample 0")
+
+
+@contextmanager
+def _named(sample: int) -> Iterator[None]:
+    """Say of which sample an error is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{error.name} of sample {sample}", error.value, error.allowed, error.hint) from error
+    except FileError as error:
+        raise FileError(f"sample {sample}: {error}") from error
+
+
+def _make(job: tuple[int, Table, Path], folder: Path, form: Form) -> Path:
+    """Simulate a sample into its file, with the numbers among its attributes, but for the time it took."""
+    from phasemap.io.netcdf import save
+
+    sample, tables, file = job
+    with _named(sample):
+        scene = scene_from_tables(tables, folder)
+        _check_form(scene, form)
+        image = scene.simulate(threads=1)
+    image.attrs = {
+        name: value for name, value in image.attrs.items() if isinstance(value, (int, float)) and name != "seconds"
+    }
+    return save(image, file, overwrite=True)

@@ -1,0 +1,249 @@
+"""Where the samples of an ensemble are kept: a small file each while they are made, one netCDF file in the end."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap.dataset import provenance
+from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap.io.netcdf import COMPRESSION_LEVEL, replacing
+
+if TYPE_CHECKING:
+    import netCDF4
+
+__all__ = ["Parts", "assemble"]
+
+LONG_NAMES = {"failed": "pixels without a solution"}
+
+Table = dict[str, Any]
+Key = tuple[str, Mapping[str, str], list[Any]]  # the name of a variable, its attributes, a value a sample
+
+
+class Parts:
+    """The folder ``OUT.nc.parts`` with one netCDF file for each sample that is done.
+
+    The name of a file is the SHA-256 of all that its image depends on: the sample's scene, the files that the scene
+    names, and the version of phasemap. So an image of another scene is never taken for it, and a sample that was done
+    is not done again after others were changed or added.
+
+    Parameters
+    ----------
+    output : Path
+        The file that the ensemble becomes.
+    scenes : iterable of dict
+        The tables of each sample's scene.
+    folder : Path
+        Where files that the scenes name are relative to.
+
+    Raises
+    ------
+    FileError
+        If there is no such folder and none can be made.
+    """
+
+    def __init__(self, output: Path, scenes: Iterable[Table], folder: Path) -> None:
+        self.folder = output.with_name(f"{output.name}.parts")
+        digests, release = _Digests(folder), provenance({}, "")["phasemap_version"]
+        self.files = [self.folder / f"{_identity(tables, digests, release)}.nc" for tables in scenes]
+        self._samples = Counter(self.files)
+        try:
+            self.folder.mkdir(exist_ok=True)
+            self._present = set(os.listdir(self.folder))
+        except OSError as error:
+            raise FileError(f"cannot keep samples in {self.folder}: {error.strerror}.") from error
+        self.done = sum(file.name in self._present for file in self.files)
+
+    def missing(self) -> Iterator[tuple[int, Path]]:
+        """The samples that are still to be made and their files; of samples that are the same, the first."""
+        seen = set(self._present)
+        for sample, file in enumerate(self.files):
+            if file.name not in seen:
+                seen.add(file.name)
+                yield sample, file
+
+    def add(self, file: Path) -> int:
+        """Count a file that was made; returns how many samples are done."""
+        self.done += self._samples[file]
+        return self.done
+
+    def remove(self) -> None:
+        """Delete these samples."""
+        leftovers = self.folder.glob(".*.tmp.nc")  # of a process that was killed
+        for file in (*self._samples, *leftovers):
+            file.unlink(missing_ok=True)
+        self.leave()
+
+    def leave(self) -> None:
+        """Delete the folder if it is empty."""
+        with suppress(OSError):
+            self.folder.rmdir()
+
+
+class _Digests:
+    """The SHA-256 of files, each read once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: dict[str, str | None] = {}
+
+    def of(self, name: str) -> str | None:
+        """Of the file with this name, None if there is none."""
+        if name not in self._known:
+            path = os.path.join(self._folder, name)
+            is_file = os.path.isfile(path)
+            self._known[name] = hashlib.sha256(Path(path).read_bytes()).hexdigest() if is_file else None
+        return self._known[name]
+
+
+def _identity(tables: Table, digests: _Digests, release: str) -> str:
+    """The SHA-256 of all that the image of a scene depends on."""
+    files = {name: digest for name in _words(tables) if (digest := digests.of(name)) is not None}
+    return hashlib.sha256(json.dumps([release, tables, files], sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _words(thing: Any) -> Iterator[str]:
+    """Every string in a table, for any of them may name a file."""
+    if isinstance(thing, str):
+        yield thing
+    elif isinstance(thing, (dict, list)):
+        for inside in thing.values() if isinstance(thing, dict) else thing:
+            yield from _words(inside)
+
+
+def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes: Table, overwrite: bool) -> None:
+    """Write the images of all samples into one file, one after the other.
+
+    Parameters
+    ----------
+    path : Path
+        The file to write.
+    files : sequence of Path
+        The file of each sample; its attributes are numbers.
+    keys : sequence of (str, mapping, list)
+        What is varied: name of the variable, its attributes, and a value for each sample.
+    attributes : dict
+        Of the file.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the images have not the same pixels and variables.
+    FileError
+        If the file cannot be written.
+    """
+    import netCDF4
+
+    with replacing(path, overwrite) as temporary, netCDF4.Dataset(temporary, "w", format="NETCDF4") as target:
+        with _opened(files[0]) as first:
+            form = _form(first)
+            names = _define(target, first, len(files), keys)
+            numbers = {name: np.full(len(files), first.getncattr(name)) for name in first.ncattrs()}
+        target.setncatts(attributes)
+        numbers["failed"] = np.zeros(len(files), np.int64)
+        for sample, file in enumerate(files):
+            with _opened(file) as source:
+                _check_form(sample, _form(source), form)
+                for name in names:
+                    target[name][sample] = source[name][...]
+                for name in source.ncattrs():
+                    numbers[name][sample] = source.getncattr(name)
+                numbers["failed"][sample] = np.count_nonzero(source["status"][...])
+        for name, values in numbers.items():
+            made = target.createVariable(name, values.dtype, ("sample",))
+            made.setncattr("long_name", LONG_NAMES.get(name, name.replace("_", " ")))
+            made[:] = values
+
+
+def _opened(file: Path) -> netCDF4.Dataset:
+    """A part, open for reading, with its values as they are."""
+    import netCDF4
+
+    try:
+        source = netCDF4.Dataset(file)
+    except OSError as error:
+        raise PhasemapError(f"the sample in {file} is damaged; remove this file and run again.") from error
+    source.set_auto_maskandscale(False)
+    return source
+
+
+def _define(target: netCDF4.Dataset, first: netCDF4.Dataset, count: int, keys: Sequence[Key]) -> list[str]:
+    """Lay out the file as its first image has it, with the samples in front; returns the names of what is to be filled.
+
+    A chunk is one image of one sample, for that is what is written and mostly read.
+    """
+    target.set_auto_maskandscale(False)
+    target.createDimension("sample", count)
+    for name, dimension in first.dimensions.items():
+        target.createDimension(name, len(dimension))
+    target.createVariable("sample", np.int64, ("sample",)).setncatts({"long_name": "number of the sample"})
+    target["sample"][:] = np.arange(count)
+    for name, attributes, values in keys:
+        column = as_column(values)
+        is_text = column.dtype == object
+        made = target.createVariable(name, str if is_text else column.dtype, ("sample",))
+        made.setncatts({about: said for about, said in attributes.items() if about != "units" or not is_text})
+        made[:] = column
+    names = []
+    for name, variable in first.variables.items():
+        is_axis = name in first.dimensions
+        dims = variable.dimensions if is_axis else ("sample", *variable.dimensions)
+        layout: Table = {}
+        if not is_axis:
+            inner = variable.shape[-2:]
+            layout = {"zlib": True, "complevel": COMPRESSION_LEVEL, "chunksizes": (1,) * (len(dims) - 2) + inner}
+            layout["chunk_cache"] = 1  # byte: a chunk is written once and whole; by default 16 MiB a variable are kept
+        about = {key: variable.getncattr(key) for key in variable.ncattrs()}
+        made = target.createVariable(name, variable.dtype, dims, fill_value=about.pop("_FillValue", None), **layout)
+        made.setncatts(about)
+        if is_axis:
+            made[:] = variable[...]
+        else:
+            made.setncattr("coordinates", " ".join(key for key, _, _ in keys))
+            names.append(name)
+    return names
+
+
+def as_column(values: list[Any]) -> np.ndarray:
+    """The values of a key over the samples: whole numbers, numbers, or text, which is JSON where they are no strings.
+
+    Examples
+    --------
+    >>> as_column([1, 2]).dtype, as_column([1, 2.5]).dtype, as_column(["auto", "orbit"])
+    (dtype('int64'), dtype('float64'), array(['auto', 'orbit'], dtype=object))
+    >>> as_column([True, [0.0, 1e-9]])
+    array(['true', '[0.0, 1e-09]'], dtype=object)
+    """
+    kinds = {type(value) for value in values}
+    if kinds == {int} and all(abs(value) < 2**63 for value in values):
+        return np.array(values, np.int64)
+    if kinds <= {int, float}:
+        return np.array(values, np.float64)
+    return np.array([value if isinstance(value, str) else json.dumps(value) for value in values], object)
+
+
+def _form(image: netCDF4.Dataset) -> dict[str, tuple[int, ...]]:
+    """What the images of all samples must share: variables, and attributes, which are numbers."""
+    return {
+        **{name: variable.shape for name, variable in image.variables.items()},
+        **dict.fromkeys(image.ncattrs(), ()),
+    }
+
+
+def _check_form(sample: int, form: dict[str, tuple[int, ...]], first: dict[str, tuple[int, ...]]) -> None:
+    """Refuse an image that does not fit on the first."""
+    for name in {**first, **form}:
+        if form.get(name) != first.get(name):
+            raise InputError(
+                f"shape of {name} in sample {sample}", form.get(name), f"{first.get(name)}, as in sample 0"
+            )

@@ -1,0 +1,193 @@
+"""The values that the samples of an ensemble have: drawn, or read from a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from phasemap._check import number, whole
+from phasemap.errors import FileError, InputError
+from phasemap.scene import check_choice, check_keys, construct, value_of
+
+if TYPE_CHECKING:
+    import numpy as np
+
+__all__ = ["Choice", "Range", "make_samples"]
+
+Table = dict[str, Any]
+
+
+def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
+    """Draw or read what the table ``[ensemble]`` of a scene asks for.
+
+    Parameters
+    ----------
+    table : dict
+        The table: ``count``, ``seed`` and ``vary``, or ``table``.
+    folder : Path
+        Where relative file names start.
+
+    Returns
+    -------
+    tuple of dict
+        For each sample the value of each key.
+
+    Raises
+    ------
+    InputError
+        If a key or value of the table is not allowed.
+    FileError
+        If the CSV file cannot be used.
+
+    Examples
+    --------
+    >>> make_samples({"count": 2, "vary": {"scan": {"setpoint": [0.7]}}}, Path())
+    ({'scan.setpoint': 0.7}, {'scan.setpoint': 0.7})
+    """
+    check_keys("[ensemble]", table, ("count", "seed", "vary", "table"))
+    return _read(folder, table) if "table" in table else _drawn(table)
+
+
+class _Law(Protocol):
+    """How the values of a key are drawn."""
+
+    def draw(self, rng: np.random.Generator) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers drawn uniformly from `low` to `high`.
+
+    Parameters
+    ----------
+    low, high : float
+        In the unit of the key.
+    scale : {"linear", "log"}
+        "log" draws the logarithm uniformly.
+    whole : bool
+        Draw whole numbers, both ends included.
+
+    Raises
+    ------
+    InputError
+        If the range is empty, not finite, or reaches 0 on a logarithmic scale.
+
+    Examples
+    --------
+    >>> Range(1e9, 1e8)
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.InputError: high is 100000000.0; allowed: a finite number of at least 1e+09, which is low.
+    """
+
+    low: float
+    high: float
+    scale: str = "linear"
+    whole: bool = False
+
+    def __post_init__(self) -> None:
+        check_choice("scale", self.scale, ("linear", "log"))
+        if not isinstance(self.whole, bool):
+            raise InputError("whole", self.whole, "true or false")
+        if self.whole and self.scale == "log":
+            raise InputError("scale", self.scale, "'linear' for whole numbers")
+        for name in ("low", "high"):
+            value = getattr(self, name)
+            if self.whole:
+                whole(name, value, -(2**62), 2**62)
+            else:
+                number(name, value, "1", above=0 if self.scale == "log" else -math.inf)
+        if self.low > self.high:
+            raise InputError("high", self.high, f"a finite number of at least {self.low:g}, which is low")
+
+    def draw(self, rng: np.random.Generator) -> float | int:
+        """Draw one number."""
+        if self.whole:
+            return int(rng.integers(int(self.low), int(self.high), endpoint=True))
+        share = float(rng.random())
+        if self.scale == "log":
+            return min(self.low * float((self.high / self.low) ** share), self.high)
+        return self.low + (self.high - self.low) * share
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several values, each as likely.
+
+    Parameters
+    ----------
+    options : tuple
+        Values that the key may have.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Choice(("orbit",)).draw(np.random.default_rng(1))
+    'orbit'
+    """
+
+    options: tuple[Any, ...]
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Draw one value."""
+        return self.options[int(rng.integers(len(self.options)))]
+
+
+def _drawn(table: Table) -> tuple[Table, ...]:
+    """The samples of ``count``, ``seed`` and ``vary``."""
+    import numpy as np
+
+    check_keys("[ensemble]", table, ("count", "seed", "vary"), ("count", "vary"))
+    count, seed = whole("[ensemble] count", table["count"], 1), whole("[ensemble] seed", table.get("seed", 0), 0)
+    laws = dict(_laws(table["vary"])) if isinstance(table["vary"], dict) else {}
+    if not laws:
+        raise InputError("[ensemble] vary", table["vary"], "a table of keys, such as scan.setpoint = [0.5, 0.7]")
+    return tuple(
+        {key: law.draw(np.random.default_rng([seed, sample, *key.encode()])) for key, law in laws.items()}
+        for sample in range(count)
+    )
+
+
+def _laws(table: Table, prefix: str = "") -> Iterator[tuple[str, _Law]]:
+    """The keys of ``vary``, quoted or not, and how each is drawn."""
+    for name, value in table.items():
+        key = f"{prefix}{name}"
+        shown = f"[ensemble.vary] {key}"
+        if isinstance(value, list):
+            if not value:
+                raise InputError(shown, value, "a list of at least one value")
+            yield key, Choice(tuple(value))
+        elif not isinstance(value, dict):
+            raise InputError(shown, value, "a list of values, or { low = ..., high = ... }")
+        elif any(not isinstance(value.get(end, []), (dict, list)) for end in ("low", "high")):
+            check_keys(shown, value, ("low", "high", "scale", "whole"), ("low", "high"))
+            yield key, construct(shown, value, Range)
+        else:
+            yield from _laws(value, f"{key}.")
+
+
+def _read(folder: Path, table: Table) -> tuple[Table, ...]:
+    """The samples of ``table``, a CSV file."""
+    name = table["table"]
+    if len(table) > 1:
+        raise InputError("[ensemble]", ", ".join(table), "either table, or count, seed and vary")
+    if not isinstance(name, str) or not name:
+        raise InputError("[ensemble] table", name, "the name of a CSV file")
+    path = folder / name
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
+    except OSError as error:
+        raise FileError(f"cannot read {path}, named in [ensemble] table: {error.strerror}.") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {path}, named in [ensemble] table: {error}.") from error
+    if not rows or len(set(header)) < len(header):
+        raise FileError(f"cannot use {path}: it needs a header with a key for each column, and a row for each sample.")
+    for sample, row in enumerate(rows):
+        if len(row) != len(header) or not all(row):
+            raise FileError(f"cannot use {path}: sample {sample} has not one value for each key of the header.")
+    return tuple({key: value_of(cell) for key, cell in zip(header, row, strict=True)} for row in rows)

@@ -1,0 +1,142 @@
+"""Work on several processes, which end when they are no longer needed, whatever becomes of this one."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from phasemap.errors import PhasemapError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.context import SpawnProcess
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+__all__ = ["in_processes"]
+
+
+def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Generator[R, None, None]:
+    """Yield ``task(item)`` of every item, as they come.
+
+    With one worker the task is called in this process, else in fresh ones, which need the task, its items and results
+    to be picklable, and a script that starts them to do so under ``if __name__ == "__main__"``. Ctrl-C reaches this
+    process alone. The others are stopped at once when the generator raises or is closed, and stop by themselves, after
+    the item at hand, if this process is killed.
+
+    Parameters
+    ----------
+    task : callable
+    items : iterable
+        Taken one by one, when a worker is free.
+    workers : int
+
+    Yields
+    ------
+    object
+        In the order in which they are done.
+
+    Raises
+    ------
+    PhasemapError
+        If a worker ended before its task did.
+    Exception
+        What the task raised.
+
+    Examples
+    --------
+    >>> list(in_processes(abs, [-1, 2], workers=1))
+    [1, 2]
+    """
+    if workers == 1:
+        yield from map(task, items)
+        return
+    from multiprocessing.connection import wait
+
+    waiting = iter(items)
+    crew: dict[Any, SpawnProcess] = {}  # by our end of the line to each
+    try:
+        with _deaf():
+            for item in _first(workers, waiting):
+                connection, process = _hire(task)
+                crew[connection] = process
+                connection.send(item)
+        busy = set(crew)
+        ready: Any
+        while busy:
+            for ready in wait(busy):
+                yield _result(ready, crew[ready])
+                busy.discard(ready)
+                for item in _first(1, waiting):
+                    ready.send(item)
+                    busy.add(ready)
+    finally:
+        for process in crew.values():
+            process.terminate()
+        for process in crew.values():
+            process.join()
+
+
+def _first(count: int, items: Iterator[T]) -> Iterator[T]:
+    """At most `count` of the items that are left."""
+    for _, item in zip(range(count), items, strict=False):
+        yield item
+
+
+def _hire(task: Callable[[T], R]) -> tuple[Connection, SpawnProcess]:
+    """Start a process that serves the task, and return our end of the line to it."""
+    from multiprocessing import get_context
+
+    context = get_context("spawn")  # a fork would copy numba's and HDF5's locks in whatever state they are
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, task), daemon=True)
+    process.start()
+    theirs.close()  # or its end would not be ours to notice
+    return ours, process
+
+
+def _serve(line: Connection, task: Callable[[T], R]) -> None:
+    """Answer what comes over the line until there is nobody at the other end."""
+    try:
+        while True:
+            item = line.recv()
+            answer: tuple[R | None, Exception | None]
+            try:
+                answer = task(item), None
+            except Exception as error:
+                answer = None, error
+            line.send(answer)
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return
+
+
+def _result(line: Connection, process: SpawnProcess) -> Any:
+    """What the task returned, or raise what it raised."""
+    try:
+        result, error = line.recv()
+    except (EOFError, ConnectionResetError) as end:
+        process.join()
+        raise PhasemapError(
+            f"a worker process ended early (exit code {process.exitcode}). If it was killed, there was not enough "
+            "memory: use fewer workers. A script must start workers under if __name__ == '__main__'."
+        ) from end
+    if error is not None:
+        raise error
+    return result
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that are started meanwhile are not interrupted by Ctrl-C, which goes to a whole group of them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
