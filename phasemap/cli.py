@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -291,7 +291,8 @@ def _with_progress(scene: Scene, arguments: argparse.Namespace, started: Callabl
     from tqdm import tqdm
 
     interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(delay=1.0, mininterval=interval, unit=" materials", file=sys.stderr, leave=False) as bar:
+    unit = " lines" if scene.options["control"].in_time else " materials"
+    with tqdm(delay=1.0, mininterval=interval, unit=unit, file=sys.stderr, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
             started()
@@ -309,8 +310,18 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
     print(f"solver      {scene.options['solver']}")
+    if control := str(scene.options["control"]):
+        print(f"control     {control}")
     if realism := str(scene.options["realism"]):
         print(f"realism     {realism}")
+
+
+def _in_words(notes: Mapping[str, Any]) -> str:
+    """Gains of a feedback, and what they are worth."""
+    gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
+    factor = notes["gain_margin"]
+    rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
+    return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
 
 
 def _print_summary(scene: Scene, image: xr.Dataset) -> None:
@@ -320,6 +331,8 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     from phasemap.plot import describe_failures, describe_flags
 
     _print_scene(scene, image.attrs["modelled"])
+    if "gain_margin" in image.attrs:
+        print(f"feedback    {_in_words(image.attrs)}")
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
     for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):

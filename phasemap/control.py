@@ -37,6 +37,10 @@ class Engage:
     directions: ClassVar[tuple[str, ...]] = ()
     in_time: ClassVar[bool] = False
 
+    def __str__(self) -> str:
+        """What it does, in words."""
+        return "each pixel engaged from far"
+
 
 @dataclass(frozen=True)
 class Raster:
@@ -69,6 +73,10 @@ class Raster:
 
     def __post_init__(self) -> None:
         check_engage(self.engage)
+
+    def __str__(self) -> str:
+        """What it does, in words."""
+        return f"quasi-static scan, engaged once a {self.engage}"
 
 
 @dataclass(frozen=True)
@@ -150,6 +158,10 @@ class Feedback:
             number("scanner_range", self.scanner_range, "m", above=0)
         number("overscan", self.overscan, "1", minimum=0, maximum=1)
         check_engage(self.engage)
+
+    def __str__(self) -> str:
+        """What it does, in words."""
+        return f"feedback in time, {self.line_rate:g} lines a second, engaged once a {self.engage}"
 
     def dwell(self, pixels: int) -> float:
         """Time over each of the pixels of a line [s].

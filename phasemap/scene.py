@@ -1,9 +1,10 @@
 """Scenes: one TOML file that says everything a simulation needs.
 
 The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scene_surface`), ``[materials.NAME]``,
-``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind), ``[accuracy]``, ``[realism]`` and
-``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one (`phasemap.ensemble`). Keys are the
-arguments of the Python objects of the same name, in SI units; nothing unknown is passed over.
+``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind, and what goes with it),
+``[accuracy]``, ``[realism]`` and ``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one
+(`phasemap.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units; nothing unknown is
+passed over.
 """
 
 from __future__ import annotations

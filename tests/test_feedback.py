@@ -10,10 +10,14 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 from scipy import signal
 
 import phasemap as pm
 from phasemap._kernels.scanning import loop as of
+from phasemap._kernels.scanning.beat import new_beat
+from phasemap._kernels.scanning.flow import new_flow
+from phasemap._kernels.scanning.line import advance, at_rest
 from phasemap.feedback import margin, tune
 from phasemap.feedback.loop import loop_of
 from phasemap.work import make_work
@@ -217,22 +221,65 @@ def test_image_says_its_gains() -> None:
 # Noise
 
 
-@pytest.mark.parametrize("solver", ENGINES)
-def test_thermal_motion_of_the_free_lever_has_equipartition(solver: str) -> None:
-    # A soft lever of Q = 20 that forgets within 6 periods; <z^2> = <|a|^2>/2 less the driven part, taken 4000 times over
-    # a decay time, of which some 1300 are independent: the standard error of a variance is sqrt(2/2600) = 3 %.
+@njit
+def wander(law, row, lever, loop, tip, random, span, states):  # type: ignore[no-untyped-def]
+    """Complex amplitude, and what the lock-in shows, of a tip far from the surface, again and again after a time."""
+    at_rest(lever, 1e-6, tip)
+    tally = np.zeros(of.TALLY)
+    for i in range(len(states)):
+        advance(law, row, lever, loop, 0.0, 0.0, span, tip, tally, random)
+        states[i, :2] = tip.y[of.AMP : of.AMP + 2]
+        states[i, 2:] = tip.y[of.FILTERS : of.FILTERS + 2]
+
+
+def wandering(solver: str, temperature: float = 0.0, detector_noise: float = 0.0) -> np.ndarray:
+    """States 4000 times, a decay time of lever and lock-in apart."""
     scope = pm.Microscope(pm.Cantilever(0.1, 30e3, 20.0), pm.Tip(10e-9), pm.Drive(50e-9))
     work = make_work(np.array([[1e9, 0.0, 0.0, 0.35]]), False, scope, 0.7 * scope.free_amplitude)
-    loop = loop_of(pm.Feedback(bandwidth=5e3), scope, 0.7 * scope.free_amplitude, temperature=300.0)
+    control = pm.Feedback(bandwidth=2e3, order=1)
+    loop = loop_of(control, scope, 0.7 * scope.free_amplitude, temperature, detector_noise)
     tip = new_flow() if solver == "averaging" else new_beat(0.7)
-    row, tally = np.append(work.rows[0], [0.0, 0.0]), np.zeros(of.TALLY)
-    loop[of.HIGH], loop[of.LOW] = np.inf, -np.inf
-    random = np.random.default_rng(1)
-    states = np.array([
-        tip.y[:2].copy() for _ in range(4000)
-        if place(scope, work, tip) is None and step(work.law, row, work.lever, loop, tip, tally, random) == 0
-    ])
-    assert states.var(axis=0).sum() / 2 == pytest.approx(1.380649e-23 * 300.0 / 0.1, rel=0.1)
+    states, row = np.zeros((4000, 4)), np.append(work.rows[0], [0.0, 0.0])
+    span = 1 / work.lever[1] + 1 / loop[of.RATE]
+    wander(work.law, row, work.lever, loop, tip, np.random.default_rng(1), span, states)
+    return states
+
+
+# Samples a decay time apart are correlated by 1/e: (1 - 1/e^2)/(1 + 1/e^2) of 2 x 4000 count, and the variance of so
+# many normal numbers has a standard error of sqrt(2/6100) = 1.8 %; 6 % is more than three of them.
+@pytest.mark.parametrize("solver", ENGINES)
+def test_thermal_motion_of_the_free_lever_has_equipartition(solver: str) -> None:
+    states = wandering(solver, temperature=300.0)
+    # <z^2> = <|a|^2>/2, less what is driven.
+    assert states[:, :2].var(axis=0).sum() / 2 == pytest.approx(1.380649e-23 * 300.0 / 0.1, rel=0.06)
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_detector_noise_passes_the_lock_in_within_its_bandwidth(solver: str) -> None:
+    density = 1e-12  # m/sqrt(Hz)
+    states = wandering(solver, detector_noise=density)
+    # Each quadrature has twice the density around the drive, 2 n^2 over one sideband; a single low pass of -3 dB at B
+    # lets pass pi/2 B of it. Averaging over a period before that takes away less than 1 % at B = f/15.
+    expected = 2 * density**2 * math.pi / 2 * 2e3
+    assert states[:, 2:].var(axis=0).mean() == pytest.approx(expected, rel=0.06)
+
+
+def test_same_seed_gives_the_same_noise_and_another_seed_another() -> None:
+    surface = line([0] * 6, rows=2)
+    noisy = [
+        scan(surface, realism=pm.Realism(temperature=300.0, detector_noise=1e-13, seed=seed)) for seed in (1, 1, 2)
+    ]
+    assert noisy[0].phase.equals(noisy[1].phase) and not np.allclose(noisy[0].phase, noisy[2].phase, atol=1e-3)
+    assert not np.allclose(noisy[0].phase[0, 0], noisy[0].phase[0, 1], atol=1e-3)  # nor do lines share it
+
+
+def test_tip_that_changes_scans_the_rest_of_the_image() -> None:
+    surface = line([0] * 6, rows=3)
+    changed = scan(surface, realism=pm.Realism(tip_change=pm.TipChange(line=1, radius=30e-9)))
+    blunt = pm.simulate(surface, replace(SCOPE, tip=pm.Tip(30e-9)), SETPOINT, "averaging", FAST)
+    assert changed.isel(y=0).phase.equals(scan(surface).isel(y=0).phase)
+    # At rest the gains, which stay those of the first tip, make no difference.
+    assert np.allclose(changed.phase[:, 1:], blunt.phase[:, 1:], atol=1e-3)
 
 
 # What goes wrong
