@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import generate, plot
     from phasemap.accuracy import Accuracy
+    from phasemap.contrasts.map import contrast
     from phasemap.control import Engage, Feedback, Raster
     from phasemap.dataset import phase_lag
     from phasemap.ensemble import load_ensemble
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "accuracy": ("Accuracy",),
+    "contrasts.map": ("contrast",),
     "control": ("Engage", "Feedback", "Raster"),
     "dataset": ("phase_lag",),
     "ensemble": ("load_ensemble",),
@@ -51,8 +53,9 @@ _MODULES = ("generate", "plot")
 __all__ = [
     "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
     "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "SolveError", "Status", "Surface", "Tip",
-    "TipChange", "fit_distance", "fit_frequency", "generate", "load_ensemble", "load_scene", "orbits", "phase_lag",
-    "plot", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "TipChange", "contrast", "fit_distance", "fit_frequency", "generate", "load_ensemble", "load_scene", "orbits",
+    "phase_lag", "plot", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter",
+    "sweep_setpoint",
 ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Pictures: `plot` for height and phase of an image, `curve` for a sweep and `trace` for one of its periods.
+"""Pictures: `plot` for an image, `curve` for a sweep, `trace` for one of its periods and `contrast` for two materials.
 
 Uses matplotlib's Figure without pyplot: nothing is shown, no global state is touched, and start-up stays short.
 """
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from phasemap.errors import InputError
 from phasemap.figures import describe_failures, describe_flags, save
+from phasemap.plot_contrast import contrast, is_contrast
 from phasemap.plot_curve import curve, is_sweep
 from phasemap.plot_trace import trace
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = ["curve", "describe_failures", "describe_flags", "plot", "trace"]
+__all__ = ["contrast", "curve", "describe_failures", "describe_flags", "plot", "trace"]
 
 FAILED = "#00e646"  # green is in none of afmhot, cividis and coolwarm
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
@@ -47,7 +48,7 @@ class _Scale:
 
 
 def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
-    """Draw height and phase of an image side by side, or what `curve` draws of a sweep.
+    """Draw height and phase of an image side by side, what `curve` draws of a sweep, or `contrast` of two materials.
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
     in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
@@ -57,7 +58,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     ----------
     ds : xarray.Dataset
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
-        a leading dimension "direction" gives one row each. Or what a sweep returned.
+        a leading dimension "direction" gives one row each. Or what a sweep or `phasemap.contrast` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -70,7 +71,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     Raises
     ------
     InputError
-        If `ds` holds neither image nor sweep, or the format is unknown.
+        If `ds` holds no image, sweep or contrast, or the format is unknown.
     FileError
         If `path` cannot be written.
 
@@ -89,6 +90,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
 
     if is_sweep(ds):
         return curve(ds, path, overwrite=overwrite)
+    if is_contrast(ds):
+        return contrast(ds, path, overwrite)
     _check(ds)
     rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
     legend = describe_failures(ds)

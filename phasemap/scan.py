@@ -12,7 +12,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas
-from phasemap.control import Control, Engage, Feedback
+from phasemap.control import Control, Engage, Feedback, Raster
 from phasemap.dataset import check_variables, describe, provenance, variables_of
 from phasemap.errors import InputError, SolveError
 from phasemap.microscope import Microscope
@@ -58,8 +58,10 @@ def simulate(
     solver : {"auto", "averaging", "orbit", "march"}
         "averaging" is first order and fastest, "orbit" exact, "march" integrates the equation of motion in time (slow),
         "auto" takes the cheapest that meets `accuracy` and says per pixel which one that was.
-    control : Engage, optional
-        How the controller comes to the setpoint; every pixel is engaged anew from far by default.
+    control : Engage, Raster or Feedback, optional
+        How the controller comes to the setpoint: every pixel engaged anew from far (the default), the state carried
+        along lines quasi-statically, or a feedback in time. In time "averaging" is the slow flow of the amplitude,
+        "march" the equation of motion, and "auto" the former unless the quality factor is below 20.
     accuracy : Accuracy, optional
         Largest error against the exact orbit, for "auto".
     realism : Realism, optional
@@ -69,8 +71,8 @@ def simulate(
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
-        Called as ``progress(done, total)`` from the calling thread, in distinct materials, or in pixels where materials
-        are interpolated or too many to be kept.
+        Called as ``progress(done, total)`` from the calling thread, in distinct materials, in pixels where materials
+        are interpolated or too many to be kept, or in lines of a feedback.
     threads : int, optional
         All cores by default. The numbers do not depend on it.
 
@@ -79,7 +81,10 @@ def simulate(
     xarray.Dataset
         Dims ("y", "x"), row 0 at the top, coordinates in m: height, phase, amplitude, tip_offset, mean_deflection,
         indentation [m and degree], dissipation, virial [J], branch, status, solver (CF flags), error_phase [degree] and
-        error_height [m] where estimated, energy_closure [1] where the solver has it.
+        error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
+        leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
+        amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
+        attributes.
 
     Raises
     ------
@@ -94,7 +99,8 @@ def simulate(
 
     Where an image has more than some thousand different materials, "auto" solves a few thousand that span them and
     interpolates (`phasemap.atlas`): never across a jump of the orbit, with an error estimated at materials of the image
-    itself, and the rest is solved one by one. `solver` says "interpolated" there.
+    itself, and the rest is solved one by one. `solver` says "interpolated" there. `Raster` asks for the orbits of both
+    branches, which are solved for every material.
 
     Beside the maps and what is returned, this takes less than 256 MiB for images of up to 4096 x 4096 pixels.
 
@@ -182,7 +188,18 @@ def _paint_feedback(job: Job, canvas: Canvas) -> int:
     return paint(job, canvas)
 
 
-_PAINTERS: dict[type[Control], Callable[[Job, Canvas], int]] = {Engage: paint, Feedback: _paint_feedback}
+def _paint_raster(job: Job, canvas: Canvas) -> int:
+    """`phasemap.raster.paint_raster`, imported only where it is needed."""
+    from phasemap.raster import paint_raster
+
+    return paint_raster(job, canvas)
+
+
+_PAINTERS: dict[type[Control], Callable[[Job, Canvas], int]] = {
+    Engage: paint,
+    Raster: _paint_raster,
+    Feedback: _paint_feedback,
+}
 """Who fills the canvas; returns how many distinct materials the surface has."""
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap.accuracy import Accuracy
-from phasemap.control import Control, Engage, Feedback
+from phasemap.control import Control, Engage, Feedback, Raster
 from phasemap.errors import FileError, InputError
 from phasemap.interaction import Interaction
 from phasemap.material import Material
@@ -37,7 +37,7 @@ __all__ = ["Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_f
 T = TypeVar("T")
 Table = dict[str, Any]
 
-CONTROLS: dict[str, type[Control]] = {"engage": Engage, "feedback": Feedback}
+CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
 TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
     "output",

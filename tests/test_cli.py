@@ -154,6 +154,7 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
         "setpoint    0.7 of 20 nm",
         "solver      auto",
+        "control     each pixel engaged from far",
         "output      to be named with -o",
         "The scene is valid.",
     ]

@@ -33,7 +33,11 @@ def test_importing_phasemap_imports_nothing_heavy() -> None:
     assert imported_by("import phasemap") == set()
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"], ["sweep", "--help"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["--version"], ["run", "--help"], ["sweep", "--help"], ["contrast", "--help"]],
+    ids=" ".join,
+)
 def test_asking_the_command_for_help_imports_nothing_heavy(arguments: list[str]) -> None:
     assert imported_by(f"from phasemap.cli import main; main({arguments})") == set()
 

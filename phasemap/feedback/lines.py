@@ -11,18 +11,21 @@ from phasemap._kernels.scanning.beat import new_beat
 from phasemap._kernels.scanning.bulge import bulges
 from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import scan_line
+from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas
 from phasemap.control import Feedback
 from phasemap.feedback.loop import loop_of
 from phasemap.feedback.program import mean_ground, program_of
 from phasemap.paint import Job
 from phasemap.realism import generator
+from phasemap.solvers import by_name
 from phasemap.work import Work
-from phasemap.workers import spread
+from phasemap.workers import run, spread
 
 Array = np.ndarray
 
 ETA = 0.7  # size of the march's steps: 2e-4 degree
+ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
 BULGES, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many of them at a time
 
 
@@ -62,6 +65,11 @@ class Lines:
         tau = 2 * math.pi * job.scope.cantilever.resonance_frequency
         self.dwell = control.dwell(job.surface.shape[1]) * tau
         self.rows = _with_bulges(job, work) if engine == col.AVERAGING else work.rows
+        # A tip that engages comes from far: the first material of each line says on which orbit it then is.
+        has_one = (self.numbers >= 0).argmax(axis=1)
+        starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)
+        first = Work(work.law, work.rows[starts], work.lever, work.amplitudes[starts])
+        self.orbits = run(by_name("auto"), first, ENGAGED, threads=job.workers)[0]
 
     def scan(self, row: int, tip: Tip) -> None:
         """Scan one line there and back, after engaging if the tip is not."""
@@ -74,7 +82,8 @@ class Lines:
         engaged = tip.loop is not None
         loop = self.loop.copy() if tip.loop is None else tip.loop
         law, lever = self.work.law, self.work.lever
-        done = scan_line(law, self.rows, lever, loop, program, engaged, tip.state, out, status, noise)
+        orbit = self.orbits[self.first[row]]
+        done = scan_line(law, self.rows, lever, loop, program, engaged, orbit, tip.state, out, status, noise)
         tip.loop = loop if done == col.GOOD else None
         self._put(row, out, status, ground)
 

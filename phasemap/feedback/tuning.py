@@ -171,6 +171,6 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean:
             there[j] += sign * size
             guess = mean
             for _ in range(3):  # the mean deflection settles at once
-                guess = rates(work.law, p, bulge, work.lever, reach, loop, 0.0, there, guess, 0j, rate)
+                guess = rates(work.law, p, bulge, work.lever, reach, loop, 0.0, there, guess, rate)
             out[:, j] += sign * rate / (2 * size)
     return out

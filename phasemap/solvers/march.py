@@ -42,9 +42,15 @@ class March:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
+        engage_averaged(work, first, last, out, status, solver)
+        self.settle(work, first, last, out, status, solver)
+
+    def settle(
+        self, work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray
+    ) -> None:
+        """March from the orbits in `out`, or from far where there is none that converged."""
         from phasemap._kernels.marching import march_rows
 
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
-        engage_averaged(work, first, last, out, status, solver)
         march_rows(work.law, work.rows, work.lever, work.amplitudes, eta, first, last, out, status, solver)

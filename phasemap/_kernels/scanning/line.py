@@ -15,7 +15,7 @@ from phasemap._kernels.approach import far_start, free_amplitude
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
-from phasemap._kernels.scanning.beat import Beat, beat_on
+from phasemap._kernels.scanning.beat import AHEAD, Beat, beat_on
 from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.flow import SHIFT, STEP, Flow, flow_on
 from phasemap._kernels.scanning.loop import (
@@ -47,7 +47,7 @@ SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 
 BULGE = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `bulge`
 
-APPROACH = 0.05  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
+APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
 CALM = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 LOOKS = 40  # at whether it has
 LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no feedback any more
@@ -59,8 +59,8 @@ def advance(law: Any, row: Any, lever: Any, loop: Any, ground: Any, slope: Any, 
     raise NotImplementedError
 
 
-def at_rest(lever: Any, place: Any, tip: Any) -> None:
-    """Set the free lever swinging at its steady amplitude, at drive phase 0."""
+def start_at(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
+    """Set the lever swinging about a mean deflection [m] with a complex amplitude [m], at drive phase 0."""
     raise NotImplementedError
 
 
@@ -74,14 +74,8 @@ def _advance_flow(
 
 
 @njit(**OPTIONS)
-def _free(lever: np.ndarray) -> complex:
-    omega = lever[col.OMEGA]
-    return lever[col.BASE] / complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
-
-
-@njit(**OPTIONS)
-def _place(lever: np.ndarray, place: float, y: np.ndarray) -> None:
-    a = _free(lever)
+def _swinging(place: float, a: complex, y: np.ndarray) -> None:
+    """Loop at rest with this complex amplitude and the scanner at a place."""
     y[:] = 0.0
     y[AMP], y[AMP + 1] = a.real, a.imag
     for j in range(FILTERS, STATE, 2):
@@ -90,16 +84,16 @@ def _place(lever: np.ndarray, place: float, y: np.ndarray) -> None:
 
 
 @njit(**OPTIONS)
-def _rest_flow(lever: np.ndarray, place: float, tip: Flow) -> None:
-    _place(lever, place, tip.y)
-    tip.memory[STEP] = tip.memory[SHIFT] = 0.0
+def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
+    _swinging(place, a, tip.y)
+    tip.memory[STEP], tip.memory[SHIFT] = 0.0, mean
 
 
 @njit(**OPTIONS)
-def _rest_beat(lever: np.ndarray, place: float, tip: Beat) -> None:
-    _place(lever, place, tip.y)
-    a = _free(lever)
-    tip.tip[0], tip.tip[1], tip.tip[2] = a.real, -lever[col.OMEGA] * a.imag, 0.0
+def _start_beat(lever: np.ndarray, place: float, mean: float, a: complex, tip: Beat) -> None:
+    _swinging(place, a, tip.y)
+    tip.tip[0], tip.tip[1], tip.tip[2] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
+    tip.memory[AHEAD] = 0.0
 
 
 def _is_flow(tip: Any) -> bool:
@@ -116,45 +110,65 @@ def _choose_advance(tip: Any) -> Any:
     )
 
 
-def _choose_rest(tip: Any) -> Any:
+def _choose_start(tip: Any) -> Any:
     if _is_flow(tip):
-        return lambda lever, place, tip: _rest_flow(lever, place, tip)
-    return lambda lever, place, tip: _rest_beat(lever, place, tip)
+        return lambda lever, place, mean, a, tip: _start_flow(lever, place, mean, a, tip)
+    return lambda lever, place, mean, a, tip: _start_beat(lever, place, mean, a, tip)
 
 
 overload(advance)(lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: _choose_advance(tip))
-overload(at_rest)(lambda lever, place, tip: _choose_rest(tip))
+overload(start_at)(lambda lever, place, mean, a, tip: _choose_start(tip))
 
 
 @njit(**OPTIONS)
-def engage_in_time(
+def approach_in_time(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, tip: Any,
     noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Lower the freely swinging tip to the setpoint at constant speed, then let the feedback settle; returns a status.
-
-    Sets the middle of the scanner's range to where it then is: loop[LOW] and loop[HIGH] are taken as half of it.
-    """
+    """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status."""
     p = parameters(row)
-    reach, free, goal = reach_of(law, p), free_amplitude(lever), loop[SETPOINT]
-    decay = 1.0 / lever[col.ALPHA0]
-    y, tally = tip.y, np.zeros(TALLY)
-    far = free * far_start(law, p, lever, reach, free, goal)
-    at_rest(lever, ground + far, tip)
+    reach, free, omega = reach_of(law, p), free_amplitude(lever), lever[col.OMEGA]
+    decay, y = 1.0 / lever[col.ALPHA0], tip.y
+    far = free * far_start(law, p, lever, reach, free, loop[SETPOINT])
+    a = lever[col.BASE] / complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
+    start_at(lever, ground + far, 0.0, a, tip)
     lowering = loop.copy()
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0
     lowering[LOW], lowering[HIGH] = -math.inf, math.inf
     lowering[RAMP] = APPROACH * free / decay
-    while shown(loop, y)[0] > goal:
+    tally = np.zeros(TALLY)
+    while shown(loop, y)[0] > loop[SETPOINT]:
         status = advance(law, row, lever, lowering, ground, 0.0, 0.1 * decay, tip, tally, noise)
         if status != col.GOOD:
             return status
         if y[PLACE] - ground < -LOST * free:
             return col.NOT_ENGAGED
+    return col.GOOD
+
+
+@njit(**OPTIONS)
+def engage_in_time(
+    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, orbit: np.ndarray, tip: Any,
+    noise: np.random.Generator,
+) -> int:  # fmt: skip
+    """Put the tip on a result row's orbit, or approach where it is NaN, and let the feedback settle; returns a status.
+
+    Sets the middle of the scanner's range to where it then is: loop[LOW] and loop[HIGH] are taken as half of it.
+    """
+    goal, free, y = loop[SETPOINT], free_amplitude(lever), tip.y
+    if math.isfinite(orbit[col.TIP_OFFSET]):
+        lag = 0.5 * math.pi - orbit[col.PHASE]
+        a = goal * complex(math.cos(lag), -math.sin(lag))
+        start_at(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
+    else:
+        status = approach_in_time(law, row, lever, loop, ground, tip, noise)
+        if status != col.GOOD:
+            return status
     half = loop[HIGH]
     loop[LOW], loop[HIGH] = -math.inf, math.inf
     y[INTEGRAL] = -y[PLACE] - loop[KP] * (shown(loop, y)[0] - goal)
-    look = 2.0 * decay + 3.0 / loop[RATE]
+    look = 2.0 / lever[col.ALPHA0] + 3.0 / loop[RATE]
+    tally = np.zeros(TALLY)
     calm = 0
     for _ in range(LOOKS):
         tally[:] = 0.0
@@ -220,16 +234,19 @@ def _record(loop: np.ndarray, tally: np.ndarray, row: np.ndarray) -> None:
 
 @njit(**OPTIONS)
 def scan_line(
-    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, engaged: bool, tip: Any,
-    out: np.ndarray, status: np.ndarray, noise: np.random.Generator,
+    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, engaged: bool,
+    orbit: np.ndarray, tip: Any, out: np.ndarray, status: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Engage if the tip is not, over the first segment that has a material, and scan a line; returns a status."""
+    """Engage if the tip is not, over the first segment that has a material, and scan a line; returns a status.
+
+    `orbit` is the result row on which the tip engages there, NaN where none is known.
+    """
     done, start = col.GOOD, 0
     while start < len(program) and program[start, MATERIAL] < 0:
         start += 1
     if start < len(program) and not engaged:
         material = int(program[start, MATERIAL])
-        done = engage_in_time(law, rows[material], lever, loop, program[start, GROUND], tip, noise)
+        done = engage_in_time(law, rows[material], lever, loop, program[start, GROUND], orbit, tip, noise)
     if done == col.GOOD:
         return scan_segments(law, rows, lever, loop, program, tip, out, status, noise)
     for i in range(len(program)):

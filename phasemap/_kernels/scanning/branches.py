@@ -1,0 +1,250 @@
+"""The orbit on the branch that engagement did not choose, where the cheap path to it is safe.
+
+Whether there is one is asked at the setpoint's amplitude, as engagement asks it at every amplitude on its way: far from
+the end of the branch averaging tells, and the lever's response gives the orbit; what is near is left PENDING for exact
+orbits (`others`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import caution, free_amplitude
+from phasemap._kernels.averaging import harmonics, mismatch
+from phasemap._kernels.cheap import averaging_suffices
+from phasemap._kernels.corrected import AMP, DRAG, SLOPE, E, converge, report, start
+from phasemap._kernels.corrected import PUSH as PUSHED
+from phasemap._kernels.law import OPTIONS, Law, contact_force
+from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.quick import Room, decide_exactly, new_room, parameters, refine, steep
+from phasemap._kernels.resonance import (
+    ATTRACTIVE,
+    BEHIND,
+    GAP,
+    HEIGHT,
+    PLAIN,
+    PUSH,
+    REPULSIVE,
+    UNCLEAR,
+    at_gap,
+    balance_depth,
+    on_side,
+)
+from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, REPELLING
+
+DAMPED = 0.05  # mismatch without a net force that leaves no doubt
+HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants, over that of the free lever
+DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
+CLOSEST = 1e-3  # mismatch at the exact maximum, nearer to which only the orbits themselves tell
+LENS, BESIDE = 0.05, 0.5  # steps from the strongest pull, over its depth and the reach
+MOST_STEPS = 60
+FIRST_STEP = 0.12  # of the depth at which repulsion makes up for attraction
+
+
+@njit(**OPTIONS)
+def side_of(slot: int) -> int:
+    """Sign of the mean interaction."""
+    return REPULSIVE if slot == REPELLING else ATTRACTIVE
+
+
+@njit(**OPTIONS)
+def pull_at(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
+) -> tuple[float, float]:
+    """Mismatch where the drive acts against attraction, continued below it; and in-phase force P.
+
+    Beside resonance the lever's own detuning comes first, and its square would hide where attraction begins to count.
+    """
+    h, push = at_gap(law, p, lever, reach, amplitude, gap)
+    x = (push + amplitude * (1.0 - lever[col.OMEGA] ** 2)) / lever[col.BASE]
+    return h if x <= 0.0 else h - 2.0 * x * x, push
+
+
+@njit(**OPTIONS)
+def strongest_pull(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> None:
+    """Find the first maximum of `pull_at` as the tip comes near (at resonance that of `resonance.strongest`)."""
+    h, push = pull_at(law, p, lever, reach, amplitude, 0.0)
+    top[GAP], top[HEIGHT], top[PUSH] = 0.0, h, push
+    before, h_before, deeper = 0.0, h, -FIRST_STEP * balance_depth(law, p, reach)
+    for _ in range(MOST_STEPS):
+        h, push = pull_at(law, p, lever, reach, amplitude, deeper)
+        if h < top[HEIGHT] or push > 0.0 or deeper < DEEPEST * amplitude:
+            break
+        before, h_before = top[GAP], top[HEIGHT]
+        top[GAP], top[HEIGHT], top[PUSH] = deeper, h, push
+        deeper *= 2.0
+    top[BEHIND] = deeper
+    if top[GAP] == 0.0 or push > 0.0:
+        return
+    # A parabola through three points, in the root of the depth.
+    x0, x1, x2 = math.sqrt(-before), math.sqrt(-top[GAP]), math.sqrt(-deeper)
+    rise = (top[HEIGHT] - h_before) / (x1 - x0)
+    bend = ((h - top[HEIGHT]) / (x2 - x1) - rise) / (x2 - x0)
+    x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
+    if x0 < x < x2:
+        h, push = pull_at(law, p, lever, reach, amplitude, -x * x)
+        if h > top[HEIGHT]:
+            top[GAP], top[HEIGHT], top[PUSH] = -x * x, h, push
+
+
+@njit(**OPTIONS)
+def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, room: Room) -> float:
+    """Mismatch of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
+    state = room.state
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
+    if not start(law, p, lever, reach, room.nodes, state):
+        return math.nan
+    if not converge(law, p, lever, room.nodes, state, True, 0.1 * CLOSEST, math.inf):
+        return math.nan
+    return mismatch(lever, amplitude, state[PUSHED], state[DRAG])
+
+
+@njit(**OPTIONS)
+def decide_closely(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> int:
+    """Whether there is an attractive orbit, where `decide_exactly` left it open: its maximum once more, with a lens."""
+    middle = room.fit[0]
+    step = LENS * (reach + abs(middle))
+    h0 = held(law, p, lever, reach, amplitude, middle, room)
+    h1 = held(law, p, lever, reach, amplitude, middle + step, room)
+    h2 = held(law, p, lever, reach, amplitude, middle - step, room)
+    bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
+    if not (bend < 0.0 and abs(rise) < -2.0 * step * bend):
+        return UNCLEAR
+    highest = h0 - 0.5 * rise * rise / bend
+    if abs(highest) < CLOSEST:
+        return UNCLEAR
+    return ATTRACTIVE if highest > 0.0 else REPULSIVE
+
+
+@njit(**OPTIONS)
+def averaged_on(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, side: int, guess: np.ndarray, room: Room
+) -> int:
+    """Fill `guess` with the averaged orbit on this side; NO_STABLE_ORBIT if there is surely none, PENDING in doubt.
+
+    In doubt about the attractive side the guess lies outside of where the branch ends, from where Newton's method comes
+    to the outer orbit if there is one.
+    """
+    guess[:] = 0.0
+    if p[col.RELEASE] != 0.0:
+        return col.PENDING
+    if p[4] == 0.0:
+        repelled = contact_force(law, 0.0, p) >= 0.0
+        return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
+    reach, free, top = reach_of(law, p), free_amplitude(lever), room.top
+    strongest_pull(law, p, lever, reach, amplitude, top)
+    if side == ATTRACTIVE:
+        wanted = 1.0 - (amplitude / free) ** 2
+        plain = min((PLAIN * wanted + 0.03) * caution(lever), HALF_PULL * wanted)
+        if top[HEIGHT] <= -plain:
+            return col.NO_STABLE_ORBIT
+        if top[HEIGHT] < plain:
+            room.fit[:] = math.nan
+            exact = decide_exactly(law, p, lever, reach, amplitude, top, room.nodes, room.state, room.fit)
+            if exact == UNCLEAR:
+                exact = decide_closely(law, p, lever, reach, amplitude, room)
+            if exact == REPULSIVE:
+                return col.NO_STABLE_ORBIT
+            if exact == UNCLEAR or not top[HEIGHT] > 0.0:
+                beside(law, p, lever, reach, amplitude, top, guess)
+                return col.PENDING
+    if on_side(law, p, lever, reach, amplitude, side, top, guess):
+        return col.GOOD
+    if side == ATTRACTIVE:
+        beside(law, p, lever, reach, amplitude, top, guess)
+        return col.PENDING
+    damped = drag_at_balance(law, p, lever, reach, amplitude, top) > DAMPED * caution(lever)
+    return col.NO_STABLE_ORBIT if damped else col.PENDING
+
+
+@njit(**OPTIONS)
+def beside(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, guess: np.ndarray
+) -> None:
+    """Fill `guess` with a harmonic orbit outside of the strongest pull."""
+    c = 1.0 + (top[GAP] + BESIDE * (reach + abs(top[GAP]))) / amplitude
+    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+    guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * c + mean, mean, amplitude, push, drag
+
+
+@njit(**OPTIONS)
+def drag_at_balance(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray
+) -> float:
+    """Mismatch where repulsion just makes up for attraction; deeper the surface takes up more.
+
+    Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
+    for attraction, even in permanent contact.
+    """
+    near, far = top[GAP], top[BEHIND]
+    h, push = at_gap(law, p, lever, reach, amplitude, far)
+    while push <= 0.0 and far >= DEEPEST * amplitude:
+        near, far = far, 2.0 * far
+        h, push = at_gap(law, p, lever, reach, amplitude, far)
+    if not push > 0.0:
+        return math.inf if push <= 0.0 else math.nan
+    for _ in range(MOST_STEPS):
+        if abs(push) < 0.05 * lever[col.BASE]:
+            break
+        middle = 0.5 * (near + far)
+        h, push = at_gap(law, p, lever, reach, amplitude, middle)
+        if push > 0.0:
+            far = middle
+        else:
+            near = middle
+    detuning = amplitude * (1.0 - lever[col.OMEGA] ** 2) / lever[col.BASE]
+    return h if detuning >= 0.0 else h - detuning * detuning  # above resonance repulsion makes up for this first
+
+
+@njit(**OPTIONS)
+def other_rows(
+    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, allowed: np.ndarray,
+    first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray,
+) -> int:  # fmt: skip
+    """Stable orbits on both branches for every row in [first, last), from what engagement found; returns how many wait.
+
+    Parameters
+    ----------
+    limits : ndarray, shape (2,)
+        Largest estimated errors of an exact orbit: phase [rad], height [m].
+    allowed : ndarray, shape (2,)
+        The same within which an averaged orbit may stand.
+    out : ndarray, shape (SLOTS, n, COLUMNS)
+    status, solver : ndarray, shape (SLOTS, n)
+        Of these ENGAGED is given, the other two are filled; what is PENDING has a harmonic orbit (z0, mean deflection,
+        A, P, S) to start from, or NaN.
+    """
+    room, guess, waiting = new_room(), np.zeros(6), 0
+    for i in range(first, last):
+        here = REPELLING if out[ENGAGED, i, col.STIFFENING] > 0.0 else ATTRACTING
+        p, reach, left = parameters(rows[i]), reach_of(law, parameters(rows[i])), False
+        for slot in range(ENGAGED):
+            row = out[slot, i]
+            if status[ENGAGED, i] == col.GOOD and slot == here:
+                for j in range(col.COLUMNS):
+                    row[j] = out[ENGAGED, i, j]
+                status[slot, i], solver[slot, i] = col.GOOD, solver[ENGAGED, i]
+                continue
+            row[:] = math.nan
+            done = averaged_on(law, p, lever, amplitudes[i], side_of(slot), guess, room)
+            if done == col.GOOD:
+                exact = refine(law, p, lever, reach, guess, limits, room.nodes, room.state)
+                if not exact or not steep(law, p, lever, limits, room):
+                    done = col.PENDING
+            if done == col.GOOD and averaging_suffices(lever, guess, room.state, allowed, row):
+                solver[slot, i] = col.AVERAGING
+            elif done == col.GOOD:
+                report(lever, room.nodes, room.state, row)
+                solver[slot, i] = col.CORRECTED
+            elif done == col.PENDING:
+                left = True
+                for j in range(5):
+                    row[j] = guess[j] if guess[2] > 0.0 else math.nan
+            status[slot, i] = done
+        waiting += left
+    return waiting

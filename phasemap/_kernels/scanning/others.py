@@ -1,0 +1,60 @@
+"""Exact orbits on the branches that the cheap path leaves open, from harmonic orbits near them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE, judge, polish, tolerance_of
+from phasemap._kernels.collocation import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbit import begin, newton
+from phasemap._kernels.quick import parameters
+from phasemap._kernels.scanning.slots import ENGAGED, REPELLING
+
+MOST_STEPS = 15
+STARTS, FARTHER = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
+
+
+@njit(**OPTIONS)
+def exact_near_rows(
+    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitudes: np.ndarray,
+    first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray,
+) -> int:  # fmt: skip
+    """Exact orbits for what `branches.other_rows` left PENDING, where they are found; returns how many rows still wait.
+
+    A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
+    are tried too.
+    """
+    orbit, spare, guess, target = new_orbit(), new_orbit(), np.zeros(5), np.zeros(4)
+    waiting = 0
+    for i in range(first, last):
+        p, left = parameters(rows[i]), False
+        tolerance = tolerance_of(law, p, lever)
+        for slot in range(ENGAGED):
+            if status[slot, i] != col.PENDING:
+                continue
+            row = out[slot, i]
+            for j in range(len(guess)):
+                guess[j] = row[j]
+            for _ in range(STARTS):
+                if math.isnan(guess[0]) or not begin(law, p, lever, tables, orbit, guess, 0):
+                    break
+                done, _, orbit, spare = newton(
+                    law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
+                )
+                if done == col.GOOD:
+                    done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+                if done == col.GOOD and judge(row) == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
+                    status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
+                    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+                    break
+                guess[0] += FARTHER * amplitudes[i]
+            if status[slot, i] == col.PENDING:
+                row[:] = math.nan
+                left = True
+        waiting += left
+    return waiting

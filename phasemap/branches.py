@@ -1,0 +1,171 @@
+"""The orbits that hold the setpoint on each branch, for many materials: what a tip finds that is already tapping."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
+from phasemap.accuracy import Accuracy
+from phasemap.solvers import Solver
+from phasemap.solvers.march import March
+from phasemap.solvers.orbit import LENGTH, PHASE
+from phasemap.work import Work
+from phasemap.workers import Progress, spread
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int8]
+
+
+class Branches(NamedTuple):
+    """What holds the setpoint, for n materials.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (3, n, COLUMNS)
+        Result rows of the attractive orbit, of the repulsive one, and of the one that engagement from far finds (which
+        is one of the other two); NaN where there is none.
+    status, solver : ndarray of int8, shape (3, n)
+        Codes that go with them.
+    """
+
+    rows: Array
+    status: Codes
+    solver: Codes
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether there is an orbit on each branch, shape (2, n)."""
+        found: NDArray[np.bool_] = self.status[:ENGAGED] == col.GOOD
+        return found
+
+    @property
+    def engaged(self) -> Codes:
+        """Branch that engagement finds: ATTRACTING, REPELLING, or NOWHERE; shape (n,)."""
+        side = self.rows[ENGAGED, :, col.STIFFENING] > 0
+        return np.where(self.status[ENGAGED] == col.GOOD, side, NOWHERE).astype(np.int8)
+
+
+def stable_branches(
+    work: Work, solver: Solver, accuracy: Accuracy, workers: int = 1, progress: Progress | None = None
+) -> Branches:
+    """Find the stable orbits that hold the setpoint on the attractive and on the repulsive branch.
+
+    An orbit counts if its Floquet multipliers are inside the unit circle and the amplitude rises with the tip offset.
+    Of several on one branch it is the one that engagement finds, or else the farthest.
+
+    Parameters
+    ----------
+    work : Work
+    solver : Solver
+        What it finds by engagement is kept bit for bit. The other branch has an averaged orbit with "averaging", or
+        where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with "march", what time makes
+        of that.
+    accuracy : Accuracy
+    workers : int
+        Threads; the numbers do not depend on it.
+    progress : callable, optional
+
+    Returns
+    -------
+    Branches
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> from phasemap.solvers import by_name
+    >>> from phasemap.work import work_of_material
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+    >>> work = work_of_material(pm.Material(modulus=2e9, adhesion=0.1), scope, 0.8 * scope.free_amplitude)
+    >>> found = stable_branches(work, by_name("orbit"), pm.Accuracy())
+    >>> found.stable.tolist(), found.engaged.tolist()
+    ([[True], [True]], [0])
+    """
+    count = len(work)
+    rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
+    status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
+    valid = np.flatnonzero(status[ENGAGED] == col.GOOD)
+    if len(valid) < count:
+        found = stable_branches(_part(work, valid), solver, accuracy, workers, progress)
+        rows[:, valid], status[:, valid], used[:, valid] = found
+        return Branches(rows, status, used)
+
+    def solve(first: int, last: int) -> None:
+        solver.solve(work, accuracy, first, last, rows[ENGAGED], status[ENGAGED], used[ENGAGED])
+        _others(work, solver, accuracy, first, last, rows, status, used)
+
+    size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
+    spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
+    return Branches(rows, status, used)
+
+
+def _part(work: Work, chosen: NDArray[np.intp]) -> Work:
+    return Work(work.law, np.ascontiguousarray(work.rows[chosen]), work.lever, work.amplitudes[chosen])
+
+
+def _others(
+    work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, rows: Array, status: Codes, used: Codes
+) -> None:
+    """Fill both branches of the materials in [first, last), what engagement finds being there."""
+    from phasemap._kernels.scanning.branches import other_rows
+
+    phase, height = accuracy.phase, accuracy.height
+    if solver.name != "auto":
+        phase, height = min(phase, PHASE), min(height, LENGTH)
+    limits = np.array([math.radians(phase), height])
+    allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
+    arrays = first, last, rows, status, used
+    if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, *arrays):
+        from phasemap._kernels.scanning.others import exact_near_rows
+        from phasemap._kernels.tables import TABLES
+
+        if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, *arrays):
+            _search(work, *arrays)
+    if solver.name == "averaging":
+        _average(work, *arrays)
+    elif isinstance(solver, March):
+        _march(work, solver, *arrays)
+
+
+def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+    """Decide what is still PENDING by all the exact orbits that there are."""
+    from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE, every_orbit
+    from phasemap._kernels.collocation import HOLD_AMPLITUDE
+    from phasemap._kernels.tables import TABLES
+
+    waiting = status[:ENGAGED, first:last] == col.PENDING
+    for i in first + np.flatnonzero(waiting.any(axis=0)):
+        _, found = every_orbit(work.law, work.rows[i], work.lever, TABLES, HOLD_AMPLITUDE, work.amplitudes[i])
+        found = found[(found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)]
+        for slot in np.flatnonzero(waiting[:, i - first]):
+            on = found[(found[:, col.STIFFENING] > 0) == (slot == REPELLING)]
+            status[slot, i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT
+            if len(on):
+                rows[slot, i], used[slot, i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
+                rows[slot, i, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = EXACT_PHASE, EXACT_HEIGHT
+
+
+def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+    """Averaged orbits in the place of exact ones, without what is known of their errors."""
+    from phasemap._kernels.cheap import averaged_near_rows
+
+    for slot in (ATTRACTING, REPELLING):
+        arrays = rows[slot], status[slot], used[slot]
+        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, *arrays)
+    rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
+
+
+def _march(work: Work, solver: March, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+    """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
+    for slot in (ATTRACTING, REPELLING):
+        known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
+        other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
+        some, done, by = rows[slot, other], status[slot, other], used[slot, other]
+        solver.settle(_part(work, other), 0, len(other), some, done, by)
+        gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
+        some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
+        rows[slot, other], status[slot, other], used[slot, other] = some, done, by

@@ -1,0 +1,190 @@
+"""The command ``phasemap contrast``: two materials of a scene, over setpoint, free amplitude and drive frequency."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap._console import patience
+from phasemap.errors import InputError, PhasemapError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.scene import Setup
+
+SETPOINTS = "0.3:0.95:40"
+AXES = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
+EXAMPLES = """Values are START:STOP:N in SI units, N values from START to STOP, or one number.
+
+examples:
+  phasemap contrast samples/blend.toml --materials ps,ldpe --plot contrast.png
+  phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 -o map.nc --plot map.png
+  phasemap contrast samples/particles.toml --setpoints 0.5:0.9:30 --frequencies 299e3:301e3:21 --plot map.png
+  phasemap contrast samples/blend.toml --free-amplitudes 15e-9 --plot gentle.png materials.ldpe.damping=0.01
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
+    """Declare the arguments of the command.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    positive : callable
+        Reads a whole number of at least 1.
+    """
+    parser.usage = "%(prog)s SCENE.toml [--materials FIRST,SECOND] [options] [key=value ...]"
+    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
+    parser.add_argument(
+        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as tip.radius=20e-9"
+    )
+    parser.add_argument(
+        "--materials", metavar="FIRST,SECOND", help="of [materials.NAME]; not needed if there are only two"
+    )
+    parser.add_argument("--setpoints", default=SETPOINTS, metavar="VALUES", help=f"default: {SETPOINTS}")
+    parser.add_argument("--free-amplitudes", metavar="VALUES", help="at resonance, in m; default: the scene's")
+    parser.add_argument("--frequencies", metavar="VALUES", help="of the drive, in Hz; default: the scene's")
+    parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
+    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
+    parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+    parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
+
+
+def contrast(arguments: argparse.Namespace) -> None:
+    """Map the contrast, write what is asked for, and say what was found."""
+    from phasemap.figures import check_format
+    from phasemap.io.netcdf import check_target, save
+    from phasemap.scene import load_setup
+
+    started = time.perf_counter()
+    setup = load_setup(arguments.scene, arguments.overrides)
+    names = _names(setup, arguments.materials)
+    options: dict[str, Any] = {
+        "setpoints": _values("--setpoints", arguments.setpoints),
+        "free_amplitudes": _values("--free-amplitudes", arguments.free_amplitudes),
+        "frequencies": _values("--frequencies", arguments.frequencies),
+        "solver": arguments.solver, "names": names, "threads": arguments.threads,
+    }  # fmt: skip
+    for path in (arguments.output, arguments.plot):
+        if path is not None:
+            check_target(path, arguments.overwrite)
+    if arguments.plot is not None:
+        check_format(arguments.plot)
+    found = _map(setup, names, options, arguments.quiet)
+    found.attrs["title"] = f"{names[1]} less {names[0]} of {arguments.scene.name}"
+    if arguments.output is not None:
+        save(found, arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        from phasemap.plot import contrast as draw
+
+        draw(found, arguments.plot, arguments.overwrite)
+    if not arguments.quiet:
+        print("\n".join(summary(found)))
+        print(f"took        {time.perf_counter() - started:.2f} s")
+        for path in (arguments.output, arguments.plot):
+            if path is not None:
+                print(f"written to  {path}")
+
+
+def _names(setup: Setup, text: str | None) -> tuple[str, str]:
+    """The two materials asked for, or the only two."""
+    from phasemap.scene import check_choice
+
+    known = list(setup.materials)
+    if len(known) < 2:
+        raise PhasemapError("the scene has fewer than two [materials], and a contrast needs two.")
+    if text is None and len(known) > 2:
+        raise PhasemapError(f"the scene has several materials: choose two with --materials: {', '.join(known)}.")
+    names = known if text is None else [name.strip() for name in text.split(",")]
+    for name in names:
+        check_choice("--materials", name, known)
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError("--materials", text, "two different names with a comma between them")
+    return names[0], names[1]
+
+
+def _values(option: str, text: str | None) -> Any:
+    """A number, or the values of START:STOP:N."""
+    import numpy as np
+
+    if text is None:
+        return None
+    try:
+        numbers = [float(part) for part in text.split(":")]
+        if len(numbers) == 1:
+            return numbers[0]
+        start, stop, count = numbers
+        if count == int(count) and count >= 2:
+            return np.linspace(start, stop, int(count))
+    except (ValueError, OverflowError):
+        pass
+    raise InputError(option, text, "START:STOP:N with N of at least 2, such as 0.3:0.95:40, or one number")
+
+
+def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: bool) -> xr.Dataset:
+    """Map the contrast, with a bar on stderr if it takes more than a second."""
+    from tqdm import tqdm
+
+    from phasemap.contrasts.map import contrast as map_contrast
+
+    first, second = (setup.materials[name] for name in names)
+    if quiet:
+        return map_contrast(first, second, setup.microscope, **options)
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    with (
+        patience() as started,
+        tqdm(delay=1.0, mininterval=interval, unit=" points", file=sys.stderr, leave=False) as bar,
+    ):
+
+        def progress(done: int, total: int) -> None:
+            started()
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return map_contrast(first, second, setup.microscope, **options, progress=progress)
+
+
+def summary(found: xr.Dataset) -> list[str]:
+    """Say what a map found.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.contrast` returned.
+
+    Returns
+    -------
+    list of str
+        Lines of a word and what it is.
+    """
+    import numpy as np
+
+    from phasemap.figures import describe_failures, describe_flags
+
+    names = [str(name) for name in found["material"].values]
+    lines = [f"contrast    {names[1]} less {names[0]}"]
+    sizes = [f"{found.sizes[dim]} {AXES[str(dim)]}" for dim in found["contrast"].dims]
+    lines.append(f"mapped      {' x '.join(sizes)}")
+    for word, name, unit, size in (("phase", "contrast", "degrees", 1.0), ("height", "height_contrast", "nm", 1e-9)):
+        values = found[name].values[np.isfinite(found[name].values)] / size
+        ends = f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"
+        lines.append(f"{word:<12}{ends}")
+    for name in names:
+        lines.append(f"{'regimes':<12}{name}: {describe_flags(found['regime'].sel(material=name))}")
+    zeros, jumps = found["inversion_setpoint"].values, found["jump_setpoint"].values[found["jump_inverts"].values == 1]
+    for what, places in (("zero", zeros), ("jump", jumps)):
+        if len(places):
+            at = f"{places.min():.4g}" + (f" to {places.max():.4g}" if len(places) > 1 else "")
+            lines.append(f"inverts     by a {what} at setpoint {at}")
+    if not len(zeros) and not len(jumps):
+        lines.append("inverts     nowhere")
+    lines += [f"failed      {line}" for line in describe_failures(found, "points") or ["none"]]
+    return [*lines, f"recommended {found.attrs['recommendation']}"]

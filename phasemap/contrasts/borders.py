@@ -1,0 +1,179 @@
+"""Where the contrast between two materials jumps, and where it passes zero without a jump.
+
+Both are sought on the lines between neighbouring points of the map, along each of its axes, by bisection with exact
+orbits. A jump is a change of phase that stays however close one comes; only what is left between the jumps can
+pass through zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap.contrasts.pair import Axes, Pair
+from phasemap.workers import spread
+
+Array = np.ndarray
+
+HALVINGS = 24  # of the distance between neighbours; what is left changes a phase that ends at a fold by 0.01 degree
+JUMP = 0.1  # least jump [degree], well above that
+CERTAIN = 4.0  # times the accuracy of the phase: what the map's solver errs is no jump
+STANDS_OUT = 2.0  # times the larger of the steps beside it: a step worth looking into,
+LARGE = 3.0  # as is any that is larger than this [degree]
+SURE = 2.0  # times the accuracy of the phase: a contrast whose sign is known
+
+
+class Jump(NamedTuple):
+    """A jump of one material's phase.
+
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Frequency [Hz], free amplitude [m] and setpoint [1].
+    material : int
+        0 or 1.
+    before, after : ndarray, shape (2,)
+        Phases of both materials on either side [degree]; `after` at the larger value of what changes.
+    """
+
+    point: Array
+    material: int
+    before: Array
+    after: Array
+
+
+class Inversion(NamedTuple):
+    """A zero of the contrast.
+
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Frequency [Hz], free amplitude [m] and setpoint [1].
+    phase : float
+        That both materials have there [degree].
+    """
+
+    point: Array
+    phase: float
+
+
+class _Place(NamedTuple):
+    """How far along a line, from 0 to 1, and the phases there."""
+
+    share: float
+    phases: Array
+
+
+class _Line(NamedTuple):
+    """A line between two neighbours of the map, with the phases at both ends."""
+
+    start: Array
+    stop: Array
+    before: Array
+    after: Array
+
+    def point(self, share: float) -> Array:
+        return np.asarray(self.start + share * (self.stop - self.start))
+
+
+def borders(pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int) -> tuple[list[Jump], list[Inversion]]:
+    """Find every jump and inversion between neighbours of a map.
+
+    Parameters
+    ----------
+    pair : Pair
+    axes : tuple of ndarray
+        Frequencies, free amplitudes and setpoints, each rising.
+    phases, branch : ndarray, shape (2, frequencies, free amplitudes, setpoints)
+        Of both materials [degree, code].
+    workers : int
+        How many threads.
+
+    Returns
+    -------
+    jumps : list of Jump
+    inversions : list of Inversion
+    """
+    sure = SURE * pair.accuracy.phase
+    lines = [line for axis in range(3) for line in _suspects(axis, axes, phases, branch, sure)]
+    found: list[tuple[list[Jump], list[Inversion]]] = [([], [])] * len(lines)
+
+    def follow(first: int, last: int) -> None:
+        for i in range(first, last):
+            found[i] = _follow(pair, lines[i])
+
+    spread(follow, range(len(lines) + 1), workers, None)
+    return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros]
+
+
+def _suspects(axis: int, axes: Axes, phases: Array, branch: Array, sure: float) -> Iterator[_Line]:
+    """Lines along one axis on which something may happen: a change of sign or of branch, or a step that is large."""
+    step = np.abs(np.diff(phases, axis=axis + 1))
+    known = np.isfinite(step)
+    beside = np.pad(np.where(known, step, 0.0), [(int(i == axis + 1),) * 2 for i in range(4)])
+    larger = np.maximum(*(np.take(beside, np.arange(step.shape[axis + 1]) + shift, axis + 1) for shift in (0, 2)))
+    suspect = ((step > np.minimum(STANDS_OUT * larger + JUMP, LARGE)) | (np.diff(branch, axis=axis + 1) != 0)).any(0)
+    contrast = phases[1] - phases[0]
+    clear = np.abs(contrast) > sure
+    before, after = (np.delete(clear, end, axis) for end in (-1, 0))
+    suspect |= (np.diff(np.sign(contrast), axis=axis) != 0) & (before | after)
+    for place in np.argwhere(suspect & known.all(0)):
+        begin, end = tuple(place), tuple(place + np.eye(3, dtype=int)[axis])
+        start, stop = (np.array([values[i] for values, i in zip(axes, at, strict=True)]) for at in (begin, end))
+        yield _Line(start, stop, phases[(slice(None), *begin)], phases[(slice(None), *end)])
+
+
+def _follow(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversion]]:
+    """Jumps and inversions on one line."""
+    least = max(JUMP, CERTAIN * pair.accuracy.phase)
+    begin, end = _Place(0.0, line.before), _Place(1.0, line.after)
+    broken = []
+    for material in (0, 1):
+        phase_of = itemgetter(material)
+        low, high = _close_in(pair, line, begin, end, phase_of, least)
+        if abs(phase_of(high.phases) - phase_of(low.phases)) > least:
+            broken.append((low, high, material))
+    broken.sort(key=lambda item: item[0].share)
+    jumps = [
+        Jump(line.point((low.share + high.share) / 2), material, low.phases, high.phases)
+        for low, high, material in broken
+    ]
+    inversions = []
+    begins, ends = [begin, *(high for _, high, _ in broken)], [*(low for low, _, _ in broken), end]
+    for begin, end in zip(begins, ends, strict=True):
+        signs = _sign(begin.phases), _sign(end.phases)
+        if begin.share < end.share and signs[0] != 0 and signs[0] != signs[1]:
+            low, high = _close_in(pair, line, begin, end, _sign, 0.0)
+            if np.abs(high.phases - low.phases).max() <= least:
+                inversions.append(Inversion(line.point(high.share), float(high.phases.mean())))
+    return jumps, inversions
+
+
+def _close_in(
+    pair: Pair, line: _Line, low: _Place, high: _Place, value: Callable[[Array], float], least: float
+) -> tuple[_Place, _Place]:
+    """Halve the line around where a value of the phases changes most, until it changes by no more than `least`.
+
+    Where no orbit is found in between, the phases last seen are kept on either side.
+    """
+    for _ in range(HALVINGS):
+        change = abs(value(high.phases) - value(low.phases))
+        if change <= least:
+            break
+        share = (low.share + high.share) / 2
+        phases = pair.phases(*line.point(share))
+        if np.isnan(phases).any():
+            high = _Place(share, high.phases)
+        elif abs(value(phases) - value(low.phases)) < change / 2:
+            low = _Place(share, phases)
+        else:
+            high = _Place(share, phases)
+    return low, high
+
+
+def _sign(phases: Array) -> float:
+    """Of the contrast."""
+    return float(np.sign(phases[1] - phases[0]))

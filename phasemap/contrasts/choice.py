@@ -1,0 +1,155 @@
+"""Where to work: the point of the map at which two materials are told apart best, and safely.
+
+Wang (1999) finds the phase most sensitive around the transition between the regimes, where it passes 0, and insensitive
+in the attractive regime. The contrast is largest where that transition lies for one of the materials and not for the
+other; but right at a transition that jumps, a small error of the amplitude changes the image. So points count at which
+
+1. each material has one regime only, and no jump, no second regime and no failure is within `MARGIN` in setpoint, nor
+   on the way to the neighbouring free amplitudes and frequencies;
+2. or, if there is none, each material has one regime only;
+3. or, if there is none, both materials have an orbit.
+
+Of these, those count whose contrast is ample, or at least `SHARE` of the largest, and of these the one is recommended
+at which the tip indents least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.contrasts.borders import Jump
+from phasemap.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Engaged
+from phasemap.dataset import FLOATS
+from phasemap.units import say
+
+Array = np.ndarray
+
+MARGIN = 0.03  # in setpoint: a feedback that scans lets the amplitude err by a few percent
+SHARE = 0.9  # of the largest contrast: what is left is not worth tapping harder
+NOTABLE, AMPLE = 0.5, 30.0  # contrasts [degree] that barely stand out of the noise of a phase image, and by far
+
+
+class Choice(NamedTuple):
+    """The point recommended.
+
+    Attributes
+    ----------
+    place : tuple of int, or None
+        Its indices in the map, None if no point holds both materials.
+    sentence : str
+        Where it is, and why.
+    """
+
+    place: tuple[int, int, int] | None
+    sentence: str
+
+
+def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, jumps: Sequence[Jump]) -> Choice:
+    """Choose the point to work at.
+
+    Parameters
+    ----------
+    axes : tuple of ndarray
+        Frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
+    names : sequence of str
+        Of the two materials.
+    engaged : Engaged
+        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    regime : ndarray, shape (2, frequencies, free amplitudes, setpoints)
+    jumps : sequence of Jump
+
+    Returns
+    -------
+    Choice
+    """
+    contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
+    depth = engaged.rows[..., col.INDENTATION].max(axis=0)
+    found, size = np.isfinite(contrast), np.abs(contrast)
+    single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0)
+    distance = _distances(axes, single, jumps)
+    safe = single & (distance >= MARGIN) & ~_beside(axes, single, jumps)
+    for grade, allowed in enumerate((safe, single, found)):
+        largest = size[allowed].max(initial=0.0)
+        if largest >= NOTABLE:
+            place = _first(np.where(allowed & (size >= min(SHARE * largest, AMPLE)), depth, np.inf))
+            words = (
+                f"{names[1]} less {names[0]} is {contrast[place]:.1f} degrees",
+                _regimes(names, regime[(slice(None), *place)]),
+                _caution(grade, float(distance[place])),
+            )
+            return Choice(place, f"{_where(axes, place)}: {', '.join(words)}")
+    if not found.any():
+        return Choice(None, "no point of the map holds both materials; change the setpoints or the free amplitudes.")
+    place = _first(np.where(found, -np.abs(height), np.inf))
+    return Choice(
+        place,
+        f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[found].max():.2g} degrees "
+        f"anywhere); use the height, where {names[1]} less {names[0]} is {say(height[place], 'm', 3)}.",
+    )
+
+
+def _first(values: Array) -> tuple[int, int, int]:
+    """Where the smallest value is."""
+    frequency, free_amplitude, setpoint = np.unravel_index(int(np.argmin(values)), values.shape)
+    return int(frequency), int(free_amplitude), int(setpoint)
+
+
+def _distances(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
+    """How far in setpoint each point is from the nearest jump, second regime or failure; infinite without any."""
+    setpoints = axes[2]
+    distance = np.full(single.shape, np.inf)
+    for frequency, free_amplitude in np.ndindex(single.shape[:2]):
+        here = (axes[0][frequency], axes[1][free_amplitude])
+        places = [jump.point[2] for jump in jumps if (jump.point[0], jump.point[1]) == here]
+        bad = np.array([*places, *setpoints[~single[frequency, free_amplitude]]])
+        if len(bad):
+            distance[frequency, free_amplitude] = np.abs(setpoints[:, None] - bad).min(axis=1)
+    return distance
+
+
+def _beside(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
+    """Whether a jump, second regime or failure is on the way to a neighbour in free amplitude or frequency."""
+    beside = np.zeros(single.shape, bool)
+    for axis in (0, 1):
+        count = single.shape[axis]
+        for shift in (-1, 1):
+            neighbour = np.clip(np.arange(count) + shift, 0, count - 1)
+            beside |= ~np.take(single, neighbour, axis)
+    for jump in jumps:
+        low = tuple(int(np.searchsorted(x, at, "right")) - 1 for x, at in zip(axes, jump.point, strict=True))
+        high = tuple(int(np.searchsorted(x, at, "left")) for x, at in zip(axes, jump.point, strict=True))
+        if low[2] == high[2]:  # on the way to a neighbour, not along the setpoint
+            beside[low] = beside[high] = True
+    return beside
+
+
+def _where(axes: Axes, place: tuple[int, int, int]) -> str:
+    frequency, free_amplitude, setpoint = (values[i] for values, i in zip(axes, place, strict=True))
+    said = f"setpoint {setpoint:.3g}, free amplitude {say(free_amplitude, 'm', 3)}"
+    return said + (f", drive {say(frequency, 'Hz', 6)}" if len(axes[0]) > 1 else "")
+
+
+def _regimes(names: Sequence[str], regime: Array) -> str:
+    words = [REGIMES[int(code)] for code in regime]
+    if words[0] == words[1]:
+        return f"both {words[0]}"
+    return " and ".join(f"{name} {word}" for name, word in zip(names, words, strict=True))
+
+
+def _caution(grade: int, distance: float) -> str:
+    """How far the point is from trouble, and what to beware of."""
+    if grade == 2:
+        return "but not safe: where a material is bistable, its phase depends on what the tip met before."
+    if np.isinf(distance):
+        said = "with no jump or second regime at this free amplitude"
+    else:
+        said = f"{distance:.2g} in setpoint from the nearest jump or second regime"
+    if grade == 0:
+        return f"{said}."
+    if distance < MARGIN:
+        return f"{said}, which is close: hold the amplitude well."
+    return f"{said}, but with one close by in free amplitude or frequency: keep the drive constant."

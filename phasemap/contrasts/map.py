@@ -1,0 +1,201 @@
+"""The phase contrast between two materials, as a map."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._check import number
+from phasemap._kernels import columns as col
+from phasemap.accuracy import Accuracy
+from phasemap.contrasts.borders import borders
+from phasemap.contrasts.choice import choose
+from phasemap.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
+from phasemap.contrasts.record import DIMS, record
+from phasemap.dataset import describe, provenance
+from phasemap.errors import InputError
+from phasemap.material import Material
+from phasemap.microscope import Drive, Microscope
+from phasemap.solvers import by_name
+from phasemap.sweep import check_axis
+from phasemap.work import check_setpoint
+from phasemap.workers import Progress, spread, workers_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = np.ndarray
+
+
+def contrast(
+    first: Material,
+    second: Material,
+    scope: Microscope,
+    setpoints: Any,
+    free_amplitudes: Any = None,
+    frequencies: Any = None,
+    solver: str = "auto",
+    accuracy: Accuracy | None = None,
+    *,
+    names: Sequence[str] = ("first", "second"),
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> xr.Dataset:
+    """Map the phase contrast between two materials, and find where it jumps, turns round and is best.
+
+    Parameters
+    ----------
+    first, second : Material
+        The contrast is the phase on the second less that on the first.
+    scope : Microscope
+    setpoints : array_like
+        Amplitudes over the free amplitude at the drive frequency, between 0 and 1, rising or falling.
+    free_amplitudes : float or array_like, optional
+        At resonance [m]; that of `scope` by default. An array becomes a dimension.
+    frequencies : float or array_like, optional
+        Of the drive [Hz]; that of `scope` by default. An array becomes a dimension.
+    solver : {"auto", "averaging", "orbit", "march"}
+        As in `phasemap.simulate`.
+    accuracy : Accuracy, optional
+        As in `phasemap.simulate`.
+    names : sequence of str
+        Of the two materials.
+    progress : callable, optional
+        Called as ``progress(done, total)`` from the calling thread, in points of the map.
+    threads : int, optional
+        All cores by default. The numbers do not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims ("frequency", "free_amplitude", "setpoint"), the first two only where an array was given; "material" leads
+        where a variable belongs to one material.
+
+        * `phase` [degree], `height`, `indentation` [m], `branch`, `status` and `solver` of each material after engaging
+          from far;
+        * `contrast` [degree] and `height_contrast` [m], second less first;
+        * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
+          either, whether or not engaging from far leads there.
+
+        With the dim "inversion", where the contrast passes zero without a jump: `inversion_setpoint`,
+        `inversion_free_amplitude`, `inversion_frequency` and `inversion_phase`, which both materials have there. With
+        the dim "jump", where the phase of a material jumps: `jump_setpoint`, `jump_free_amplitude`, `jump_frequency`,
+        `jump_material`, its phase and the contrast on both sides, `jump_from_phase`, `jump_to_phase`,
+        `jump_from_contrast` and `jump_to_contrast` (where "to" is at the larger value of what changes), and
+        `jump_inverts`, whether the contrast changes its sign in the jump. Both are sought on the lines between
+        neighbours of the map, with exact orbits (with averaged ones if `solver` is "averaging"); what happens twice
+        between two neighbours can be missed.
+
+        Attributes `recommendation`, a sentence, and `best_setpoint`, `best_free_amplitude`, `best_frequency` and
+        `best_contrast`: the point to work at (see Notes), NaN if no point holds both materials.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Notes
+    -----
+    Recommended is a point at which each material has a single regime, with no jump, second regime or failure within
+    0.03 in setpoint and on the way to the neighbouring free amplitudes and frequencies: of all that have at least 0.9
+    of the largest contrast, or 30 degrees, the one at which the tip indents least. Where there is none with a contrast
+    of at least 0.5 degree, the margin is given up, then the single regime; the sentence says so. Wang (1999) finds the
+    best sensitivity around the transition between the regimes, and no contrast of undamped materials but by their
+    regimes; for those the sentence recommends the height.
+
+    Examples
+    --------
+    >>> import numpy as np, phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(30e-9))
+    >>> sticky = pm.Material(modulus=0.1e9, adhesion=0.05, damping=0.01, poisson_ratio=0.45)
+    >>> lossy = pm.Material(modulus=0.1e9, adhesion=0.005, damping=0.03, poisson_ratio=0.45)
+    >>> found = pm.contrast(sticky, lossy, scope, np.linspace(0.4, 0.95, 12))
+    >>> found.contrast.values[[0, -1]].round(1).tolist()
+    [-10.5, 11.9]
+    >>> found.inversion_setpoint.values.round(3).tolist()
+    [0.79]
+    """
+    started = time.perf_counter()
+    for name, material in (("first", first), ("second", second)):
+        if not isinstance(material, Material):
+            raise InputError(name, material, "a Material")
+    accuracy = Accuracy() if accuracy is None else accuracy
+    if not isinstance(accuracy, Accuracy):
+        raise InputError("accuracy", accuracy, "an Accuracy")
+    labels = _check_names(names)
+    drive = scope.drive
+    axes = (
+        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "Hz"),
+        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "m"),
+        check_axis("setpoints", setpoints, "1"),
+    )
+    for setpoint in axes[2]:
+        check_setpoint(setpoint)
+    rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
+    pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy), workers_of(threads)
+    engaged, regime = _solve(pair, rising, workers, progress)
+    jumps, inversions = borders(
+        pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers
+    )
+    found = record(rising, labels, engaged, regime, jumps, inversions)
+    choice = choose(rising, labels, engaged, regime, jumps)
+    best = dict.fromkeys([f"best_{name}" for name in (*DIMS, "contrast")], np.nan)
+    if choice.place is not None:
+        values = [*(axis[i] for axis, i in zip(rising, choice.place, strict=True)), found["contrast"][choice.place]]
+        best = dict(zip(best, map(float, values), strict=True))
+    falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
+    given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
+    found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
+    held = Drive(
+        float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
+        drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
+    )
+    configuration = {
+        "microscope": describe(replace(scope, drive=held)), "first": describe(first), "second": describe(second),
+        "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
+    }  # fmt: skip
+    found.attrs.update(provenance(configuration, "contrast mapped"))
+    found.attrs["recommendation"] = choice.sentence
+    found.attrs.update(best)
+    found.attrs["seconds"] = round(time.perf_counter() - started, 6)
+    return found
+
+
+def _axis(name: str, values: Any, default: float, unit: str) -> Array:
+    """The values of an axis of the map, one where a number or nothing was given."""
+    if np.ndim(values) == 0:
+        return np.array([number(name, default if values is None else values, unit, above=0)])
+    return check_axis(name, values, unit, above=0)
+
+
+def _check_names(names: object) -> tuple[str, str]:
+    """The names of the two materials."""
+    allowed = "two different names"
+    if isinstance(names, str) or not isinstance(names, Sequence) or len(names) != 2 or names[0] == names[1]:
+        raise InputError("names", names, allowed)
+    if not all(isinstance(name, str) and name for name in names):
+        raise InputError("names", names, allowed)
+    return names[0], names[1]
+
+
+def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> tuple[Engaged, Array]:
+    """Every point of the map: what engaging leads to, and the regimes; shapes (2, *map, ...) and (2, *map)."""
+    shape = (2, *(len(values) for values in axes))
+    count = shape[3]
+    engaged = Engaged(np.full((*shape, col.COLUMNS), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
+    regime = np.zeros(shape, np.int8)
+
+    def solve(first: int, last: int) -> None:
+        for line in range(first // count, last // count):
+            i, k = divmod(line, shape[2])
+            work = pair.work(axes[0][i], axes[1][k], axes[2])
+            for whole, part in zip(engaged, pair.engage(work), strict=True):
+                whole[:, i, k] = part
+            regime[:, i, k] = regimes(work).reshape(2, count) | regime_of(engaged.rows[:, i, k])
+
+    spread(solve, range(0, shape[1] * shape[2] * count + 1, count), workers, progress)
+    return engaged, regime

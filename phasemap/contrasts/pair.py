@@ -1,0 +1,129 @@
+"""Two materials under one microscope, solved at any working point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.batch import every_orbit
+from phasemap._kernels.collocation import HOLD_AMPLITUDE
+from phasemap._kernels.tables import TABLES
+from phasemap.accuracy import Accuracy
+from phasemap.material import Material
+from phasemap.microscope import Drive, Microscope
+from phasemap.solvers import Solver
+from phasemap.solvers.averaging import Averaging
+from phasemap.solvers.orbit import Orbit
+from phasemap.work import Work, work_of_material
+from phasemap.workers import run
+
+Array = np.ndarray
+Axes = tuple[Array, Array, Array]
+"""Frequencies [Hz], free amplitudes [m] and setpoints [1], each rising."""
+
+NONE, ATTRACTIVE, REPULSIVE, BISTABLE = 0, 1, 2, 3  # regimes; the last is the sum of the two before it
+REGIMES = ("none", "attractive", "repulsive", "bistable")
+
+
+class Engaged(NamedTuple):
+    """What the controller finds after engaging from far, on each of the two materials.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (2, n, COLUMNS)
+    status, solver : ndarray of int8, shape (2, n)
+    """
+
+    rows: Array
+    status: Array
+    solver: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two materials, and how they are solved.
+
+    Parameters
+    ----------
+    materials : Work
+        A row for each.
+    scope : Microscope
+        Its drive is replaced by that of the working point.
+    solver : Solver
+    accuracy : Accuracy
+    """
+
+    materials: Work
+    scope: Microscope
+    solver: Solver
+    accuracy: Accuracy
+
+    @classmethod
+    def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
+        """Make a pair.
+
+        Raises
+        ------
+        InputError
+            If the laws of interaction cannot have one of the materials.
+        """
+        one, other = (work_of_material(material, scope, 0.0) for material in (first, second))
+        both = Work(one.law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
+        return cls(both, scope, solver, accuracy)
+
+    def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
+        """Both materials at each setpoint: n rows of the first, then n of the second.
+
+        Parameters
+        ----------
+        frequency : float
+            Of the drive [Hz].
+        free_amplitude : float
+            At resonance [m].
+        setpoints : ndarray, shape (n,)
+            Amplitudes over the free amplitude at the drive frequency.
+        """
+        scope = replace(self.scope, drive=Drive(free_amplitude, frequency))
+        lever = self.materials.lever.copy()
+        lever[col.OMEGA], lever[col.BASE] = scope.frequency_ratio, scope.base_amplitude
+        rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
+        return Work(self.materials.law, rows, lever, np.tile(setpoints * scope.free_amplitude, 2))
+
+    def engage(self, work: Work, solver: Solver | None = None) -> Engaged:
+        """The orbits that the controller finds; on one thread, for callers have theirs."""
+        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1)
+        return Engaged(rows.reshape(2, -1, col.COLUMNS), status.reshape(2, -1), used.reshape(2, -1))
+
+    def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
+        """Phases [degree] of both materials at one working point, shape (2,); NaN where there is no orbit.
+
+        The orbits are exact, but averaged where those of the map are; none is marched, which takes long beside a jump.
+        """
+        solver = self.solver if isinstance(self.solver, Averaging) else Orbit()
+        found = self.engage(self.work(frequency, free_amplitude, np.array([setpoint])), solver)
+        return np.asarray(np.degrees(found.rows[:, 0, col.PHASE]))
+
+
+def regimes(work: Work) -> Array:
+    """In which regimes a stable orbit holds each setpoint, whether or not engaging leads to it.
+
+    Returns
+    -------
+    ndarray of int8, shape (n,)
+        NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
+    """
+    codes = np.full(len(work), NONE, np.int8)
+    for i in np.flatnonzero(work.refused() == col.GOOD):
+        _, found = every_orbit(work.law, work.rows[i], work.lever, TABLES, HOLD_AMPLITUDE, work.amplitudes[i])
+        held = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
+        codes[i] = np.bitwise_or.reduce(regime_of(found[held]), initial=NONE)
+    return codes
+
+
+def regime_of(rows: Array) -> Array:
+    """Regime of each orbit, NONE where there is none; shape (...) of rows of shape (..., COLUMNS)."""
+    stiffening = rows[..., col.STIFFENING]
+    return np.where(np.isnan(stiffening), NONE, np.where(stiffening > 0, REPULSIVE, ATTRACTIVE)).astype(np.int8)

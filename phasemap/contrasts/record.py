@@ -1,0 +1,108 @@
+"""A map of the contrast as a Dataset: what its variables are called, what they mean, and in which units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap.contrasts.borders import Inversion, Jump
+from phasemap.contrasts.pair import REGIMES, Axes, Engaged
+from phasemap.dataset import FLOATS, branch_of, flag_attributes, float_attributes
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = np.ndarray
+
+DIMS = ("frequency", "free_amplitude", "setpoint")
+ABOUT = {
+    "frequency": {"long_name": "drive frequency", "units": "Hz"},
+    "free_amplitude": {"long_name": "free amplitude at resonance", "units": "m"},
+    "setpoint": {"long_name": "setpoint (amplitude over free amplitude at the drive frequency)", "units": "1"},
+}
+
+
+def record(
+    axes: Axes,
+    names: Sequence[str],
+    engaged: Engaged,
+    regime: Array,
+    jumps: Sequence[Jump],
+    inversions: Sequence[Inversion],
+) -> xr.Dataset:
+    """Make the Dataset of a map, with all its dimensions.
+
+    Parameters
+    ----------
+    axes : tuple of ndarray
+    names : sequence of str
+        Of the two materials.
+    engaged : Engaged
+        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    regime : ndarray of int8, shape (2, frequencies, free amplitudes, setpoints)
+    jumps : sequence of Jump
+    inversions : sequence of Inversion
+
+    Returns
+    -------
+    xarray.Dataset
+        As `phasemap.contrast` describes it, without attributes.
+    """
+    import xarray as xr
+
+    coords: dict[str, Any] = {dim: (dim, values, ABOUT[dim]) for dim, values in zip(DIMS, axes, strict=True)}
+    coords["material"] = ("material", list(names), {"long_name": "material"})
+    dims = ("material", *DIMS)
+    both = f"{names[1]} less {names[0]}"
+    status = {"ancillary_variables": "status"}
+    value = {name: FLOATS[name].value(engaged.rows) for name in ("phase", "height", "indentation")}
+    phase, height = (value[name][1] - value[name][0] for name in ("phase", "height"))
+    data = {
+        "contrast": (DIMS, phase, {"long_name": f"phase contrast, {both}", "units": "degree", **status}),
+        "height_contrast": (
+            DIMS, height, {"long_name": f"height contrast, {both}", "units": "m", **status},
+        ),
+        **{name: (dims, value[name], {**float_attributes(name), **status}) for name in value},
+        "regime": (
+            dims, regime, _flags("regimes in which a stable orbit holds the setpoint", *REGIMES),
+        ),
+        "branch": (dims, branch_of(engaged.rows), flag_attributes("branch")),
+        "status": (dims, engaged.status, flag_attributes("status")),
+        "solver": (dims, engaged.solver, flag_attributes("solver")),
+        **_points("inversion", "inversion of the contrast", inversions),
+        **_points("jump", "jump", jumps),
+    }  # fmt: skip
+    degree = {"units": "degree"}
+    data["inversion_phase"] = (
+        "inversion", np.array([zero.phase for zero in inversions], float),
+        {"long_name": "phase of both materials at the inversion", **degree},
+    )  # fmt: skip
+    material = np.array([jump.material for jump in jumps], np.int8)
+    data["jump_material"] = ("jump", material, _flags("material whose phase jumps", *names))
+    contrasts = []
+    for word, side in (("from", "before"), ("to", "after")):
+        phases = np.array([getattr(jump, side) for jump in jumps]).reshape(-1, 2)
+        contrasts.append(phases[:, 1] - phases[:, 0])
+        own = phases[np.arange(len(jumps)), material]
+        data[f"jump_{word}_contrast"] = ("jump", contrasts[-1], {"long_name": f"contrast {side} the jump", **degree})
+        data[f"jump_{word}_phase"] = ("jump", own, {"long_name": f"phase {side} the jump", **degree})
+    inverts = (contrasts[0] * contrasts[1] < 0).astype(np.int8)
+    data["jump_inverts"] = ("jump", inverts, _flags("whether the contrast changes its sign in the jump", "no", "yes"))
+    return xr.Dataset(data, coords)
+
+
+def _points(dim: str, what: str, found: Sequence[Jump] | Sequence[Inversion]) -> dict[str, Any]:
+    """Where jumps or inversions are."""
+    points = np.array([one.point for one in found]).reshape(-1, 3)
+    return {
+        f"{dim}_{name}": (dim, points[:, i], {**ABOUT[name], "long_name": f"{ABOUT[name]['long_name']} of the {what}"})
+        for i, name in enumerate(DIMS)
+    }
+
+
+def _flags(long_name: str, *meanings: str) -> dict[str, Any]:
+    """CF attributes of a flag variable with the values 0, 1, ..."""
+    words = " ".join(word.replace(" ", "_") for word in meanings)
+    return {"long_name": long_name, "flag_values": np.arange(len(meanings), dtype=np.int8), "flag_meanings": words}

@@ -1,0 +1,254 @@
+"""One map of the contrast between two materials, with its lines, hatches, words and star."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap.units import Unit
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+__all__ = ["colours_of", "draw_map", "edges_of", "keys_of", "ticks_of"]
+
+HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable
+FAILED = "#00e646"  # green is not in coolwarm
+REGIMES = {1: ("attractive", "#9ecae1"), 2: ("repulsive", "#fdae6b"), 3: ("bistable", "#bdbdbd"), 0: ("none", "white")}
+WIDEST = 4.0  # times the median: contrasts that differ more are shown on a scale that is compressed
+LETTER, LINE = 0.034, 0.09  # half of the width of a letter and of the height of a line [inch], for labels of regions
+LINES: dict[str, dict[str, Any]] = {
+    "inversion": {"color": "black", "linewidth": 1.8},
+    "jump": {"color": "black", "linewidth": 1.1, "linestyle": (0, (4, 2.5))},
+}
+STAR: dict[str, Any] = {
+    "marker": "*", "markersize": 14, "markerfacecolor": "#ffe14d", "markeredgecolor": "black", "markeredgewidth": 0.9,
+    "linestyle": "",
+}  # fmt: skip
+SMALL_STAR = {**STAR, "markersize": 10}
+
+
+def draw_map(axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[float, float], norm: Any) -> Any:
+    """Draw one map.
+
+    Parameters
+    ----------
+    axes : Axes
+    ds : xarray.Dataset
+        What `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
+    y_name : str
+        What is up: "free_amplitude" or "frequency".
+    unit : Unit
+        That it is shown in.
+    size : tuple of float
+        Width and height of the axes on the page [inch].
+    norm : Normalize
+        Of `colours_of`.
+
+    Returns
+    -------
+    QuadMesh
+        For a colour bar.
+    """
+    x, y = ds["setpoint"].values, ds[y_name].values / unit.size
+    edges = edges_of(x), edges_of(y)
+    mesh = axes.pcolormesh(*edges, ds["contrast"].values, cmap="coolwarm", norm=norm, rasterized=True)
+    axes.set_facecolor(FAILED)
+    for i, hatch in enumerate(HATCHES):
+        _hatch(axes, edges, ds["regime"].values[i] == 3, hatch)
+    for kind, style in LINES.items():
+        here = np.ones(ds.sizes[kind], bool)
+        if y_name != "frequency":
+            here = ds[f"{kind}_frequency"].values == float(ds["frequency"])
+        points = np.stack([ds[f"{kind}_setpoint"].values, ds[f"{kind}_{y_name}"].values / unit.size], axis=1)
+        materials = ds["jump_material"].values if kind == "jump" else np.zeros(len(points))
+        for material in (0, 1):
+            _draw_border(axes, points[here & (materials == material)], x, y, {**style, "gid": kind})
+    star = None
+    if y_name == "frequency" or ds.attrs["best_frequency"] == float(ds["frequency"]):
+        best = ds.attrs["best_setpoint"], ds.attrs[f"best_{y_name}"] / unit.size
+        axes.plot(*best, gid="best", zorder=7, clip_on=False, **STAR)
+        star = int(np.abs(y - best[1]).argmin()), int(np.abs(x - best[0]).argmin())
+    _label_regions(axes, ds, x, y, size, star)
+    axes.set_xlim(edges[0].min(), edges[0].max())
+    axes.set_ylim(edges[1].min(), edges[1].max())
+    return mesh
+
+
+def colours_of(values: np.ndarray) -> Any:
+    """Choose a scale that is symmetric about 0, compressed at its ends where a few contrasts are far larger.
+
+    Parameters
+    ----------
+    values : ndarray
+        Contrasts [degree].
+
+    Returns
+    -------
+    Normalize
+
+    Examples
+    --------
+    >>> colours_of(np.array([-3.0, 2.0])).vmax, colours_of(np.array([1.0, 1.0, -90.0])).linear_width
+    (3.0, 1.0)
+    """
+    from matplotlib.colors import AsinhNorm, Normalize
+
+    sizes = np.abs(values[np.isfinite(values)])
+    largest = float(sizes.max(initial=0.0)) or 1.0
+    middle = float(np.median(sizes)) if len(sizes) else largest
+    if 0 < WIDEST * middle < largest:
+        return AsinhNorm(linear_width=middle, vmin=-largest, vmax=largest)
+    return Normalize(-largest, largest)
+
+
+def ticks_of(norm: Any) -> list[float] | None:
+    """Choose round contrasts on a compressed scale, and leave any other to matplotlib.
+
+    Parameters
+    ----------
+    norm : Normalize
+        Of `colours_of`.
+
+    Returns
+    -------
+    list of float, or None
+
+    Examples
+    --------
+    >>> ticks_of(colours_of(np.array([1.0, 1.0, -90.0])))
+    [-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0]
+    """
+    from matplotlib.colors import AsinhNorm
+
+    if not isinstance(norm, AsinhNorm):
+        return None
+    steps = [digit * 10.0**decade for decade in range(-6, 4) for digit in (1, 3)]
+    shown = [step for step in steps if 0.5 * norm.linear_width <= step <= float(norm.vmax or 0.0)]
+    return [*(-step for step in reversed(shown)), 0.0, *shown]
+
+
+def edges_of(centres: np.ndarray) -> np.ndarray:
+    """Find the edges of cells around values.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n + 1,)
+
+    Examples
+    --------
+    >>> edges_of(np.array([1.0, 2.0, 4.0])).tolist()
+    [0.5, 1.5, 3.0, 5.0]
+    """
+    middle = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
+
+
+def keys_of(names: list[str]) -> list[Any]:
+    """Make the legend's entries: three for lines and star, one for each of two materials.
+
+    Parameters
+    ----------
+    names : list of str
+
+    Returns
+    -------
+    list of Artist
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    return [
+        Line2D([], [], label="inversion", **LINES["inversion"]),
+        Line2D([], [], label="jump", **LINES["jump"]),
+        Line2D([], [], label="recommended", **SMALL_STAR),
+        *(
+            Patch(facecolor="none", edgecolor="0.25", linewidth=0, hatch=hatch, label=f"{name} bistable")
+            for name, hatch in zip(names, HATCHES, strict=True)
+        ),
+    ]
+
+
+def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, hatch: str) -> None:
+    """Hatch the cells of a map that are marked."""
+    from matplotlib.collections import PolyCollection
+
+    x, y = edges
+    cells = [
+        [(x[i + a], y[k + b]) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))] for k, i in np.argwhere(where)
+    ]  # fmt: skip
+    if cells:
+        faces = PolyCollection(cells, facecolor="none", edgecolor="0.25", linewidth=0, hatch=hatch, gid="bistable")
+        axes.add_collection(faces)
+
+
+def _draw_border(axes: Axes, points: np.ndarray, x: np.ndarray, y: np.ndarray, style: dict[str, Any]) -> None:
+    """Join points that are on the lines between neighbours of a map: each to the nearest within a cell."""
+    from matplotlib.collections import LineCollection
+
+    cells: dict[tuple[int, int], list[int]] = defaultdict(list)
+    scale = np.array([np.ptp(x), np.ptp(y)])
+    columns, rows = np.sort(x), np.sort(y)
+    for n, (a, b) in enumerate(points):
+        for i in {int(np.searchsorted(columns, a, side)) - 1 for side in ("left", "right")}:
+            for k in {int(np.searchsorted(rows, b, side)) - 1 for side in ("left", "right")}:
+                cells[k, i].append(n)
+    joined = defaultdict(set)
+    for members in cells.values():
+        left = list(members)
+        while len(left) > 1:
+            pairs = [(m, n) for m in left for n in left if m < n]
+            m, n = min(pairs, key=lambda pair: float(np.hypot(*((points[pair[0]] - points[pair[1]]) / scale))))
+            joined[m].add(n)
+            joined[n].add(m)
+            left = [other for other in left if other not in (m, n)]
+    axes.add_collection(LineCollection([points[chain] for chain in _chains(joined)], zorder=5, **style))
+
+
+def _chains(joined: dict[int, set[int]]) -> list[list[int]]:
+    """Walk along joined points, from ends first and then round closed lines; dashes then run on from cell to cell."""
+    left = {n: set(others) for n, others in joined.items()}
+    chains = []
+    for begin in sorted(left, key=lambda n: (len(joined[n]) != 1, n)):
+        while left[begin]:
+            chain = [begin]
+            while left[chain[-1]]:
+                here = chain[-1]
+                chain.append(left[here].pop())
+                left[chain[-1]].discard(here)
+            chains.append(chain)
+    return chains
+
+
+def _label_regions(
+    axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray, size: tuple[float, float], star: tuple[int, int] | None
+) -> None:
+    """Say the regimes of both materials where each has one, in the widest part of each region, clear of the star."""
+    from matplotlib.patheffects import withStroke
+    from scipy.ndimage import distance_transform_edt, label
+
+    names = [str(name) for name in ds["material"].values]
+    regime = ds["regime"].values
+    for first, second in ((1, 1), (1, 2), (2, 1), (2, 2)):
+        regions, count = label((regime[0] == first) & (regime[1] == second))
+        if star is not None:
+            regions[star] = 0
+        words = REGIMES[first][0], REGIMES[second][0]
+        lines = [f"both {words[0]}"] if first == second else list(map(" ".join, zip(names, words, strict=True)))
+        half = LINE * len(lines), LETTER * max(map(len, lines))
+        pitch = size[1] / len(y) / half[0], size[0] / len(x) / half[1]  # of the cells on the page, in half labels
+        for number in range(1, count + 1):
+            room = distance_transform_edt(np.pad(regions == number, 1), sampling=pitch)[1:-1, 1:-1]
+            k, i = np.unravel_index(np.argmax(room), room.shape)
+            if room[k, i] > 1 + min(pitch) / 2:  # it is counted from centre to centre
+                axes.text(
+                    x[i], y[k], "\n".join(lines), fontsize=8, color="0.1", ha="center", va="center", zorder=6,
+                    path_effects=[withStroke(linewidth=2.5, foreground="white", alpha=0.7)], gid="regime", clip_on=True,
+                )  # fmt: skip
