@@ -55,6 +55,7 @@ BENCH_EXAMPLES = """examples:
   phasemap bench --output bench.nc --plot bench.png
   phasemap bench --seed 7 --pixels 80 --no-peers
   phasemap bench --hard
+  phasemap bench --scan
 
 Peers (numbalsoda, heyoka, scipy) are measured where they are installed: pip install "afm-phasemap[bench]".
 A full run takes some four minutes, and times mean something only if nothing else runs on the machine.
@@ -187,7 +188,11 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = command("bench", _bench, "measure time against error of every solver, and of general tools", BENCH_EXAMPLES)
     bench.add_argument("--quick", action="store_true", help="few cases, in under a minute")
-    bench.add_argument("--hard", action="store_true", help="solve the hard cases instead, and say what became of each")
+    instead = bench.add_mutually_exclusive_group()
+    instead.add_argument(
+        "--hard", action="store_true", help="solve the hard cases instead, and say what became of each"
+    )
+    instead.add_argument("--scan", action="store_true", help="compare the two engines of a scan in time instead")
     bench.add_argument("--pixels", type=_positive, metavar="N", help="cases a regime that are compared; default: 40")
     bench.add_argument("--seed", type=int, default=1, help="of the cases drawn; default: 1")
     bench.add_argument("--no-peers", action="store_true", help="measure the solvers of phasemap only")
@@ -361,9 +366,9 @@ def _complain(sentence: str) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> None:
-    """Measure every solver, or solve the hard cases."""
-    if arguments.hard:
-        _hard(arguments)
+    """Measure every solver, solve the hard cases, or compare the engines of a scan."""
+    if arguments.hard or arguments.scan:
+        _bench_of_its_own(arguments)
         return
     from phasemap.bench import PIXELS, QUICK_PIXELS, bench
     from phasemap.bench.picture import check_format, draw
@@ -389,15 +394,21 @@ def _bench(arguments: argparse.Namespace) -> None:
         print(f"\nwritten to  {arguments.plot}")
 
 
-def _hard(arguments: argparse.Namespace) -> None:
-    """Solve the hard cases."""
+def _bench_of_its_own(arguments: argparse.Namespace) -> None:
+    """Solve the hard cases, or compare the engines of a scan in time."""
+    kind = "hard" if arguments.hard else "scan"
     for name in ("output", "plot", "pixels"):
         if getattr(arguments, name) is not None:
-            raise PhasemapError(f"--{name} does not go with --hard, which prints a table of its own cases.")
-    from phasemap.bench.hard import hard
-
+            raise PhasemapError(f"--{name} does not go with --{kind}, which prints a table of its own cases.")
     with _saying() as say:
-        said = hard(progress=say)
+        if kind == "hard":
+            from phasemap.bench.hard import hard
+
+            said = hard(progress=say)
+        else:
+            from phasemap.bench.scan import scan
+
+            said = scan(progress=say)
     print(said)
 
 

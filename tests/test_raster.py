@@ -187,12 +187,16 @@ def test_both_branches_are_the_stable_reference_orbits(case: Case) -> None:
 
 def test_an_orbit_that_a_strong_pull_throws_out_is_found_as_time_finds_it() -> None:
     # The contact of the averaged orbit is too deep: from there neither Newton's method nor the curve leads to it.
+    material = pm.Material(47e9, adhesion=0.3, damping=0.024)
     scope = pm.Microscope(pm.Cantilever(5.3, 300e3, 90.0), pm.Tip(39e-9), pm.Drive(6.4e-9))
-    work = work_of_material(pm.Material(47e9, adhesion=0.3, damping=0.024), scope, 0.43 * scope.free_amplitude)
+    work = work_of_material(material, scope, 0.43 * scope.free_amplitude)
     exact, marched = (stable_branches(work, by_name(name), pm.Accuracy()) for name in ("orbit", "march"))
     assert exact.stable.all() and marched.stable.all()
     assert np.abs(np.degrees(exact.rows[:2, 0, 2] - marched.rows[:2, 0, 2])).max() < 1e-4
     assert np.abs(exact.rows[:2, 0, 0] - marched.rows[:2, 0, 0]).max() < 1e-13
+    every = pm.orbits(material, scope, setpoint=0.43)
+    stable = every.where((every.stable == 1) & (every.feedback_slope > 0), drop=True)
+    assert np.abs(np.sort(stable.phase) - np.sort(np.degrees(exact.rows[:2, 0, 2]))).max() < 1e-6
 
 
 def test_a_tip_that_taps_already_stays_where_engagement_from_far_finds_no_rest() -> None:

@@ -29,6 +29,7 @@ TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square 
 RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
+THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes
 EXACT_PHASE, EXACT_HEIGHT = 2e-8, 1e-15  # [rad, m], errors left by collocation, found against independent orbits
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
@@ -165,4 +166,8 @@ def every_orbit(
             guesses = averaged_orbits(law, p, lever, amplitude)
             if amplitude == value or len(guesses) > count:
                 count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
+        # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
+        guesses = averaged_orbits(law, p, lever, value)
+        guesses[:, 0] += THROWN * value
+        count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]

@@ -32,7 +32,7 @@ _BIASED: set[str] = set()  # laws with an attraction p[11]; the others are spare
 def _sources() -> bytes:
     """Digest of the kernels' own source, so that numba's cache cannot outlive a kernel that calls a changed one."""
     digest = hashlib.sha256()
-    for path in sorted(pathlib.Path(__file__).parent.glob("*.py")):
+    for path in sorted(pathlib.Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.digest()
 
