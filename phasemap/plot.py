@@ -58,7 +58,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     ----------
     ds : xarray.Dataset
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
-        a leading dimension "direction" gives one row each. Or what a sweep or `phasemap.contrast` returned.
+        a leading dimension "direction" gives one row each,
+        and ``amplitude_error`` a third column. Or what a sweep or `phasemap.contrast` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -98,7 +99,10 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     length = _side_lengths(ds)
     tall = PANEL * min(max(length[1] / length[0], 0.2), 2.0)
     step = TITLE + tall + HISTOGRAM_GAP + HISTOGRAM + AXIS
-    width = MARGIN + 2 * (PANEL + BAR_GAP + BAR + BAR_LABELS)
+    scales = {"height": _height_scale(ds["height"].values), "phase": _phase_scale(ds["phase"].values)}
+    if "amplitude_error" in ds:
+        scales["amplitude_error"] = _error_scale(ds["amplitude_error"].values)
+    width = MARGIN + len(scales) * (PANEL + BAR_GAP + BAR + BAR_LABELS)
     height = HEADER + len(rows) * step + LINE * (len(legend) + 0.5 * bool(legend))
     figure = Figure(figsize=(width, height))
     canvas = FigureCanvasAgg(figure)
@@ -106,12 +110,14 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     def axes_at(left: float, top: float, wide: float, high: float) -> Axes:
         return figure.add_axes((left / width, 1 - (top + high) / height, wide / width, high / height))
 
-    scales = {"height": _height_scale(ds["height"].values), "phase": _phase_scale(ds["phase"].values)}
     for row, one in enumerate(rows):
         top = HEADER + row * step + TITLE
         for column, (name, scale) in enumerate(scales.items()):
             left = MARGIN + column * (PANEL + BAR_GAP + BAR + BAR_LABELS)
-            title = [name.capitalize(), *([str(one["direction"].item())] if "direction" in one.coords else [])]
+            title = [
+                name.replace("_", " ").capitalize(),
+                *([str(one["direction"].item())] if "direction" in one.coords else []),
+            ]
             picture = axes_at(left, top, PANEL, tall)
             picture.set_title(", ".join(title), fontsize=11, loc="left")
             _draw_image(picture, axes_at(left + PANEL + BAR_GAP, top, BAR, tall), one, name, scale)
@@ -179,6 +185,18 @@ def _phase_scale(values: np.ndarray) -> _Scale:
         cmap = "cividis"
     margin = MARGIN_OF_LIMITS * (high - low) if high - low > 1e-6 else 0.5  # do not blow up the last digits
     return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps[cmap], Normalize(low - margin, high + margin))
+
+
+def _error_scale(values: np.ndarray) -> _Scale:
+    """Grey about 0, in the length unit that suits the range."""
+    import matplotlib
+    from matplotlib.colors import Normalize
+
+    low, high = _limits(values)
+    reach = max(-low, high, 1e-13)  # do not blow up the last digits
+    unit, size = _length_unit(reach)
+    reach *= (1 + MARGIN_OF_LIMITS) / size
+    return _Scale(f"amplitude error ({unit})", 1 / size, 0.0, matplotlib.colormaps["gray"], Normalize(-reach, reach))
 
 
 def _limits(values: np.ndarray) -> tuple[float, float]:
@@ -288,5 +306,7 @@ def _title(ds: xr.Dataset) -> str:
         said.append(f"setpoint {configuration['setpoint']:g}")
     if "solver" in ds:
         said.append("solver " + describe_flags(ds["solver"]))
+    if "line_rate" in (control := configuration.get("control", {})):
+        said.append(f"{control['line_rate']:g} lines a second")
     said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
     return "   ·   ".join(said)

@@ -139,3 +139,14 @@ def test_flags_and_failures_are_said_in_words() -> None:
 def test_drawing_does_not_import_pyplot() -> None:
     code = "import sys, phasemap.plot, matplotlib.figure; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_scan_in_time_shows_its_amplitude_error_beside_height_and_phase() -> None:
+    x, y = (("x", 4e-9 * np.arange(6), {"units": "m"}), ("y", 4e-9 * np.arange(4), {"units": "m"}))
+    values = np.sin(np.arange(48.0)).reshape(2, 4, 6)
+    dims = ("direction", "y", "x")
+    data = {"height": (dims, 1e-9 * values), "phase": (dims, 20 * values), "amplitude_error": (dims, 3e-10 * values)}
+    figure = plot(xr.Dataset(data, {"x": x, "y": y, "direction": ["trace", "retrace"]}))
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert "Amplitude error, retrace" in titles and len(figure.axes) == 18
+    assert "amplitude error (pm)" in [axes.get_ylabel() for axes in figure.axes]
