@@ -227,7 +227,7 @@ def tolerances_of(job: Job) -> Array:
     return np.array([limits[column] for column in FUNCTIONS])
 
 
-def stiffening(scope: Microscope, amplitude: float, phase: Array) -> Array:
+def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Array:
     """omega_e^2 - 1 [1] that goes with a phase [rad], since u0 sin(phase) = P + A (1 - omega^2)."""
     return scope.base_amplitude / amplitude * np.sin(phase) - (1 - scope.frequency_ratio**2)
 

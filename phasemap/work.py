@@ -10,7 +10,6 @@ import numpy as np
 from phasemap._check import number
 from phasemap._kernels import columns as col
 from phasemap.errors import InputError
-from phasemap.interaction import RELEASE
 from phasemap.material import Material
 from phasemap.microscope import Microscope, Tip
 
@@ -46,7 +45,7 @@ class Work:
 
     def refused(self) -> Array:
         """Status codes (int8): GOOD where there is something to solve, or what a mark of `Interaction.columns` says."""
-        creates = np.isneginf(self.rows[:, RELEASE])
+        creates = np.isneginf(self.rows[:, col.RELEASE])
         solvable = np.isfinite(self.rows).all(axis=1)
         return np.where(solvable, col.GOOD, np.where(creates, col.CREATES_ENERGY, col.INVALID)).astype(np.int8)
 

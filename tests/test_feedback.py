@@ -228,6 +228,14 @@ def test_proportional_gain_moves_the_scanner_at_once() -> None:
     assert of.command(loop, y)[0] == pytest.approx(-0.5e-9)
 
 
+def test_derivative_gain_moves_the_scanner_with_the_rate_of_the_amplitude() -> None:
+    control = pm.Feedback(proportional_gain=0.0, integral_gain=0.0, derivative_gain=2e-5, order=1)
+    loop, y = loop_of(control, SCOPE, AMPLITUDE), np.zeros(of.STATE)
+    y[of.FILTERS], y[of.AMP] = AMPLITUDE, AMPLITUDE + 1e-9
+    # A filter of order 1 moves at 2 pi B times what it lacks.
+    assert of.command(loop, y)[0] == pytest.approx(-2e-5 * 2 * math.pi * 5e3 * 1e-9)
+
+
 @pytest.mark.parametrize("solver", ENGINES)
 def test_scan_of_an_image_goes_on_where_the_last_line_ended(solver: str) -> None:
     surface = line([0] * 4 + [1] * 4, rows=2)

@@ -16,7 +16,7 @@ from phasemap.canvas import Canvas
 from phasemap.control import Feedback
 from phasemap.feedback.loop import loop_of
 from phasemap.feedback.program import mean_ground, program_of
-from phasemap.paint import Job
+from phasemap.paint import Job, stiffening
 from phasemap.realism import generator
 from phasemap.solvers import by_name
 from phasemap.work import Work
@@ -90,8 +90,7 @@ class Lines:
     def _put(self, row: int, out: Array, status: Array, ground: Array) -> None:
         """Turn what was recorded along a line into variables of its pixels."""
         nx, job = len(ground), self.job
-        stiffening = job.scope.base_amplitude * np.sin(out[:, col.PHASE]) / out[:, col.AMPLITUDE]
-        out[:, col.STIFFENING] = stiffening - 1 + job.scope.frequency_ratio**2
+        out[:, col.STIFFENING] = stiffening(job.scope, out[:, col.AMPLITUDE], out[:, col.PHASE])
         place = out[:, col.TIP_OFFSET].copy()
         out[:, col.TIP_OFFSET] -= np.tile(mean_ground(ground), 2)
         values = self.canvas.values(out, status, np.full(2 * nx, self.engine, np.int8))

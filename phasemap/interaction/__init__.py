@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from phasemap._check import number
+from phasemap._kernels.columns import BIAS, RELEASE
 from phasemap.errors import InputError
 from phasemap.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
 from phasemap.interaction.damping import PowerLawDamping
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DMT", "JKR", "ContactLaw", "Hertz", "Interaction", "LinearSpring", "MaugisDugdale", "Neck"]
 
-RELEASE, BIAS = 10, 11  # columns of a row
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of one's own law is tried before work starts
 
 
