@@ -9,6 +9,7 @@ from phasemap._check import number, whole
 from phasemap.errors import InputError
 
 LINES = ("trace", "retrace")
+_WHEN = {"line": "engaged before each line", "image": "engaged once"}
 
 
 class Control(Protocol):
@@ -76,7 +77,7 @@ class Raster:
 
     def __str__(self) -> str:
         """What it does, in words."""
-        return f"quasi-static scan, engaged once a {self.engage}"
+        return f"quasi-static scan, {_WHEN[self.engage]}"
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ class Feedback:
 
     def __str__(self) -> str:
         """What it does, in words."""
-        return f"feedback in time, {self.line_rate:g} lines a second, engaged once a {self.engage}"
+        return f"feedback in time, {self.line_rate:g} lines a second, {_WHEN[self.engage]}"
 
     def dwell(self, pixels: int) -> float:
         """Time over each of the pixels of a line [s].
