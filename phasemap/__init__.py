@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import generate, plot
     from phasemap.accuracy import Accuracy
+    from phasemap.comparison.levelling import level
+    from phasemap.comparison.registration import Registration, register
+    from phasemap.comparison.result import compare
     from phasemap.contrasts.map import contrast
     from phasemap.control import Engage, Feedback, Raster
     from phasemap.dataset import phase_lag
@@ -30,6 +33,9 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "accuracy": ("Accuracy",),
+    "comparison.levelling": ("level",),
+    "comparison.registration": ("Registration", "register"),
+    "comparison.result": ("compare",),
     "contrasts.map": ("contrast",),
     "control": ("Engage", "Feedback", "Raster"),
     "dataset": ("phase_lag",),
@@ -52,10 +58,10 @@ _MODULES = ("generate", "plot")
 
 __all__ = [
     "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
-    "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "SolveError", "Status", "Surface", "Tip",
-    "TipChange", "contrast", "fit_distance", "fit_frequency", "generate", "load_ensemble", "load_scene", "orbits",
-    "phase_lag", "plot", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter",
-    "sweep_setpoint",
+    "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration", "SolveError", "Status",
+    "Surface", "Tip", "TipChange", "compare", "contrast", "fit_distance", "fit_frequency", "generate", "level",
+    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "register", "simulate", "solve_pixel",
+    "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
 ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The command line: ``phasemap run``, ``plot``, ``sweep``, ``contrast``, ``validate`` and ``bench``.
+"""The command line: ``phasemap run``, ``plot``, ``sweep``, ``contrast``, ``compare``, ``validate`` and ``bench``.
 
 Everything heavy is imported by the command that needs it, so that ``--help`` answers at once.
 """
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from phasemap import cli_contrast, cli_ensemble, cli_sweep
+from phasemap import cli_compare, cli_contrast, cli_ensemble, cli_sweep
 from phasemap._console import patience
 from phasemap.errors import PhasemapError
 
@@ -32,6 +32,7 @@ EXAMPLES = """examples:
   phasemap plot blend.nc
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
+  phasemap compare measured.nid blend.nc --plot page.png
   phasemap validate samples/particles.toml
   phasemap bench --quick
 """
@@ -151,9 +152,14 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
 
     plot = command(
-        "plot", _plot, "draw height and phase of an image side by side, or curves, or a contrast", PLOT_EXAMPLES
+        "plot",
+        _plot,
+        "draw height and phase of an image side by side, or curves, a contrast or a comparison",
+        PLOT_EXAMPLES,
     )
-    plot.add_argument("file", metavar="FILE.nc", type=Path, help="what `phasemap run`, `sweep` or `contrast` wrote")
+    plot.add_argument(
+        "file", metavar="FILE.nc", type=Path, help="what `phasemap run`, `sweep`, `contrast` or `compare` wrote"
+    )
     plot.add_argument(
         "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: FILE.png"
     )
@@ -179,6 +185,16 @@ def _parser() -> argparse.ArgumentParser:
             cli_contrast.contrast,
             "map the phase contrast between two materials, and say where to work",
             cli_contrast.EXAMPLES,
+        ),
+        _positive,
+    )
+
+    cli_compare.add_arguments(
+        command(
+            "compare",
+            cli_compare.compare,
+            "lay a simulated image on a measured one, and say how much of it the simulation explains",
+            cli_compare.EXAMPLES,
         ),
         _positive,
     )

@@ -1,4 +1,4 @@
-"""Pictures: `plot` for an image, `curve` for a sweep, `trace` for one of its periods and `contrast` for two materials.
+"""Pictures: of an image, a comparison of two, a sweep, one of its periods, and the contrast between materials.
 
 Uses matplotlib's Figure without pyplot: nothing is shown, no global state is touched, and start-up stays short.
 """
@@ -6,13 +6,13 @@ Uses matplotlib's Figure without pyplot: nothing is shown, no global state is to
 from __future__ import annotations
 
 import json
-import math
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from phasemap.errors import InputError
-from phasemap.figures import describe_failures, describe_flags, save
+from phasemap.figures import FAILED, describe_failures, describe_flags, draw_scale_bar, length_unit, save
+from phasemap.plot_comparison import comparison, is_comparison
 from phasemap.plot_contrast import contrast, is_contrast
 from phasemap.plot_curve import curve, is_sweep
 from phasemap.plot_trace import trace
@@ -24,12 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = ["contrast", "curve", "describe_failures", "describe_flags", "plot", "trace"]
+__all__ = ["comparison", "contrast", "curve", "describe_failures", "describe_flags", "plot", "trace"]
 
-FAILED = "#00e646"  # green is in none of afmhot, cividis and coolwarm
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
-LENGTH_UNITS = (("µm", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
 # Sizes on the page [inch].
 PANEL, BAR_GAP, BAR, BAR_LABELS, MARGIN = 3.5, 0.07, 0.12, 0.62, 0.3
@@ -48,7 +46,7 @@ class _Scale:
 
 
 def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
-    """Draw height and phase of an image side by side, what `curve` draws of a sweep, or `contrast` of two materials.
+    """Draw height and phase of an image side by side, or what `curve`, `contrast` or `comparison` draws of its Dataset.
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
     in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
@@ -59,7 +57,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     ds : xarray.Dataset
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
         a leading dimension "direction" gives one row each,
-        and ``amplitude_error`` a third column. Or what a sweep or `phasemap.contrast` returned.
+        and ``amplitude_error`` a third column. Or what a sweep, `phasemap.contrast` or
+        `phasemap.compare` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -72,7 +71,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     Raises
     ------
     InputError
-        If `ds` holds no image, sweep or contrast, or the format is unknown.
+        If `ds` holds no image, sweep, contrast or comparison, or the format is unknown.
     FileError
         If `path` cannot be written.
 
@@ -93,6 +92,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
         return curve(ds, path, overwrite=overwrite)
     if is_contrast(ds):
         return contrast(ds, path, overwrite)
+    if is_comparison(ds):
+        return comparison(ds, path, overwrite)
     _check(ds)
     rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
     legend = describe_failures(ds)
@@ -161,7 +162,7 @@ def _height_scale(values: np.ndarray) -> _Scale:
     from matplotlib.colors import Normalize
 
     low, high = _limits(values)
-    unit, size = _length_unit(high - low)
+    unit, size = length_unit(high - low)
     span = (high - low) / size or 1.0
     return _Scale(
         f"height ({unit})",
@@ -194,7 +195,7 @@ def _error_scale(values: np.ndarray) -> _Scale:
 
     low, high = _limits(values)
     reach = max(-low, high, 1e-13)  # do not blow up the last digits
-    unit, size = _length_unit(reach)
+    unit, size = length_unit(reach)
     reach *= (1 + MARGIN_OF_LIMITS) / size
     return _Scale(f"amplitude error ({unit})", 1 / size, 0.0, matplotlib.colormaps["gray"], Normalize(-reach, reach))
 
@@ -210,11 +211,6 @@ def _limits(values: np.ndarray) -> tuple[float, float]:
     if high == low:  # a few particles on a flat ground
         low, high = finite.min(), finite.max()
     return float(low), float(high)
-
-
-def _length_unit(length: float) -> tuple[str, float]:
-    """The largest unit in which `length` is at least 1."""
-    return next(((unit, size) for unit, size in LENGTH_UNITS if length >= size), LENGTH_UNITS[1])
 
 
 def _draw_image(axes: Axes, bar_axes: Axes, ds: xr.Dataset, name: str, scale: _Scale) -> None:
@@ -234,50 +230,10 @@ def _draw_image(axes: Axes, bar_axes: Axes, ds: xr.Dataset, name: str, scale: _S
         overlay = np.ma.masked_where(~grown, np.ones(failed.shape))
         axes.imshow(overlay, cmap=ListedColormap([FAILED]), extent=extent, aspect="auto", interpolation="nearest")
     axes.set(xticks=[], yticks=[])
-    _draw_scale_bar(axes, width)
+    draw_scale_bar(axes, width)
     bar = Colorbar(bar_axes, image)
     bar.set_label(scale.label, fontsize=9)
     bar_axes.tick_params(labelsize=8)
-
-
-def _draw_scale_bar(axes: Axes, width: float) -> None:
-    """A bar of 1, 2 or 5 times a power of ten, at most a third of the width, white on any ground."""
-    from matplotlib.patheffects import withStroke
-
-    length = _round_length(width / 3)
-    unit, size = _length_unit(length * (1 + 1e-9))
-    outline = [withStroke(linewidth=4.5, foreground="black")]
-    left, place = 0.05 * width, axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
-    axes.plot(
-        [left, left + length],
-        [0.06, 0.06],
-        transform=place,
-        color="white",
-        linewidth=3.5,
-        solid_capstyle="butt",
-        path_effects=outline,
-        scalex=False,
-        scaley=False,
-    )
-    axes.annotate(
-        f"{length / size:.0f} {unit}",
-        (left + length / 2, 0.06),
-        xycoords=place,
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="center",
-        va="bottom",
-        color="white",
-        fontsize=9,
-        fontweight="bold",
-        path_effects=[withStroke(linewidth=1.5, foreground="black")],
-    )
-
-
-def _round_length(longest: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `longest`."""
-    decade = 10.0 ** math.floor(math.log10(longest))
-    return max(step * decade for step in (1, 2, 5) if step * decade <= longest * (1 + 1e-9))
 
 
 def _draw_histogram(axes: Axes, values: np.ndarray, scale: _Scale) -> None:

@@ -1,0 +1,154 @@
+"""The command ``phasemap compare``: a measured image and a simulated one, or two measured ones."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NETCDF = (".nc", ".nc4", ".cdf")
+WIDTH = 100  # letters on a line of the summary
+EXAMPLES = """examples:
+  phasemap compare measured.nid simulated.nc --plot page.png
+  phasemap compare measured.ibw simulated.nc -o result.nc --offset fixed
+  phasemap compare measured.nid simulated.nc --offset 62.5 --sign -1 --regions 3 --plot page.pdf
+  phasemap compare scan.nc scan.nc --direction trace,retrace --limit 100e-9 --plot page.png
+
+Files are netCDF (.nc), or what an instrument wrote: pip install "afm-phasemap[read,compare]".
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
+    """Declare the arguments of the command.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    positive : callable
+        Reads a whole number of at least 1.
+    """
+    parser.add_argument("measured", metavar="MEASURED", type=Path, help="the image that is to be explained")
+    parser.add_argument("simulated", metavar="SIMULATED", type=Path, help="the image that is to explain it")
+    parser.add_argument(
+        "--offset", default="free", metavar="DEGREES",
+        help="recorded phase where the simulated is 0: a number, free (default), or fixed (as recorded in free air)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--sign", default="free", choices=("free", "1", "-1"), help="of the recorded phase; default: what fits better"
+    )
+    parser.add_argument(
+        "--regions", type=positive, default=2, metavar="N", help="materials told apart, at most 4; default: 2"
+    )
+    parser.add_argument(
+        "--limit", type=float, metavar="METRES", help="longest shift; 0 for none; default: a tenth of the side"
+    )
+    parser.add_argument(
+        "--direction", metavar="NAME", help="trace (default) or retrace; or one for each, such as trace,retrace"
+    )
+    parser.add_argument("--names", metavar="A,B", help="what the images are called; default: measured,simulated")
+    parser.add_argument("--row", type=int, metavar="N", help="of the line profile, from 0; default: the middle")
+    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
+    parser.add_argument("--plot", metavar="PAGE.png", type=Path, help="page to draw (.png, .pdf, .svg)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--quiet", action="store_true", help="no summary")
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """Compare two images, write what is asked for, and say what was found."""
+    from phasemap.comparison.result import NAMES
+    from phasemap.comparison.result import compare as compare_images
+    from phasemap.figures import check_format
+    from phasemap.io.netcdf import check_target, save
+
+    for path in (arguments.output, arguments.plot):
+        if path is not None:
+            check_target(path, arguments.overwrite)
+    if arguments.plot is not None:
+        check_format(arguments.plot)
+    elif arguments.row is not None:
+        raise InputError("--row", arguments.row, "with --plot only")
+    direction = _parts("--direction", arguments.direction)
+    options: dict[str, Any] = {
+        "offset": _offset(arguments.offset),
+        "sign": arguments.sign if arguments.sign == "free" else int(arguments.sign),
+        "regions": arguments.regions if arguments.regions > 1 else None,
+        "limit": arguments.limit,
+        "direction": direction[0] if direction and len(direction) == 1 else direction,
+        "names": _parts("--names", arguments.names, exactly=2) or NAMES,
+    }
+    found = compare_images(_load(arguments.measured), _load(arguments.simulated), **options)
+    if arguments.output is not None:
+        save(found, arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        from phasemap.plot import comparison
+
+        comparison(found, arguments.plot, arguments.overwrite, row=arguments.row)
+    if not arguments.quiet:
+        print("\n".join(summary(found)))
+        for path in (arguments.output, arguments.plot):
+            if path is not None:
+                print(f"{'written to':<17}{path}")
+
+
+def summary(found: xr.Dataset) -> list[str]:
+    """Say what a comparison found.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.compare` returned.
+
+    Returns
+    -------
+    list of str
+        Lines of a word and what is said of it, the verdict last.
+    """
+    from phasemap.comparison.words import lines_of, verdict_of
+
+    size = f"{found.sizes['x']} x {found.sizes['y']} pixels"
+    lines = [("compared", size), *lines_of(found), ("verdict", verdict_of(found))]
+    return [
+        f"{word if i == 0 else '':<17}{line}"
+        for word, said in lines
+        for i, line in enumerate(textwrap.wrap(said, WIDTH))
+    ]
+
+
+def _load(path: Path) -> xr.Dataset:
+    """An image of a netCDF file, or of an instrument's."""
+    if path.suffix.lower() in NETCDF:
+        from phasemap.io.netcdf import load
+
+        return load(path)
+    from phasemap.io.measured import read_height_phase
+
+    return read_height_phase(path)
+
+
+def _offset(text: str) -> str | float:
+    """A word, or a number of degrees."""
+    if text in ("free", "fixed"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError("--offset", text, "free, fixed, or a number of degrees") from None
+
+
+def _parts(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:
+    """One name, or two with a comma between them."""
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names) or len(names) > 2 or (exactly is not None and len(names) != exactly):
+        allowed = "two names with a comma between them" if exactly else "one name, or two with a comma between them"
+        raise InputError(option, text, allowed)
+    return names

@@ -1,0 +1,1 @@
+"""Images beside each other: levelled, registered, brought to one grid, and scored."""

@@ -1,0 +1,206 @@
+"""What is no property of the sample, taken out: tilt, offsets of rows, and lines that failed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap.comparison.pair import CHANNELS, channels_of
+from phasemap.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import ArrayLike
+
+Array = np.ndarray
+
+__all__ = ["level", "level_map", "outlier_lines"]
+
+STRIKING = 8.0  # times the usual spread of lines, above which a line is an outlier ...
+VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spread
+
+
+def level(
+    image: xr.Dataset,
+    *,
+    mask: ArrayLike | None = None,
+    height: str = "rows",
+    phase: str = "constant",
+    lines: str = "flag",
+) -> xr.Dataset:
+    """Take out of an image what is no property of the sample.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        With ``height`` [m] and ``phase`` [degree], or one of them, over ("y", "x") or ("direction", "y", "x").
+    mask : array_like of bool, shape (rows, columns), optional
+        Pixels that do not count, such as particles on a flat ground; they are levelled with the others.
+    height : str
+        "rows": the tilt and the median of every row; "plane": a plane only. Where rows hold about half of each of two
+        materials, medians jump between their levels: mask one of them.
+    phase : str
+        "constant": the median of the image; "rows": that of every row, which is wrong where the share of the materials
+        changes from row to row. Never a plane, for a phase has no tilt.
+    lines : str
+        Single lines that differ from both neighbours much more than lines do are flagged in ``outlier_line`` by "flag",
+        and replaced by the mean of their neighbours, too, by "replace".
+
+    Returns
+    -------
+    xarray.Dataset
+        As `image`, and ``outlier_line`` over "y" (0 or 1). Medians of what counts are 0.
+
+    Raises
+    ------
+    InputError
+        If there is neither height nor phase, a choice is unknown, or too few pixels count.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> y, x = np.mgrid[:8, :9] * 1e-9
+    >>> image = xr.Dataset({"height": (("y", "x"), 0.1 * x - 0.2 * y)}, {"y": y[:, 0], "x": x[0]})
+    >>> bool(np.allclose(level(image)["height"], 0, atol=1e-24))
+    True
+    """
+    from phasemap.dataset import provenance
+
+    for name, choice, known in (
+        ("height", height, ("rows", "plane")),
+        ("phase", phase, ("constant", "rows")),
+        ("lines", lines, ("flag", "replace")),
+    ):
+        if choice not in known:
+            raise InputError(name, choice, " or ".join(repr(word) for word in known))
+    there = tuple(channel for channel in ("height", "phase") if channel in getattr(image, "data_vars", ()))
+    for direction in image["direction"].values if "direction" in image.dims else [None]:
+        channels_of("the image", image, direction, there or ("height", "phase"))
+    shape = image.sizes["y"], image.sizes["x"]
+    masked = np.zeros(shape, bool) if mask is None else np.asarray(mask, bool)
+    if masked.shape != shape:
+        raise InputError("shape of mask", masked.shape, f"that of the image, {shape}")
+    done = image.transpose(..., "y", "x").copy()
+    flagged: Any = False
+    for name in there:
+        maps = done[name].values.reshape(-1, *shape)
+        if name == "height":
+            maps = np.stack([level_map(one, masked, rows=height == "rows") for one in maps])
+        else:
+            maps = np.stack([_level_phase(one, masked, rows=phase == "rows") for one in maps])
+        flagged = flagged | np.stack([outlier_lines(one) for one in maps])
+        done[name] = done[name].copy(data=maps.reshape(done[name].shape))
+        done[name].attrs["long_name"] = f"{done[name].attrs.get('long_name', name)}, levelled"
+    if lines == "replace":
+        for name in CHANNELS:
+            if name in done:
+                maps = done[name].values.reshape(-1, *shape)
+                maps = np.stack([_replaced(one, rows) for one, rows in zip(maps, flagged, strict=True)])
+                done[name] = done[name].copy(data=maps.reshape(done[name].shape))
+    leading = done[there[0]].dims[:-2]
+    about = {"long_name": "line unlike both its neighbours", "flag_values": np.array([0, 1], np.int8),
+             "flag_meanings": "no yes"}  # fmt: skip
+    done["outlier_line"] = (
+        (*leading, "y"), flagged.astype(np.int8).reshape(*(done.sizes[dim] for dim in leading), shape[0]), about,
+    )  # fmt: skip
+    done.attrs.pop("phase_zero", None)  # of the phase as it was recorded
+    done.attrs["history"] = "\n".join(filter(None, [image.attrs.get("history"), provenance({}, "levelled")["history"]]))
+    return done
+
+
+def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
+    """Take the tilt, and offsets of rows, out of a height map.
+
+    The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
+    the rows hold the tilt.
+
+    Parameters
+    ----------
+    height : ndarray, shape (rows, columns)
+        [m]; may hold NaN.
+    mask : ndarray of bool
+        Pixels that do not count.
+    rows : bool
+        Whether rows have offsets; else a plane is fitted.
+
+    Returns
+    -------
+    ndarray
+        [m]
+
+    Raises
+    ------
+    InputError
+        If fewer than 3 pixels count.
+    """
+    counts = np.isfinite(height) & ~mask
+    if counts.sum() < 3:
+        raise InputError("number of pixels to level by", int(counts.sum()), "at least 3")
+    y, x = np.indices(height.shape, float)
+    known = np.where(counts, height, 0.0)
+    if rows:
+        share = np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        along = np.where(counts, x - (x * counts).sum(axis=1, keepdims=True) / share, 0.0)
+        slope = (along * known).sum() / ((along * along).sum() or 1.0)
+        flat: Array = height - slope * x
+        flat -= _row_medians(flat, counts)
+        return flat
+    plane = np.stack([np.ones(height.shape), x - x.mean(), y - y.mean()], axis=-1)
+    flat = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
+    flat -= np.median(flat[counts])
+    return flat
+
+
+def _level_phase(phase: Array, mask: Array, *, rows: bool) -> Array:
+    """Take a constant, or one for each row, out of a phase map."""
+    counts = np.isfinite(phase) & ~mask
+    if not counts.any():
+        raise InputError("number of pixels to level by", 0, "at least 1")
+    offsets: Array = _row_medians(phase, counts) if rows else np.median(phase[counts])
+    levelled: Array = phase - offsets
+    return levelled
+
+
+def _row_medians(values: Array, counts: Array) -> Array:
+    """Median of what counts in each row, as a column; rows without any take it from their neighbours."""
+    rows = np.flatnonzero(counts.any(axis=1))
+    medians = [np.median(values[row, counts[row]]) for row in rows]
+    column: Array = np.interp(np.arange(len(values)), rows, medians)[:, None]
+    return column
+
+
+def outlier_lines(values: Array) -> Array:
+    """Find single lines that lie above, or below, both their neighbours by far more than lines do.
+
+    A step between two lines, as a change of the tip leaves it, is none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, columns)
+
+    Returns
+    -------
+    ndarray of bool, shape (rows,)
+    """
+    above, below = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    stands_out = np.where(above * below > 0, np.minimum(np.abs(above), np.abs(below)), 0.0)
+    score = stands_out.mean(axis=1)
+    usual = np.median(score)
+    spread = 1.4826 * np.median(np.abs(score - usual))  # of a normal distribution
+    low, high = np.nanpercentile(values, [16, 84])
+    found = np.zeros(len(values), bool)
+    found[1:-1] = (score > usual + STRIKING * spread) & (score > VISIBLE * (high - low) / 2)
+    return found
+
+
+def _replaced(values: Array, lines: Array) -> Array:
+    """Lines replaced by the mean of their neighbours that are none themselves."""
+    if not lines.any():
+        return values
+    good = np.flatnonzero(~lines)
+    at = np.flatnonzero(lines)
+    before, after = good[np.searchsorted(good, at) - 1], good[np.searchsorted(good, at)]
+    values = values.copy()
+    values[at] = (values[before] + values[after]) / 2
+    return values

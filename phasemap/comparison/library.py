@@ -1,0 +1,33 @@
+"""scikit-image, which only comparing needs."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from phasemap.errors import PhasemapError
+
+
+def skimage(module: str, purpose: str) -> Any:
+    """Import a module of scikit-image.
+
+    Parameters
+    ----------
+    module : str
+        Below ``skimage``.
+    purpose : str
+        What needs it, as the begin of a sentence.
+
+    Returns
+    -------
+    module
+
+    Raises
+    ------
+    PhasemapError
+        If it is not installed.
+    """
+    try:
+        return import_module(f"skimage.{module}")
+    except ImportError as error:
+        raise PhasemapError(f'{purpose} needs scikit-image: run pip install "afm-phasemap[compare]".') from error

@@ -1,0 +1,206 @@
+"""Two images that can be laid on each other: their channels, their direction, and one grid for both."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap.errors import InputError
+from phasemap.units import readable
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    Directions = str | tuple[str | None, str | None] | None
+
+__all__ = ["channels_of", "common_grid", "pair_of", "pitch_of"]
+
+CHANNELS = ("height", "phase", "amplitude", "amplitude_error")
+FEWEST = 8  # rows and columns: a window of the structural similarity takes 7
+SAME_SIZE = 0.05  # by which sides may differ: files of N pixels often say the length of N - 1 of them
+
+
+def pair_of(
+    first: xr.Dataset, second: xr.Dataset, direction: Directions, names: tuple[str, str], needed: tuple[str, ...]
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """One direction of each of two images, with their channels and coordinates from their own top left corner.
+
+    Parameters
+    ----------
+    first, second : xarray.Dataset
+        Images over ("y", "x") or ("direction", "y", "x").
+    direction : str, pair of str or None
+        Of both, or of each; None takes the trace. One name for both passes over an image without directions.
+    names : pair of str
+        What the images are called in messages.
+    needed : tuple of str
+        Channels that both must have.
+
+    Returns
+    -------
+    pair of xarray.Dataset
+        With dims ("y", "x").
+
+    Raises
+    ------
+    InputError
+        If one is no such image, a direction or channel is missing, or the images differ in size.
+    """
+    images = first, second
+    each = _each(direction, images)
+    both = [_from_corner(channels_of(name, ds, one, needed)) for name, ds, one in zip(names, images, each, strict=True)]
+    sizes = [[ds.sizes[dim] * pitch_of(ds, dim) for dim in ("x", "y")] for ds in both]
+    if not np.allclose(sizes[1], sizes[0], rtol=SAME_SIZE):
+        raise InputError(
+            f"size of {names[1]}", _in_words(sizes[1]), f"that of {names[0]}, {_in_words(sizes[0])}, within 5 %",
+            "Cut the larger one with .sel(y=slice(top, bottom), x=slice(left, right)).",
+        )  # fmt: skip
+    return both[0], both[1]
+
+
+def _each(direction: Directions, images: tuple[xr.Dataset, xr.Dataset]) -> tuple[str | None, str | None]:
+    """The direction of each image."""
+    if direction is None:
+        return None, None
+    if not isinstance(direction, str):
+        if len(direction) != 2:
+            raise InputError("direction", direction, "one name, or one for each of the two images")
+        return direction[0], direction[1]
+    has = ["direction" in getattr(ds, "dims", ()) or _direction(ds) for ds in images]
+    if not any(has):
+        raise InputError("direction", direction, "None, for neither image has directions")
+    return direction if has[0] else None, direction if has[1] else None
+
+
+def _direction(ds: xr.Dataset) -> str | None:
+    """The direction of an image of one, if it says so."""
+    known = ds.coords["direction"].item() if "direction" in ds.coords else ds.attrs.get("direction")
+    return None if known is None else str(known)
+
+
+def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[str, ...]) -> xr.Dataset:
+    """The recorded channels of one direction.
+
+    Parameters
+    ----------
+    name : str
+        What the image is called in messages.
+    ds : xarray.Dataset
+    direction : str or None
+    needed : tuple of str
+
+    Returns
+    -------
+    xarray.Dataset
+        With dims ("y", "x").
+
+    Raises
+    ------
+    InputError
+    """
+    for channel in needed:
+        if channel not in getattr(ds, "data_vars", ()):
+            held = ", ".join(map(str, getattr(ds, "data_vars", ()))) or type(ds).__name__
+            raise InputError(f"what {name} holds", held, f"an image with {' and '.join(needed)}")
+    for dim in ("y", "x"):
+        if dim not in ds.coords or ds.sizes.get(dim, 0) < FEWEST or not np.all(np.diff(ds[dim].values) > 0):
+            raise InputError(
+                name, f"without a rising {dim}", f"an image with coordinates y and x [m], {FEWEST} or more"
+            )
+    if "direction" in ds.dims:
+        there = [str(one) for one in ds["direction"].values]
+        wanted = direction or ("trace" if "trace" in there else there[0])
+        if wanted not in there:
+            raise InputError(f"direction of {name}", wanted, " or ".join(there))
+        ds = ds.isel(direction=there.index(wanted))
+    elif direction is not None and direction != _direction(ds):
+        known = _direction(ds) or "None, for the image has no directions"
+        raise InputError(f"direction of {name}", direction, known)
+    image = ds[[channel for channel in CHANNELS if channel in ds]]
+    for channel in needed:
+        if set(image[channel].dims) != {"y", "x"}:
+            raise InputError(f"dims of {channel} of {name}", ds[channel].dims, "('y', 'x') or ('direction', 'y', 'x')")
+        if not np.isfinite(image[channel].values).any():
+            raise InputError(f"{channel} of {name}", "NaN everywhere", "an image with finite values")
+    return image.transpose("y", "x").reset_coords(drop=True)
+
+
+def pitch_of(ds: xr.Dataset, dim: str) -> float:
+    """From pixel to pixel [m]."""
+    at = ds[dim].values
+    return float((at[-1] - at[0]) / (len(at) - 1))
+
+
+def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """Both images on those pixels of `fixed` that lie within `moving`.
+
+    Parameters
+    ----------
+    fixed, moving : xarray.Dataset
+        With dims ("y", "x").
+
+    Returns
+    -------
+    pair of xarray.Dataset
+        `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and interpolated
+        linearly.
+
+    Raises
+    ------
+    InputError
+        If they hardly overlap.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> fine = xr.Dataset({"height": ("y", [1.0])}, {"y": [0.5]}).isel(y=[0] * 16).assign_coords(y=np.arange(16) + 0.5)
+    >>> fine = fine.expand_dims(x=np.arange(16) + 0.5).transpose("y", "x")
+    >>> coarse = fine.isel(y=slice(8), x=slice(8)).assign_coords(y=2.0 * fine.y[:8], x=2.0 * fine.x[:8])
+    >>> dict(common_grid(coarse, fine)[1].sizes)
+    {'y': 8, 'x': 8}
+    """
+    same = all(
+        fixed.sizes[dim] == moving.sizes[dim]
+        and np.allclose(fixed[dim], moving[dim], rtol=0, atol=1e-6 * pitch_of(fixed, dim))
+        for dim in ("y", "x")
+    )
+    if same:
+        return fixed, moving.assign_coords(y=fixed["y"], x=fixed["x"])
+    inside = {}
+    for dim in ("y", "x"):
+        at, ends, slack = fixed[dim].values, moving[dim].values[[0, -1]], 1e-6 * pitch_of(moving, dim)
+        inside[dim] = np.flatnonzero((at >= ends[0] - slack) & (at <= ends[1] + slack))
+        if len(inside[dim]) < FEWEST:
+            raise InputError(
+                f"number of pixels along {dim} that both images show", len(inside[dim]), f"at least {FEWEST}"
+            )
+    fixed = fixed.isel(inside)
+    places = {dim: np.clip(fixed[dim].values, *moving[dim].values[[0, -1]]) for dim in ("y", "x")}
+    moving = _averaged(moving, fixed).interp(places, assume_sorted=True)
+    return fixed, moving.assign_coords(y=fixed["y"], x=fixed["x"])
+
+
+def _averaged(moving: xr.Dataset, fixed: xr.Dataset) -> xr.Dataset:
+    """Means over an odd number of pixels; interpolation averages two, so that up to three there is nothing to do."""
+    from scipy.ndimage import convolve1d
+
+    moving = moving.copy()
+    for axis, dim in enumerate(("y", "x")):
+        count = 2 * int((pitch_of(fixed, dim) / pitch_of(moving, dim) - 1) / 2 + 1e-6) + 1
+        if count > 1:
+            for channel in moving.data_vars:
+                mean = convolve1d(moving[channel].values, np.full(count, 1 / count), axis=axis, mode="nearest")
+                moving[channel] = moving[channel].copy(data=mean)
+    return moving
+
+
+def _from_corner(ds: xr.Dataset) -> xr.Dataset:
+    """Count y and x from the image's own corner."""
+    return ds.assign_coords({dim: ds[dim] - float(ds[dim][0]) + pitch_of(ds, dim) / 2 for dim in ("y", "x")})
+
+
+def _in_words(sides: list[float]) -> str:
+    """Width and height."""
+    unit = readable(max(sides), "m")
+    return f"{sides[0] / unit.size:.4g} x {unit.say(sides[1])}"

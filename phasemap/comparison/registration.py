@@ -1,0 +1,212 @@
+"""How far two images of the same place are shifted, found on their heights, and believed only if it helps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._check import number
+from phasemap.comparison.levelling import level_map
+from phasemap.comparison.library import skimage
+from phasemap.comparison.pair import common_grid, pair_of, pitch_of
+from phasemap.comparison.scores import correlation_of
+from phasemap.units import say
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.comparison.pair import Directions
+
+Array = np.ndarray
+
+__all__ = ["Registration", "register"]
+
+GAIN = (
+    0.25  # share by which the mismatch of the heights, 1 - correlation, must fall; interpolating noise gains some 15 %
+)
+LOSS = 0.05  # by which the correlation of the phases may fall
+REPEATS = 0.5  # autocorrelation of the height above which another period would fit as well
+TOP = 0.99  # of its highest value, where a ridge of the autocorrelation counts
+SIDE = 0.1  # of the shorter side: how far images are looked for
+PASSES = 4
+UPSAMPLING = 10  # shifts are found to a tenth of a pixel
+
+
+@dataclass(frozen=True)
+class Registration:
+    """A shift between two images, and whether to believe it.
+
+    Parameters
+    ----------
+    shift : tuple of float
+        (y, x) [m], to be added to the coordinates of the moving image.
+    before, after : float
+        Correlation of the heights without and with it.
+    phase_before, phase_after : float
+        That of the phases; NaN where an image has none.
+    accepted : bool
+        Whether it helps.
+    reason : str
+        Why, in words.
+    """
+
+    shift: tuple[float, float]
+    before: float
+    after: float
+    phase_before: float
+    phase_after: float
+    accepted: bool
+    reason: str
+
+    def apply(self, moving: xr.Dataset) -> xr.Dataset:
+        """Return the moving image in its place: with shifted coordinates if the shift is accepted, else as it is.
+
+        Parameters
+        ----------
+        moving : xarray.Dataset
+
+        Returns
+        -------
+        xarray.Dataset
+        """
+        if not self.accepted:
+            return moving
+        return _shifted(moving, self.shift)
+
+
+def register(
+    fixed: xr.Dataset,
+    moving: xr.Dataset,
+    *,
+    limit: float | None = None,
+    direction: Directions = None,
+) -> Registration:
+    """Find how far an image is shifted from another one of the same place.
+
+    The shift is found on the levelled heights, by phase_cross_correlation of scikit-image. It is accepted if it is
+    within the limit, the height does not repeat itself within twice the limit (another period would fit as well), the
+    mismatch of the heights, 1 - correlation, falls by a quarter or more, and the correlation of the phases, sign aside,
+    does not fall by more than 0.05.
+
+    Parameters
+    ----------
+    fixed, moving : xarray.Dataset
+        Images of the same size with ``height`` [m], over ("y", "x") or ("direction", "y", "x"); pixels may differ.
+    limit : float, optional
+        The longest shift looked for [m], >= 0; default: a tenth of the shorter side.
+    direction : str or pair of str, optional
+        Of both images, or of each; default: the trace, if there are directions.
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    InputError
+        If one is no such image, they differ in size, or the limit is out of range.
+    PhasemapError
+        If scikit-image is not installed.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> hills = np.random.default_rng(1).normal(size=(40, 43))
+    >>> places = {"y": 4e-9 * np.arange(40), "x": 4e-9 * np.arange(43)}
+    >>> image = xr.Dataset({"height": (("y", "x"), 1e-9 * hills)}, places)
+    >>> found = register(image.isel(x=slice(None, -3)), image.isel(x=slice(3, None)))
+    >>> found.accepted, [round(float(metres) * 1e9, 1) for metres in found.shift]
+    (True, [0.0, 12.0])
+    """
+    both = pair_of(fixed, moving, direction, ("fixed", "moving"), ("height",))
+    return registration_of(levelled(both[0]), levelled(both[1]), limit)
+
+
+def levelled(image: xr.Dataset) -> xr.Dataset:
+    """The image with its height levelled."""
+    height = image["height"]
+    return image.assign(height=height.copy(data=level_map(height.values, np.zeros(height.shape, bool))))
+
+
+def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) -> Registration:
+    """What `register` does, on a pair of levelled images."""
+    shortest = min(fixed.sizes[dim] * pitch_of(fixed, dim) for dim in ("y", "x"))
+    limit = SIDE * shortest if limit is None else number("limit", limit, "m", minimum=0, maximum=shortest / 2)
+    first, second = common_grid(fixed, moving)
+    before, phase_before = _correlations(first, second)
+    still = (0.0, 0.0), before, before, phase_before, phase_before, False
+    if limit == 0:
+        return Registration(*still, "not looked for")
+    if not math.isfinite(before):
+        return Registration(*still, "one height is flat, and tells no shift")
+    shift = _shift(fixed, moving, limit)
+    length = math.hypot(*shift)
+    if length == 0:
+        return Registration(*still, "in place already")
+    if length > limit:
+        said = f"the best shift, {say(length, 'm', 3)}, is longer than the limit of {say(limit, 'm', 3)}"
+        return Registration(shift, before, before, phase_before, phase_before, False, said)
+    after, phase_after = _correlations(*common_grid(fixed, _shifted(moving, shift)))
+    period = _period(first, limit)
+    reason = ""
+    if period is not None:
+        reason = f"the height repeats itself after {say(period, 'm', 3)}, so that another shift would fit as well"
+    elif not 1 - after <= (1 - GAIN) * (1 - before):
+        reason = f"it does not help enough: heights correlate {after:.3f} with it and {before:.3f} without"
+    elif abs(phase_after) < abs(phase_before) - LOSS:
+        reason = f"the phase contradicts: its correlation falls from {phase_before:.2f} to {phase_after:.2f}"
+    accepted = not reason
+    reason = reason or f"heights correlate {after:.3f} with it and {before:.3f} without"
+    return Registration(shift, before, after, phase_before, phase_after, accepted, reason)
+
+
+def _shift(fixed: xr.Dataset, moving: xr.Dataset, limit: float) -> tuple[float, float]:
+    """The best shift, (y, x) [m]; found again on what both images show, for the first pass takes them as periodic."""
+    find = skimage("registration", "registering images").phase_cross_correlation
+    shift = 0.0, 0.0
+    for _ in range(PASSES):
+        both = common_grid(fixed, _shifted(moving, shift))
+        heights = [np.nan_to_num(one["height"].values) for one in both]
+        pixels = find(*heights, normalization=None, upsample_factor=UPSAMPLING)[0]
+        step = [float(n) * pitch_of(fixed, dim) for n, dim in zip(pixels, ("y", "x"), strict=True)]
+        shift = shift[0] + step[0], shift[1] + step[1]
+        if np.abs(pixels).max() <= 1 / UPSAMPLING or math.hypot(*shift) > limit:
+            break
+    return shift
+
+
+def _shifted(moving: xr.Dataset, shift: tuple[float, float]) -> xr.Dataset:
+    """The image at another place."""
+    return moving.assign_coords(y=moving["y"] + shift[0], x=moving["x"] + shift[1])
+
+
+def _correlations(first: xr.Dataset, second: xr.Dataset) -> tuple[float, float]:
+    """Of heights and of phases; NaN where a channel is missing or flat."""
+    return tuple(
+        correlation_of(first[name].values, second[name].values) if name in first and name in second else math.nan
+        for name in ("height", "phase")
+    )  # type: ignore[return-value]
+
+
+def _period(image: xr.Dataset, limit: float) -> float | None:
+    """The shortest shift within twice the limit after which the height is much like itself again [m]."""
+    from scipy.ndimage import label, maximum
+    from scipy.signal import fftconvolve
+
+    height = np.nan_to_num(image["height"].values)
+    rows, columns = height.shape
+    most = np.s_[rows - 1 - rows // 2 : rows + rows // 2, columns - 1 - columns // 2 : columns + columns // 2]
+    ones = np.ones(height.shape)
+    both, pairs = (fftconvolve(one, one[::-1, ::-1])[most] for one in (height, ones))
+    like = both / pairs / np.mean(height**2)
+    islands, count = label(like > REPEATS)
+    others = [n for n in range(1, count + 1) if n != islands[rows // 2, columns // 2]]
+    if not others:
+        return None
+    tops = np.concatenate([[np.inf], maximum(like, islands, range(1, count + 1))])
+    y, x = np.nonzero((like >= TOP * tops[islands]) & np.isin(islands, others))
+    distance = np.hypot((y - rows // 2) * pitch_of(image, "y"), (x - columns // 2) * pitch_of(image, "x")).min()
+    return float(distance) if distance <= 2 * limit else None

@@ -1,0 +1,312 @@
+"""A measured and a simulated image side by side, and how much they are alike."""
+
+from __future__ import annotations
+
+import math
+import os
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from phasemap._check import number
+from phasemap.comparison.levelling import outlier_lines
+from phasemap.comparison.pair import common_grid, pair_of
+from phasemap.comparison.registration import Registration, levelled, registration_of
+from phasemap.comparison.scores import correlation_of, distance_of, share_explained, similarity_of
+from phasemap.dataset import provenance
+from phasemap.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import ArrayLike
+
+    from phasemap.comparison.pair import Directions
+
+Array = np.ndarray
+
+__all__ = ["compare"]
+
+NAMES = ("measured", "simulated")
+MAPS = (*NAMES, "residual")
+CAUSES = ("slope", "amplitude error", "both")
+DEGREE = {"units": "degree"}
+CLEARLY = 0.9  # of the mean square residual: what makes a sign the better one
+HELD = 1e-6  # relative change below which an amplitude is the setpoint's everywhere
+LEFT_OUT = -1  # label of pixels that are not compared
+
+
+class _Frame(NamedTuple):
+    """Where the measured phase is 0 [degree], and which way it counts."""
+
+    offset: float
+    sign: int
+
+    def of(self, measured: Array) -> Array:
+        """The measured phase as a simulation counts it."""
+        return self.sign * (measured - self.offset)
+
+
+def compare(
+    measured: xr.Dataset,
+    simulated: xr.Dataset,
+    *,
+    offset: str | float = "free",
+    sign: str | int = "free",
+    regions: int | ArrayLike | None = 2,
+    limit: float | None = None,
+    direction: Directions = None,
+    names: tuple[str, str] = NAMES,
+) -> xr.Dataset:
+    """Lay a simulated image, or another measured one, on a measured one, and say how much they are alike.
+
+    Heights are levelled, the images registered on them (see `phasemap.register`), and `simulated` is brought to the
+    pixels of `measured`. Instruments differ in where their phase is 0 and which way it counts; so the measured phase is
+    turned into that of the simulation, ``sign * (measured - offset)``. Its scale is never fitted: too little contrast
+    is a finding.
+
+    Parameters
+    ----------
+    measured, simulated : xarray.Dataset
+        Images of the same size, with ``height`` [m] and ``phase`` [degree] over ("y", "x") or ("direction", "y", "x");
+        ``amplitude_error`` or ``amplitude`` [m] is used where it is there.
+    offset : "free", "fixed" or float
+        Recorded phase at which the simulation's is 0 [degree]: the one that makes the RMSE least, the attribute
+        ``phase_zero`` of `measured` (less that of `simulated`, if it has one), or a number.
+    sign : "free", 1 or -1
+        -1 if the instrument counts lag positive; "free" takes what fits better, and 1 unless -1 leaves a mean square
+        residual lower by a tenth.
+    regions : int, array_like of int or None
+        How many materials to tell apart in the measured phase (2 to 4; multi-Otsu), or their labels, shape of
+        `measured`, negative where there is none; None has one region, all pixels. Regions are always
+        found: in a homogeneous sample they hold little of the variance (``region_share_of_variance``). They are found
+        in the measured image, so its noise makes its contrast look a little larger.
+    limit : float, optional
+        The longest shift looked for [m]; 0 does not register. Default: a tenth of the shorter side.
+    direction : str or pair of str, optional
+        Of both images, or of each; default: the trace, if there are directions.
+    names : pair of str
+        What the images are called on the page and in the summary.
+
+    Returns
+    -------
+    xarray.Dataset
+        Maps on the pixels of `measured` that both images show: ``measured``, ``simulated`` and ``residual`` (measured
+        less simulated) [degree], ``measured_height`` and ``simulated_height`` [m], levelled, and ``label`` of the
+        region, -1 where pixels are left out: those without a phase, and lines that failed in either image.
+        Numbers: ``offset`` [degree], ``sign``; ``correlation``; ``rmse`` [degree]; ``explained``, the share of the
+        measured variance that the simulation takes away, 1 - var(residual) / var(measured), negative if it adds some;
+        ``ssim``, structural similarity; ``wasserstein``, the distance of the histograms [degree]; over "region"
+        ``region_share`` of the pixels, and with "map" ``region_mean``, ``region_median`` and ``region_contrast``, of
+        medians against region 0, for pixels on misplaced edges pull means [degree]; ``crosstalk`` over "map" and
+        "cause": the share R² of its variance that is linear in the measured (for the simulated map: its own) slope
+        dh/dx, the amplitude error, or both, NaN where there is none;
+        ``shift_y`` and ``shift_x`` [m] that were applied, ``registered``, and the correlations of heights and phases
+        before and after over "stage".
+
+    Raises
+    ------
+    InputError
+        If an image has no phase or height, sizes differ, the direction is missing, nothing is finite, a choice is
+        unknown, or ``phase_zero`` is needed and missing.
+    PhasemapError
+        If scikit-image is not installed.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> hills = np.random.default_rng(1).normal(size=(40, 43)).cumsum(axis=0).cumsum(axis=1)
+    >>> channels = {"height": (("y", "x"), 1e-9 * hills), "phase": (("y", "x"), hills)}
+    >>> image = xr.Dataset(channels, {"y": 4e-9 * np.arange(40), "x": 4e-9 * np.arange(43)})
+    >>> found = compare(image.assign(phase=-10 - image.phase), image)
+    >>> [round(float(found[name]), 6) for name in ("offset", "sign", "correlation")]
+    [-10.0, -1.0, 1.0]
+    """
+    if sign != "free" and (isinstance(sign, str) or sign not in (1, -1)):
+        raise InputError("sign", sign, "'free', 1 or -1")
+    zero = _zero(offset, measured, simulated)
+    first, second = pair_of(measured, simulated, direction, NAMES, ("height", "phase"))
+    if not (regions is None or isinstance(regions, int)):
+        first = first.assign(label=(("y", "x"), _labels(regions, first["phase"].shape)))
+    first, second = levelled(first), levelled(second)
+    registration = registration_of(first, second, limit)
+    first, second = common_grid(first, registration.apply(second))
+    failed = np.zeros(first["phase"].shape, bool)
+    for image in (first, second):
+        failed |= outlier_lines(image["phase"].values)[:, None]
+    known = np.isfinite(first["phase"].values) & np.isfinite(second["phase"].values) & ~failed
+    if not known.any():
+        raise InputError("number of pixels with a phase in both images", 0, "at least 1")
+    frame = _frame(first["phase"].values[known], second["phase"].values[known], zero, sign)
+    maps = dict(zip(NAMES, (frame.of(first["phase"].values), second["phase"].values), strict=True))
+    label = _regions(first, maps["measured"], known, regions)
+    found = _record(first, second, maps, known, label, registration)
+    found["offset"] = ((), frame.offset, {"long_name": "measured phase where the simulated is 0", **DEGREE})
+    found["sign"] = ((), frame.sign, {"long_name": "sign of the measured phase against the simulated", "units": "1"})
+    found["failed_lines"] = ((), int(failed[:, 0].sum()), {"long_name": "lines left out as outliers", "units": "1"})
+    found.attrs.update(provenance(_configuration(offset, sign, regions, limit, direction), "compared"))
+    found.attrs["registration"] = registration.reason
+    for name, ds, called in zip(NAMES, (measured, simulated), names, strict=True):
+        found.attrs[f"{name}_name"] = called
+        file = os.path.basename(ds.encoding.get("source", ""))
+        if source := ds.attrs.get("title") or file or ds.attrs.get("source"):
+            found.attrs[f"{name}_source"] = str(source)
+    return found
+
+
+def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> tuple[float, float] | None:
+    """Phases recorded in free air, of both images [degree]; None if the offset is free."""
+    if isinstance(offset, Real) and not isinstance(offset, bool):
+        return number("offset", offset, "degree"), 0.0
+    if offset == "free":
+        return None
+    if offset != "fixed":
+        raise InputError("offset", offset, "'free', 'fixed' or a number of degrees")
+    if "phase_zero" not in measured.attrs:
+        hint = "Give the phase recorded in free air as a number, or leave the offset free."
+        raise InputError("phase_zero of measured", "not recorded", "an attribute in degrees for offset='fixed'", hint)
+    return (
+        number("phase_zero of measured", measured.attrs["phase_zero"], "degree"),
+        number("phase_zero of simulated", simulated.attrs.get("phase_zero", 0.0), "degree"),
+    )
+
+
+def _frame(measured: Array, simulated: Array, zero: tuple[float, float] | None, sign: str | int) -> _Frame:
+    """The offset and the sign asked for, or those that leave the least RMSE."""
+
+    def best(s: int) -> _Frame:
+        if zero is None:
+            return _Frame(float(measured.mean() - s * simulated.mean()), s)
+        return _Frame(zero[0] - s * zero[1], s)
+
+    if sign != "free":
+        return best(int(sign))
+    same, other = (np.square(best(s).of(measured) - simulated).mean() for s in (1, -1))
+    return best(-1 if other < CLEARLY * same else 1)
+
+
+def _labels(regions: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Given labels, checked."""
+    labels = np.asarray(regions)
+    if labels.dtype.kind not in "iu" or labels.shape != shape:
+        raise InputError("regions", f"{labels.dtype} of shape {labels.shape}", f"2 to 4, or whole numbers, {shape}")
+    return labels
+
+
+def _regions(first: xr.Dataset, phase: Array, known: Array, regions: Any) -> Array:
+    """Labels counted from 0 without gaps, -1 where pixels are left out."""
+    from phasemap.io.measured import segment_phase
+
+    if regions is None:
+        labels = np.zeros(phase.shape, int)
+    elif "label" in first:
+        labels = first["label"].values
+    else:
+        labels = segment_phase(np.where(known, phase, np.median(phase[known])), regions)
+    known = known & (labels >= 0)
+    if not known.any():
+        raise InputError("number of pixels in regions that both images show", 0, "at least 1")
+    dense = np.full(phase.shape, LEFT_OUT, np.int16)
+    dense[known] = np.unique(labels[known], return_inverse=True)[1]
+    return dense
+
+
+def _record(
+    first: xr.Dataset, second: xr.Dataset, maps: dict[str, Array], known: Array, label: Array, moved: Registration
+) -> xr.Dataset:
+    """All maps and numbers but the frame."""
+    import xarray as xr
+
+    maps = {name: np.where(known, values, np.nan) for name, values in maps.items()}
+    maps["residual"] = maps["measured"] - maps["simulated"]
+    measured, simulated, residual = (maps[name][known] for name in MAPS)
+    inside = label >= 0
+    shares = np.bincount(label[inside]) / inside.sum()
+    parts = [label == region for region in range(len(shares))]
+    means, medians = (
+        np.array([[of(maps[name][part]) for part in parts] for name in MAPS]) for of in (np.mean, np.median)
+    )
+    spread = measured.var()
+    between = float(shares @ (means[0] - shares @ means[0]) ** 2)
+    stage = {"before": (moved.before, moved.phase_before), "after": (moved.after, moved.phase_after)}
+    if not moved.accepted:
+        stage["after"] = stage["before"]
+    words = {"measured": "measured phase, as the simulation counts it", "simulated": "simulated phase",
+             "residual": "measured less simulated phase"}  # fmt: skip
+
+    def one(value: float, long_name: str, units: str = "1") -> tuple[tuple[()], float, dict[str, str]]:
+        return (), value, {"long_name": long_name, "units": units}
+
+    data: dict[str, Any] = {
+        **{name: (("y", "x"), maps[name], {"long_name": words[name], **DEGREE}) for name in MAPS},
+        **{
+            f"{name}_height": (("y", "x"), ds["height"].values, {"long_name": f"{name} height, levelled", "units": "m"})
+            for name, ds in zip(NAMES, (first, second), strict=True)
+        },
+        "label": (("y", "x"), label, {"long_name": "region, -1 where pixels are left out"}),
+        "correlation": one(correlation_of(measured, simulated), "correlation of the phases"),
+        "rmse": one(math.sqrt(np.square(residual).mean()), "root mean square of the residual", "degree"),
+        "explained": one(
+            1 - residual.var() / spread if spread > 0 else math.nan, "share of the measured variance explained"
+        ),
+        "ssim": one(similarity_of(maps["measured"], maps["simulated"], known), "structural similarity"),
+        "wasserstein": one(distance_of(measured, simulated), "Wasserstein distance of the histograms", "degree"),
+        "region_share": ("region", shares, {"long_name": "share of the pixels", "units": "1"}),
+        "region_mean": (("map", "region"), means, {"long_name": "mean phase", **DEGREE}),
+        "region_median": (("map", "region"), medians, {"long_name": "median phase", **DEGREE}),
+        "region_contrast": (
+            ("map", "region"),
+            medians - medians[:, :1],
+            {"long_name": "median phase less that of region 0", **DEGREE},
+        ),
+        "region_share_of_variance": one(
+            between / spread if spread > 0 else math.nan, "share of the measured variance between regions"
+        ),
+        "crosstalk": (("map", "cause"), _crosstalk(first, second, maps), {"long_name": "crosstalk R2", "units": "1"}),
+        "shift_y": one(moved.shift[0] if moved.accepted else 0.0, "shift applied to the simulated image, down", "m"),
+        "shift_x": one(moved.shift[1] if moved.accepted else 0.0, "shift applied to the simulated image, right", "m"),
+        "registered": one(int(moved.accepted), "whether the shift found was accepted"),
+        **{
+            f"{name}_correlation": (
+                "stage",
+                [both[i] for both in stage.values()],
+                {"long_name": long_name, "units": "1"},
+            )
+            for i, (name, long_name) in enumerate({"height": "of heights", "phase": "of recorded phases"}.items())
+        },
+    }
+    coords = {"y": first["y"].variable, "x": first["x"].variable, "map": list(MAPS), "cause": list(CAUSES),
+              "stage": list(stage), "region": np.arange(len(shares))}  # fmt: skip
+    return xr.Dataset(data, coords)
+
+
+def _crosstalk(first: xr.Dataset, second: xr.Dataset, maps: dict[str, Array]) -> Array:
+    """R² of each map on its causes, shape (maps, causes); the residual's are the measured ones."""
+    table = np.full((len(MAPS), len(CAUSES)), math.nan)
+    for i, (name, image) in enumerate(zip(MAPS, (first, second, first), strict=True)):
+        slope = np.gradient(image["height"].values, image["x"].values, axis=1).ravel()
+        values = maps[name].ravel()
+        table[i, 0] = share_explained(values, [slope])
+        error = next((image[key].values.ravel() for key in ("amplitude_error", "amplitude") if key in image), None)
+        if error is not None and _varies(error):
+            table[i, 1:] = share_explained(values, [error]), share_explained(values, [slope, error])
+    return table
+
+
+def _varies(amplitude: Array) -> bool:
+    """Whether the amplitude is other than held everywhere."""
+    known = amplitude[np.isfinite(amplitude)]
+    return known.size > 0 and bool(np.ptp(known) > HELD * np.abs(known).max())
+
+
+def _configuration(offset: Any, sign: Any, regions: Any, limit: float | None, direction: Any) -> dict[str, Any]:
+    """What was asked for, as plain JSON values."""
+    return {
+        "compare": {
+            "offset": offset if isinstance(offset, str) else float(offset),
+            "sign": sign if isinstance(sign, str) else int(sign),
+            "regions": regions if regions is None or isinstance(regions, int) else "given labels",
+            "limit": limit,
+            "direction": list(direction) if isinstance(direction, tuple) else direction,
+        }
+    }

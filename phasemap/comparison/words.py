@@ -1,0 +1,127 @@
+"""What a comparison found, in words: the same on the page and on the command line."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from phasemap.units import say
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["lines_of", "names_of", "verdict_of"]
+
+WORTH_SAYING = 0.1  # share of the residual's variance
+MOSTLY = 0.5  # share of the measured variance
+
+
+def names_of(found: xr.Dataset) -> tuple[str, str]:
+    """What the two images are called.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.compare` returned.
+
+    Returns
+    -------
+    pair of str
+    """
+    return found.attrs["measured_name"], found.attrs["simulated_name"]
+
+
+def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
+    """Say what was found.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.compare` returned.
+
+    Returns
+    -------
+    list of pair of str
+        What is spoken of, and what is said of it.
+    """
+    first, second = names_of(found)
+    value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
+    left_out = int((found["label"] < 0).sum())
+    counts = "the same sign" if value["sign"] > 0 else "the other sign"
+    lines = [
+        ("phases", f"correlation {value['correlation']:.3f}, SSIM {value['ssim']:.3f}"),
+        ("residual", f"{value['rmse']:.3g}° rms; histograms {value['wasserstein']:.3g}° apart (Wasserstein)"),
+        ("offset, sign", f"the {first} 0° is {value['offset']:.2f}° as recorded, with {counts}"),
+        ("registration", _shift(found)),
+        ("left out", f"{left_out} of {found['label'].size} pixels" + _failed(int(value["failed_lines"]))),
+    ]
+    if found.sizes["region"] > 1:
+        share = 100 * value["region_share_of_variance"]
+        for region in range(1, found.sizes["region"]):
+            pixels, (a, b) = 100 * float(found["region_share"][region]), found["region_contrast"][:2, region].values
+            said = f"{a:+.3g}° against region 0, {second} {b:+.3g}°; {pixels:.0f} % of the pixels"
+            lines.append((f"region {region}", said))
+        lines.append(("regions", f"account for {share:.0f} % of the {first} variance"))
+    for cause in found["cause"].values[: 2 if math.isfinite(found["crosstalk"][0, 1]) else 1]:
+        shares = [100 * float(share) for share in found["crosstalk"].sel(cause=cause)]
+        each = ", ".join(
+            f"{share:.0f} % of the {name}"
+            for name, share in zip((first, second, "residual"), shares, strict=True)
+            if math.isfinite(share)
+        )
+        lines.append((str(cause), f"explains {each} variance" if each else "explains nothing"))
+    return lines
+
+
+def verdict_of(found: xr.Dataset) -> str:
+    """Say how much of the first image the second explains, and what is in the rest.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.compare` returned.
+
+    Returns
+    -------
+    str
+        One to four sentences.
+    """
+    first, second = names_of(found)
+    explained = float(found["explained"])
+    if not math.isfinite(explained):
+        return f"The {first} phase does not vary: there is nothing to explain."
+    said = [f"The {second} image explains {100 * explained:.0f} % of the variance of the {first} phase."]
+    if explained <= 0:
+        said = [f"The {second} image explains nothing of the {first} phase: the difference varies more than the phase."]
+    if found.sizes["region"] == 2 and float(found["region_contrast"][0, 1]):
+        a, b = found["region_contrast"][:2, 1].values
+        said.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
+    slope = float(found["crosstalk"].sel(map="measured", cause="slope"))
+    if slope > MOSTLY:
+        said.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")
+    causes = found["crosstalk"].sel(map="residual")
+    both = float(causes.sel(cause="both"))
+    what, share = (
+        ("Slope and amplitude error explain", both) if math.isfinite(both) else ("Slope explains", float(causes[0]))
+    )
+    if share > WORTH_SAYING:
+        said.append(f"{what} {100 * share:.0f} % of what is left.")
+    return " ".join(said)
+
+
+def _failed(lines: int) -> str:
+    """How many of what was left out are whole lines."""
+    return f", of them {lines} {'lines' if lines > 1 else 'line'} unlike the neighbours" if lines else ""
+
+
+def _shift(found: xr.Dataset) -> str:
+    """What became of the registration."""
+    reason = found.attrs["registration"]
+    if not int(found["registered"]):
+        return f"not shifted: {reason}"
+    parts = [
+        f"{say(abs(float(found[name])), 'm', 3)} {words[float(found[name]) < 0]}"
+        for name, words in (("shift_x", ("right", "left")), ("shift_y", ("down", "up")))
+        if float(found[name])
+    ]
+    return f"shifted {' and '.join(parts)}: {reason}"

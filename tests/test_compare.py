@@ -1,0 +1,425 @@
+"""Two images beside each other: levelled, registered, brought to one grid, scored, drawn and said."""
+
+from __future__ import annotations
+
+import math
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap.cli import main
+from phasemap.comparison.pair import common_grid
+from phasemap.comparison.scores import distance_of
+from phasemap.errors import InputError, PhasemapError
+from phasemap.io.measured import read_height_phase
+from phasemap.io.netcdf import load, save
+
+needs_skimage = pytest.mark.skipif(find_spec("skimage") is None, reason='needs pip install "afm-phasemap[compare]"')
+needs_reader = pytest.mark.skipif(
+    any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "skimage", "NSFopen")),
+    reason='needs pip install "afm-phasemap[read]" and nsfopen',
+)
+PITCH = 4e-9
+
+
+def image(height: np.ndarray, phase: np.ndarray, **others: np.ndarray) -> xr.Dataset:
+    channels = {"height": height, "phase": phase, **others}
+    y, x = (PITCH * (np.arange(n) + 0.5) for n in height.shape)
+    return xr.Dataset({name: (("y", "x"), values.astype(float)) for name, values in channels.items()}, {"y": y, "x": x})
+
+
+def blobs(rows: int, columns: int, seed: int = 1) -> np.ndarray:
+    """A random rough surface [nm], correlated over some pixels and about 1 nm rms."""
+    from scipy.ndimage import gaussian_filter
+
+    rough = gaussian_filter(np.random.default_rng(seed).normal(size=(rows, columns)), 3, mode="wrap")
+    return rough / rough.std()
+
+
+def grains(rows: int = 96, columns: int = 100, seed: int = 1) -> xr.Dataset:
+    """Two materials that differ by 20 degrees and 2 nm, on a rough ground."""
+    soft = blobs(rows, columns, seed) > 0.3
+    height = 0.2e-9 * blobs(rows, columns, seed + 1) + 2e-9 * soft
+    return image(height, np.where(soft, -7.0, -27.0) + blobs(rows, columns, seed + 2))
+
+
+def value(found: xr.Dataset, name: str) -> float:
+    return float(found[name])
+
+
+def moved(one: xr.Dataset, down: int, right: int) -> tuple[xr.Dataset, xr.Dataset]:
+    """Two windows on an image; what the first shows, the second shows so many pixels further up and left."""
+    rows, columns = one.sizes["y"] - abs(down), one.sizes["x"] - abs(right)
+    first = one.isel(y=slice(max(-down, 0), max(-down, 0) + rows), x=slice(max(-right, 0), max(-right, 0) + columns))
+    second = one.isel(y=slice(max(down, 0), max(down, 0) + rows), x=slice(max(right, 0), max(right, 0) + columns))
+    return first, second
+
+
+# Levelling
+
+
+def test_levelling_takes_out_plane_and_row_offsets_exactly_and_leaves_a_masked_particle_alone() -> None:
+    rng = np.random.default_rng(2)
+    y, x = np.mgrid[:40, :50]
+    particle = (y - 12) ** 2 + (x - 33) ** 2 < 60
+    tilt = 0.3e-9 * x - 0.2e-9 * y + 5e-9 * rng.normal(size=(40, 1))
+    tilted = image(tilt + 8e-9 * particle, -20.0 + 30.0 * particle)
+    done = pm.level(tilted, mask=particle)
+    # rounding of heights of 30 nm: 30e-9 * 2e-16 * sqrt(50)
+    assert np.abs(done["height"].values - 8e-9 * particle).max() < 1e-22
+    assert (done["phase"].values == 30.0 * particle).all()
+    unmasked = pm.level(tilted)["height"].values
+    assert np.abs(unmasked - 8e-9 * particle).max() > 0.1e-9  # what the mask is for
+
+
+def test_a_plane_alone_leaves_row_offsets_and_a_phase_is_never_tilted() -> None:
+    y, x = np.mgrid[:20, :30]
+    rows = np.where(np.arange(20) % 2, 1.0, -1.0)[:, None]
+    rows -= np.polyval(np.polyfit(np.arange(20), rows[:, 0], 1), np.arange(20))[:, None]  # that is no tilt
+    one = image(1e-9 * (0.3 * x - 0.1 * y + rows), 0.5 * x + rows)
+    flat = pm.level(one, height="plane")
+    expected = np.broadcast_to(rows - np.median(rows), (20, 30))
+    assert flat["height"].values == pytest.approx(1e-9 * expected, abs=1e-21)
+    assert np.ptp(flat["phase"].values) == pytest.approx(np.ptp(one["phase"].values))
+    by_row = pm.level(one, phase="rows")["phase"].values
+    assert by_row == pytest.approx(np.broadcast_to(0.5 * (np.arange(30) - 14.5), (20, 30)))
+
+
+def test_levelling_keeps_missing_pixels_missing_and_every_direction_by_itself() -> None:
+    one = grains(24, 30)
+    one["height"][3, 4] = np.nan
+    both = xr.concat([one, one.assign(height=one["height"] + 1e-6)], xr.Variable("direction", ["trace", "retrace"]))
+    both["x"].attrs["units"], both.attrs["phase_zero"] = "m", 3.0
+    done = pm.level(both)
+    assert done["height"].dims == ("direction", "y", "x") and done["outlier_line"].dims == ("direction", "y")
+    assert np.argwhere(np.isnan(done["height"].values)).tolist() == [[0, 3, 4], [1, 3, 4]]
+    # 1 um more in the retrace costs digits: 1e-6 * 2e-16
+    assert np.nanmax(np.abs(np.diff(done["height"].values, axis=0))) < 1e-21
+    assert "phase_zero" not in done.attrs and done["x"].attrs == {"units": "m"}
+    assert float(both["phase"].median()) != 0  # the image given is as it was
+
+
+def test_a_line_unlike_both_neighbours_is_flagged_and_replaced_but_a_step_of_the_tip_is_not() -> None:
+    one = grains()
+    one["height"] = one["height"] - 2e-9 * (one["phase"] > -17)  # else medians of rows jump from material to material
+    one["phase"][60:] += 10.0  # the tip changed
+    good = one["phase"].values.copy()
+    one["phase"][31] += 15.0
+    done = pm.level(one, lines="replace")
+    assert np.flatnonzero(done["outlier_line"]).tolist() == [31]
+    expected = (good[30] + good[32]) / 2 - np.median(one["phase"].values)
+    assert done["phase"].values[31] == pytest.approx(expected)
+    kept = pm.level(one)
+    assert kept["outlier_line"].equals(done["outlier_line"])
+    assert kept["phase"].values[31] == pytest.approx(one["phase"].values[31] - np.median(one["phase"].values))
+
+
+# Registration
+
+
+@needs_skimage
+@pytest.mark.parametrize(("down", "right"), [(0, 7), (-3, 4)])
+def test_a_known_shift_is_found_though_the_images_are_noisy_and_tilted(down: int, right: int) -> None:
+    rng = np.random.default_rng(3)
+    fixed, moving = moved(grains(), down, right)
+    moving = moving.assign(
+        height=moving["height"] + 0.3 * moving["x"] + 0.1e-9 * rng.normal(size=moving["height"].shape)
+    )
+    found = pm.register(fixed, moving)
+    # to a tenth of a pixel, and the edges, which only one image shows, pull it by as much again
+    assert found.accepted and np.array(found.shift) / PITCH == pytest.approx([down, right], abs=0.25)
+    # a phase of 20 degrees' contrast, of which the shift is known
+    assert found.after > 0.9 > found.before + 0.2 and found.phase_after > 0.95 > found.phase_before
+    assert pm.register(fixed, moving, limit=2 * PITCH).accepted is False
+    assert "longer than the limit of 8 nm" in pm.register(fixed, moving, limit=2 * PITCH).reason
+
+
+@needs_skimage
+def test_a_periodic_sample_is_left_alone_unless_the_limit_rules_the_other_periods_out() -> None:
+    y, x = np.mgrid[:96, :104]
+    pillars = np.cos(2 * np.pi * x / 13) * np.cos(2 * np.pi * y / 12)
+    one = image(1e-9 * pillars, 10.0 * pillars)
+    fixed, moving = moved(one, 0, 4)
+    found = pm.register(fixed, moving)
+    assert not found.accepted and found.reason.startswith("the height repeats itself after")
+    assert found.apply(moving).identical(moving)
+    # The pillars repeat after 8.8 pixels along the diagonal, of which twice the limit must be less.
+    close = pm.register(fixed, moving, limit=4.2 * PITCH)
+    assert close.accepted and np.array(close.shift) / PITCH == pytest.approx([0, 4], abs=0.25)
+
+
+@needs_skimage
+def test_a_shift_that_the_phase_contradicts_or_that_hardly_helps_is_not_believed() -> None:
+    one = grains()
+    fixed, moving = moved(one, 0, 5)
+    stays = moving.assign(phase=(("y", "x"), fixed["phase"].values))  # only the height lags, as behind a slow feedback
+    assert pm.register(fixed, stays).reason.startswith("the phase contradicts: its correlation falls from 1.00 to")
+    noise = [image(1e-9 * np.random.default_rng(s).normal(size=(64, 64)), blobs(64, 64)) for s in (1, 2)]
+    assert pm.register(*noise, limit=31 * PITCH).accepted is False
+    flat = one.assign(height=0 * one["height"])
+    assert pm.register(one, flat).reason == "one height is flat, and tells no shift"
+    assert pm.register(one, one).reason == "in place already"
+
+
+def of_file(name: str, direction: str) -> xr.Dataset:
+    spec = find_spec("NSFopen")
+    assert spec is not None and spec.submodule_search_locations is not None
+    path = Path(spec.submodule_search_locations[0], "example", name)
+    return read_height_phase(path, phase=f"Phase {direction}")
+
+
+@needs_reader
+def test_trace_and_retrace_of_a_real_flake_are_brought_together() -> None:
+    forward, backward = (of_file("Plotting_Data/MoS2.nid", direction) for direction in ("forward", "backward"))
+    found = pm.compare(forward, backward)
+    assert found["registered"] == 1
+    # The scanner lags by 7 of 512 pixels along x, a row and a half of noise along y.
+    pitch = float(forward["x"][1] - forward["x"][0])
+    assert value(found, "shift_x") / pitch == pytest.approx(7, abs=0.3) and abs(value(found, "shift_y")) < pitch
+    before, after = found["phase_correlation"].values
+    assert before == pytest.approx(0.647, abs=0.002) and after > 0.9
+    assert value(found, "explained") > 0.8 and value(found, "sign") == 1
+
+
+@needs_reader
+def test_trace_and_retrace_of_a_real_grating_are_left_where_they_are() -> None:
+    forward, backward = (of_file("Plane_Removal/grid.nid", direction) for direction in ("forward", "backward"))
+    found = pm.compare(forward, backward)
+    assert found["registered"] == 0 and value(found, "shift_x") == value(found, "shift_y") == 0
+    assert found.attrs["registration"].startswith("the height repeats itself after")
+    assert value(found, "correlation") == pytest.approx(0.872, abs=0.002)
+    # Were the limit too short for another period, the phase would still not follow the height.
+    near = pm.register(forward, backward, limit=100e-9)
+    assert not near.accepted and "phase contradicts" in near.reason and near.phase_after < 0.5 < 0.99 < near.after
+
+
+# One grid
+
+
+def test_a_finer_image_is_averaged_and_a_coarser_one_interpolated() -> None:
+    y, x = np.mgrid[:30, :36]
+    fine = image(1e-9 * (x + 2 * y), 3.0 * x - y)
+    coarse = fine.coarsen(y=3, x=3).mean()
+    onto_coarse = common_grid(coarse, fine)[1]
+    assert onto_coarse["phase"].values == pytest.approx(coarse["phase"].values)
+    cropped, onto_fine = common_grid(fine, coarse)
+    assert onto_fine["height"].values == pytest.approx(cropped["height"].values)  # a plane is interpolated exactly
+    assert dict(cropped.sizes) == {"y": 28, "x": 34}  # between the centres of the outermost coarse pixels
+
+
+@needs_skimage
+def test_images_of_different_pixels_are_compared_on_those_of_the_measured_one() -> None:
+    fine = grains(96, 96)
+    found = pm.compare(fine.coarsen(y=2, x=2).mean(), fine)
+    assert dict(found[["measured"]].sizes) == {"y": 48, "x": 48}
+    assert value(found, "rmse") < 1e-10 and value(found, "correlation") > 1 - 1e-12  # the mean of 2 x 2 pixels
+
+
+# Scores
+
+
+@needs_skimage
+def test_identical_images_correlate_fully_and_leave_no_residual() -> None:
+    one = grains()
+    found = pm.compare(one, one)
+    for name in ("correlation", "ssim", "explained"):
+        assert value(found, name) == pytest.approx(1, abs=1e-12)
+    assert value(found, "rmse") == value(found, "wasserstein") == value(found, "offset") == 0
+    assert (found["residual"] == 0).all() and found["registered"] == 0
+    assert found["region_contrast"].values[0] == pytest.approx([0, 20], abs=0.5)
+
+
+@needs_skimage
+@pytest.mark.parametrize(("sign", "offset"), [(1, -35.0), (-1, 62.0)])
+def test_offset_and_sign_of_the_instrument_are_recovered(sign: int, offset: float) -> None:
+    one = grains()
+    recorded = one.assign(phase=offset + sign * one["phase"]).assign_attrs(phase_zero=offset)
+    free = pm.compare(recorded, one)
+    assert value(free, "sign") == sign and value(free, "offset") == pytest.approx(offset)
+    assert value(free, "rmse") < 1e-12
+    assert np.abs(free["measured"] - one["phase"]).max() < 1e-12
+    warmer = one.assign(phase=one["phase"] + 4.0)  # a simulation that is 4 degrees off
+    assert value(pm.compare(recorded, warmer), "rmse") < 1e-12
+    for fixed in (pm.compare(recorded, warmer, offset="fixed"), pm.compare(recorded, warmer, offset=offset, sign=sign)):
+        assert value(fixed, "offset") == offset and value(fixed, "rmse") == pytest.approx(4)
+        assert value(fixed, "sign") == sign and value(fixed, "correlation") == pytest.approx(1)
+
+
+@needs_skimage
+def test_the_residual_is_consistent_with_every_number() -> None:
+    rng = np.random.default_rng(4)
+    one = grains()
+    other = one.assign(phase=0.8 * one["phase"] + 0.4 * rng.normal(size=one["phase"].shape))
+    other["phase"][5, 6:9] = np.nan
+    found = pm.compare(one, other)
+    residual = found["residual"].values
+    assert np.array_equal(residual, found["measured"].values - found["simulated"].values, equal_nan=True)
+    assert (np.isnan(residual) == (found["label"].values < 0)).all() and np.isnan(residual).sum() == 3
+    assert value(found, "rmse") == pytest.approx(math.sqrt(np.nanmean(residual**2)))
+    known = np.isfinite(residual)
+    measured = one["phase"].values[known]
+    assert value(found, "explained") == pytest.approx(1 - residual[known].var() / measured.var())
+    expected = np.corrcoef(measured, other["phase"].values[known])[0, 1]
+    assert value(found, "correlation") == pytest.approx(expected)
+    assert np.nanmean(residual) == pytest.approx(0, abs=1e-12)  # what a free offset means
+    means = found["region_mean"].values
+    assert means[2] == pytest.approx(means[0] - means[1])
+    assert means[0] @ found["region_share"].values == pytest.approx(measured.mean() - value(found, "offset"))
+    assert found["region_share"].values.sum() == pytest.approx(1)
+
+
+def test_the_distance_of_histograms_is_how_far_values_must_be_moved() -> None:
+    # 1, 2, 3 onto 1, 4, 6: by 0, 2 and 3; three quarters at 0 and one at 8 onto 2: by 2, 2, 2 and 6.
+    assert distance_of(np.array([3.0, 1.0, 2.0]), np.array([1.0, 6.0, 4.0])) == pytest.approx(5 / 3)
+    assert distance_of(np.array([0.0, 0.0, 0.0, 8.0]), np.array([2.0])) == pytest.approx(3)
+
+
+@needs_skimage
+def test_crosstalk_is_all_of_a_phase_that_is_linear_in_slope_or_amplitude_error() -> None:
+    rng = np.random.default_rng(5)
+    height, noise = 5e-9 * blobs(64, 70), rng.normal(size=(64, 70))
+    levelled = pm.level(image(height, noise))["height"].values
+    slope = np.gradient(levelled, PITCH, axis=1)
+    error = 1e-10 * rng.normal(size=height.shape)
+    material = image(height, noise, amplitude_error=error)
+    found = pm.compare(material.assign(phase=(("y", "x"), 7.0 * slope)), material, limit=0)
+    # noise of 4480 pixels shares some 1/4480 with anything, ten times that once in 600
+    assert found["crosstalk"].sel(map="measured").values == pytest.approx([1, 0, 1], abs=5e-3)
+    assert found["crosstalk"].sel(map="simulated").values == pytest.approx([0, 0, 0], abs=5e-3)
+    mixed = material.assign(phase=(("y", "x"), slope / slope.std() + error / error.std()))
+    shares = pm.compare(mixed, material, limit=0)["crosstalk"].sel(map="measured").values
+    assert shares == pytest.approx([0.5, 0.5, 1], abs=0.02)  # uncorrelated causes of equal size
+    without = pm.compare(mixed.drop_vars("amplitude_error"), material.drop_vars("amplitude_error"), limit=0)
+    assert np.isnan(without["crosstalk"].sel(cause=["amplitude error", "both"])).all()
+
+
+@needs_skimage
+def test_contrast_is_that_of_the_materials_though_an_edge_is_misplaced() -> None:
+    ground, x = blobs(80, 100), np.arange(100)[None, :]
+    phase, late = np.where(x < 50, -27.0, -7.0), np.where(x < 56, -26.0, -10.0)
+    found = pm.compare(*(image(1e-9 * ground, one + 0 * ground) for one in (phase, late)))
+    assert found["region_contrast"].values[:2, 1] == pytest.approx([20, 16])
+    assert float(found["region_mean"].sel(map="simulated", region=1)) < -11  # 12 % of it are the other material
+
+
+@needs_skimage
+def test_given_labels_are_the_regions_and_none_is_one_region() -> None:
+    one = grains()
+    labels = np.full(one["phase"].shape, -1)
+    labels[:, :40], labels[:, 60:] = 3, 8
+    found = pm.compare(one, one.assign(phase=0.5 * one["phase"]), regions=labels)
+    means = [one["phase"].values[:, part].mean() for part in (slice(40), slice(60, None))]
+    simulated = found["region_mean"].sel(map="simulated").values
+    assert simulated == pytest.approx(0.5 * np.array(means))
+    assert (found["label"].values[:, 45] == -1).all() and (found["label"].values[:, 70] == 1).all()
+    assert pm.compare(one, one, regions=None).sizes["region"] == 1
+
+
+@needs_skimage
+def test_directions_are_compared_each_with_its_own_or_with_one_another() -> None:
+    one, other = grains(seed=1), grains(seed=9)
+    both = xr.concat([one, other], xr.Variable("direction", ["trace", "retrace"]))
+    assert value(pm.compare(both, one), "rmse") == 0
+    assert value(pm.compare(both, other, direction="retrace"), "rmse") == 0
+    assert value(pm.compare(both, both, direction=("trace", "retrace")), "correlation") < 0.5
+
+
+# Bad inputs
+
+
+@needs_skimage
+def test_bad_inputs_are_refused_in_one_sentence() -> None:
+    one = grains(40, 48)
+    both = one.expand_dims(direction=["trace"])
+    nothing = one.assign(phase=np.nan * one["phase"])
+    elsewhere = one.assign(phase=one["phase"].where(one["x"] < 20 * PITCH))
+    for word, call in {
+        "size of simulated is '80 x 160 nm'; allowed: that of measured, 192 x 160 nm, within 5 %": lambda: pm.compare(
+            one, one.isel(x=slice(20))
+        ),
+        "what measured holds is 'height'; allowed: an image with height and phase": lambda: pm.compare(
+            one[["height"]], one
+        ),
+        "phase of simulated is 'NaN everywhere'": lambda: pm.compare(one, nothing),
+        "pixels with a phase in both images is 0": lambda: pm.compare(
+            elsewhere, one.assign(phase=one["phase"].where(one["x"] > 21 * PITCH)), limit=0
+        ),
+        "direction of measured is 'retrace'; allowed: trace": lambda: pm.compare(both, one, direction="retrace"),
+        "direction is 'trace'; allowed: None, for neither": lambda: pm.compare(one, one, direction="trace"),
+        "direction of simulated is 'trace'; allowed: None": lambda: pm.compare(both, one, direction=("trace", "trace")),
+        "phase_zero of measured is 'not recorded'": lambda: pm.compare(one, one, offset="fixed"),
+        "offset is 'none'; allowed: 'free', 'fixed' or a number": lambda: pm.compare(one, one, offset="none"),
+        "sign is 2; allowed: 'free', 1 or -1": lambda: pm.compare(one, one, sign=2),
+        "number of materials is 7; allowed: 2 to 4": lambda: pm.compare(one, one, regions=7),
+        "limit is -1.0": lambda: pm.register(one, one, limit=-1.0),
+        "height is 'rowwise'; allowed: 'rows' or 'plane'": lambda: pm.level(one, height="rowwise"),
+        "shape of mask is ": lambda: pm.level(one, mask=np.zeros((3, 3), bool)),
+        "number of pixels to level by is 0": lambda: pm.level(one, mask=np.ones((40, 48), bool)),
+        "allowed: what phasemap.compare returned": lambda: pm.plot.comparison(one),
+    }.items():
+        with pytest.raises(InputError) as raised:
+            call()
+        assert word in str(raised.value)
+        assert "\n" not in str(raised.value)
+
+
+def test_what_to_install_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    for name in ("skimage", "skimage.registration"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(PhasemapError, match=r"registering images needs scikit-image: run pip install .*\[compare\]"):
+        pm.register(grains(), grains())
+
+
+# The page and the command
+
+
+@needs_skimage
+def test_the_page_shows_both_phases_on_one_scale_and_a_degree_as_wide_in_the_residual() -> None:
+    one = grains()
+    found = pm.compare(one, one.assign(phase=one["phase"] * 0.7), names=("day 1", "day 2"))
+    figure = pm.plot.plot(found)
+    maps = figure.axes[:3]
+    assert [axes.get_title(loc="left") for axes in maps] == [
+        "day 1 phase", "day 2 phase", "residual: day 1 less day 2",
+    ]  # fmt: skip
+    limits = [axes.images[0].get_clim() for axes in maps]
+    assert limits[0] == limits[1] and limits[2][0] == -limits[2][1]
+    assert np.diff(limits[2]) == pytest.approx(np.diff(limits[0]))
+    assert np.array_equal(maps[2].images[0].get_array(), found["residual"])
+    lines = next(axes for axes in figure.axes if axes.get_ylabel() == "phase (degrees)" and axes.lines).lines
+    assert np.array_equal(lines[0].get_ydata(), found["measured"].isel(y=48))
+    words = " ".join(text.get_text() for text in figure.texts).replace("\n", " ")
+    assert "It has 70 % of the contrast between the regions." in words and "correlation 1.000" in words
+    canvas = figure.canvas
+    canvas.draw()
+    inside = figure.bbox.padded(1)
+    for text in figure.texts:  # nothing runs off the page
+        assert inside.fully_containsx(text.get_window_extent().x1)
+
+
+@needs_skimage
+def test_the_command_compares_writes_draws_and_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = grains()
+    recorded = one.assign(phase=62.0 - one["phase"]).assign_attrs(phase_zero=62.0)
+    measured, simulated, page, result = (tmp_path / name for name in ("m.nc", "s.nc", "page.png", "result.nc"))
+    save(recorded, measured)
+    save(one, simulated)
+    files = [str(measured), str(simulated)]
+    assert main(["compare", *files, "-o", str(result), "--plot", str(page), "--offset", "fixed"]) == 0
+    said = capsys.readouterr().out
+    assert "the measured 0° is 62.00° as recorded, with the other sign" in said
+    assert "explains 100 % of the variance" in said and page.stat().st_size > 10_000
+    found = load(result)
+    direct = pm.compare(load(measured), load(simulated), offset="fixed")
+    xr.testing.assert_identical(found.drop_attrs(), direct.drop_attrs())
+    assert found.attrs["measured_source"] == "m.nc"
+    assert main(["compare", *files, "--plot", str(page)]) == 2 and "exists already" in capsys.readouterr().err
+    for bad, why in {"--offset=none": "fixed, or a number", "--names=a": "two names", "--row=3": "--plot only"}.items():
+        assert main(["compare", *files, bad]) == 2
+        assert why in capsys.readouterr().err
