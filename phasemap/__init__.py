@@ -21,12 +21,15 @@ if TYPE_CHECKING:
     from phasemap.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.interaction import Interaction
+    from phasemap.io.export import export, write_gsf, write_gwy
+    from phasemap.io.read import read_image
     from phasemap.material import Material
     from phasemap.microscope import Cantilever, Drive, Microscope, Tip
     from phasemap.pixel import Pixel, orbits, solve_pixel
     from phasemap.realism import Realism, TipChange
     from phasemap.scan import simulate
     from phasemap.scene import load_scene
+    from phasemap.scene_measured import scene_from
     from phasemap.status import Status
     from phasemap.surface import Surface
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
@@ -43,12 +46,15 @@ _NAMES = {
     "errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
     "interaction": ("Interaction",),
+    "io.export": ("export", "write_gsf", "write_gwy"),
+    "io.read": ("read_image",),
     "material": ("Material",),
     "microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
     "pixel": ("Pixel", "orbits", "solve_pixel"),
     "realism": ("Realism", "TipChange"),
     "scan": ("simulate",),
     "scene": ("load_scene",),
+    "scene_measured": ("scene_from",),
     "status": ("Status",),
     "surface": ("Surface",),
     "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
@@ -59,9 +65,10 @@ _MODULES = ("generate", "plot")
 __all__ = [
     "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
     "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration", "SolveError", "Status",
-    "Surface", "Tip", "TipChange", "compare", "contrast", "fit_distance", "fit_frequency", "generate", "level",
-    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "register", "simulate", "solve_pixel",
-    "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "Surface", "Tip", "TipChange", "compare", "contrast", "export", "fit_distance", "fit_frequency", "generate",
+    "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from",
+    "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The command line: ``phasemap run``, ``plot``, ``sweep``, ``contrast``, ``compare``, ``validate`` and ``bench``.
+"""The command line: ``phasemap run``, ``plot``, ``sweep``, ``contrast``, ``compare``, ``scene``, ``export`` and more.
 
 Everything heavy is imported by the command that needs it, so that ``--help`` answers at once.
 """
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from phasemap import cli_compare, cli_contrast, cli_ensemble, cli_sweep
+from phasemap import cli_compare, cli_contrast, cli_ensemble, cli_measured, cli_sweep
 from phasemap._console import patience
 from phasemap.errors import PhasemapError
 
@@ -33,6 +33,8 @@ EXAMPLES = """examples:
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
   phasemap compare measured.nid blend.nc --plot page.png
+  phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
+  phasemap export blend.nc blend.gwy
   phasemap validate samples/particles.toml
   phasemap bench --quick
 """
@@ -198,6 +200,11 @@ def _parser() -> argparse.ArgumentParser:
         ),
         _positive,
     )
+
+    about = "make a scene of a measured image: topography, materials and microscope"
+    cli_measured.add_scene(command("scene", cli_measured.scene, about, cli_measured.SCENE_EXAMPLES), _positive)
+    about = "write an image for Gwyddion, as .gwy or .gsf"
+    cli_measured.add_export(command("export", cli_measured.export, about, cli_measured.EXPORT_EXAMPLES))
 
     validate = command("validate", _validate, "check a scene and say what would be simulated")
     _add_scene(validate)

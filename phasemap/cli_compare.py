@@ -124,13 +124,11 @@ def summary(found: xr.Dataset) -> list[str]:
 
 def _load(path: Path) -> xr.Dataset:
     """An image of a netCDF file, or of an instrument's."""
-    if path.suffix.lower() in NETCDF:
-        from phasemap.io.netcdf import load
+    from phasemap.io.measured import one_scan
+    from phasemap.io.read import read_image
 
-        return load(path)
-    from phasemap.io.measured import read_height_phase
-
-    return read_height_phase(path)
+    image = read_image(path)
+    return image if path.suffix.lower() in NETCDF else one_scan(image)
 
 
 def _offset(text: str) -> str | float:

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
     from phasemap.surface import Surface
 
-__all__ = ["Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_from_tables", "with_value"]
+__all__ = [
+    "Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_from_tables", "with_override", "with_value",
+]  # fmt: skip
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -276,7 +278,7 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     """
     tables = _read_toml(Path(path))
     for override in overrides:
-        tables = _apply(tables, override)
+        tables = with_override(tables, override)
     return tables
 
 
@@ -291,8 +293,29 @@ def _read_toml(path: Path) -> Table:
         raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
 
 
-def _apply(tables: Table, override: str) -> Table:
-    """The tables with one key set from ``"table.key=value"``."""
+def with_override(tables: Table, override: str) -> Table:
+    """Return the tables with one key set from ``"table.key=value"``.
+
+    Parameters
+    ----------
+    tables : dict
+    override : str
+        As in `load_scene`.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If it has not that form.
+
+    Examples
+    --------
+    >>> with_override({"tip": {"radius": 10e-9}}, "tip.radius=20e-9")
+    {'tip': {'radius': 2e-08}}
+    """
     name, equals, text = override.partition("=")
     name = name.strip()
     if not equals or "." not in name or not all(name.split(".")):

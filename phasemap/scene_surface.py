@@ -205,13 +205,16 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     """The height of a measured image as topography, and its phase populations as materials."""
     import numpy as np
 
-    from phasemap.io.measured import level_height, read_height_phase, segment_phase
+    from phasemap.io.measured import level_height, one_scan, segment_phase
+    from phasemap.io.read import read_image
     from phasemap.scene import check_keys
     from phasemap.surface import Surface
 
     check_keys("[surface]", table, ("file", "materials", "height", "phase"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
-    image = read_height_phase(files.find("file", table["file"]), table.get("height"), table.get("phase"))
+    image = one_scan(
+        read_image(files.find("file", table["file"]), height=table.get("height"), phase=table.get("phase"))
+    )
     labels = segment_phase(image["phase"].values, len(chosen))
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
     return Surface.from_labels(

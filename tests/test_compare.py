@@ -15,8 +15,8 @@ from phasemap.cli import main
 from phasemap.comparison.pair import common_grid
 from phasemap.comparison.scores import distance_of
 from phasemap.errors import InputError, PhasemapError
-from phasemap.io.measured import read_height_phase
 from phasemap.io.netcdf import load, save
+from phasemap.io.read import read_image
 
 needs_skimage = pytest.mark.skipif(find_spec("skimage") is None, reason='needs pip install "afm-phasemap[compare]"')
 needs_reader = pytest.mark.skipif(
@@ -169,7 +169,7 @@ def of_file(name: str, direction: str) -> xr.Dataset:
     spec = find_spec("NSFopen")
     assert spec is not None and spec.submodule_search_locations is not None
     path = Path(spec.submodule_search_locations[0], "example", name)
-    return read_height_phase(path, phase=f"Phase {direction}")
+    return read_image(path, phase=f"Phase {direction}")
 
 
 @needs_reader

@@ -1,4 +1,4 @@
-"""Real files from the nsfopen wheel, and the materials that their phase tells apart."""
+"""What is made of a measured image: aligned rows, level height, and the materials that its phase tells apart."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.io import measured
+from phasemap.io.read import read_image
 
 needs_reader = pytest.mark.skipif(
     any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "skimage", "NSFopen")),
@@ -25,78 +27,50 @@ def example(name: str) -> Path:
 
 
 @needs_reader
-def test_a_tapping_file_gives_height_and_phase_in_si_with_its_own_pixels() -> None:
-    ds = measured.read_height_phase(example("Plotting_Data/MoS2.nid"))
-    assert ds["phase"].dims == ("y", "x") and ds["phase"].shape == (256, 512)
-    assert (ds["height"].attrs["units"], ds["phase"].attrs["units"]) == ("m", "degree")
-    dy, dx = (float(ds[dim][1] - ds[dim][0]) for dim in ("y", "x"))
-    assert dx * 512 == pytest.approx(3.97339e-6) and dy == pytest.approx(2 * dx)  # its pixels are not square
-    assert float(ds["x"][0]) == pytest.approx(dx / 2)
-    assert 10e-9 < float(np.ptp(ds["height"].values)) < 200e-9
-    assert ds.attrs["height_channel"] == "Z-Axis forward" and ds.attrs["phase_channel"] == "Phase forward"
-    assert ds.attrs["operating_mode"] == "Phase Contrast"
-
-
-@needs_reader
-def test_row_0_is_the_top_of_the_image() -> None:
-    ds = measured.read_height_phase(example("Plotting_Data/MoS2.nid"))
-    # The tip changed 78 of 256 rows below the top: the phase above is 10 degrees lower.
-    step = np.diff(np.median(ds["phase"].values[:, :110], axis=1))
-    assert np.argmax(step) in (77, 78)
-
-
-@needs_reader
-def test_the_height_of_the_direction_of_the_phase_is_taken_and_channels_can_be_named() -> None:
-    path = example("Plotting_Data/MoS2.nid")
-    assert measured.read_height_phase(path, phase="Phase backward").attrs["height_channel"] == "Z-Axis backward"
-    chosen = measured.read_height_phase(path, height="Z-Axis Sensor forward")
-    assert chosen.attrs["height_channel"] == "Z-Axis Sensor forward"
-    with pytest.raises(FileError, match="there is no channel 'Fase'; it holds 'Z-Axis forward', "):
-        measured.read_height_phase(path, phase="Fase")
-    with pytest.raises(FileError, match="'Amplitude forward' is in 'V', not an angle"):
-        measured.read_height_phase(path, phase="Amplitude forward")
-    with pytest.raises(FileError, match="'Phase forward' is in 'deg' over 'm', not calibrated in metres"):
-        measured.read_height_phase(path, height="Phase forward")
-
-
-@needs_reader
-def test_a_file_without_a_phase_or_of_another_mode_is_refused() -> None:
-    with pytest.raises(FileError, match="there is no phase channel; it holds 'Topography forward'"):
-        measured.read_height_phase(example("Plane_Removal/circles.nid"))
-    with pytest.raises(FileError, match="recorded in the mode 'Static Force', whose phase is not a tapping phase"):
-        measured.read_height_phase(example("Force_Spectroscopy/spectroscopy.nid"))
-
-
-@needs_reader
-def test_a_file_that_is_cut_short_or_foreign_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    whole = example("Plotting_Data/MoS2.nid").read_bytes()
-    for name, content in {"cut.nid": whole[: len(whole) // 2], "text.nid": b"hello\n", "empty.ibw": b""}.items():
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(FileError, match=f"^cannot read [^\n]*{name}: [^\n]+\\.$"):
-            measured.read_height_phase(tmp_path / name)
-    with pytest.raises(FileError, match="there is no such file"):
-        measured.read_height_phase(tmp_path / "nowhere.nid")
-
-
-def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "gwyddionpy", None)
-    monkeypatch.setitem(sys.modules, "skimage.filters", None)
-    (tmp_path / "scan.nid").touch()
-    with pytest.raises(PhasemapError, match=r'run pip install "afm-phasemap\[read\]"\.$'):
-        measured.read_height_phase(tmp_path / "scan.nid")
-    with pytest.raises(PhasemapError, match=r'run pip install "afm-phasemap\[read\]"\.$'):
-        measured.segment_phase(np.eye(4), 2)
-
-
-@needs_reader
 def test_flake_and_substrate_are_told_apart_across_the_tip_change() -> None:
-    phase = measured.read_height_phase(example("Plotting_Data/MoS2.nid"))["phase"].values
+    phase = measured.one_scan(read_image(example("Plotting_Data/MoS2.nid")))["phase"].values
     labels = measured.segment_phase(phase, 2)
     assert set(np.unique(labels)) == {0, 1}
     assert np.mean(labels[:200, :50] == 1) > 0.99  # bare substrate at the left, above and below row 78
     # Between the corner of the flake and its growth centres, above and below the tip change and in the lower half.
     for flake in (labels[10:40, 150:165], labels[85:140, 230:240], labels[160:240, 200:212]):
         assert np.mean(flake == 0) > 0.9
+
+
+def two_scans() -> xr.Dataset:
+    height = np.stack([np.zeros((3, 4)), np.ones((3, 4))])
+    attrs = {
+        "source": "scan.nid",
+        "channels": '{"height": ["Z forward", "Z backward"]}',
+        "other_channels": '["Adhesion"]',
+    }
+    return xr.Dataset({"height": (("direction", "y", "x"), height)}, {"direction": ["trace", "retrace"]}, attrs)
+
+
+def test_one_scan_is_the_first_or_the_one_asked_for_and_has_what_is_needed() -> None:
+    scans = two_scans()
+    assert measured.one_scan(scans, ["height"]).attrs["direction"] == "trace"
+    retrace = measured.one_scan(scans, ["height"], "retrace")
+    assert retrace["height"].dims == ("y", "x") and float(retrace["height"].min()) == 1.0
+    assert measured.one_scan(retrace, ["height"], "retrace") is retrace
+    with pytest.raises(InputError, match="direction is 'trace'; allowed: one that was read: retrace"):
+        measured.one_scan(retrace, ["height"], "trace")
+    sentence = "cannot use scan.nid: there is no phase channel; it holds 'Z forward', 'Z backward', 'Adhesion'."
+    with pytest.raises(FileError, match=sentence):
+        measured.one_scan(scans)
+
+
+def test_without_the_extra_segmenting_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "skimage.filters", None)
+    with pytest.raises(PhasemapError, match=r'run pip install "afm-phasemap\[read\]"\.$'):
+        measured.segment_phase(np.eye(4), 2)
+
+
+@needs_reader
+def test_two_clean_populations_are_told_apart_to_the_last_pixel() -> None:
+    truth = (np.mgrid[:24, :32][1] >= 20).astype(int)
+    phase = np.where(truth, -8.0, -27.0) + np.random.default_rng(3).normal(0, 0.4, truth.shape)
+    assert np.array_equal(measured.segment_phase(phase, 2), truth)
 
 
 @needs_reader

@@ -35,7 +35,11 @@ def test_importing_phasemap_imports_nothing_heavy() -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["--version"], ["run", "--help"], ["sweep", "--help"], ["contrast", "--help"], ["compare", "--help"]],
+    [
+        ["--help"],
+        ["--version"],
+        *([name, "--help"] for name in ("run", "sweep", "contrast", "compare", "scene", "export")),
+    ],
     ids=" ".join,
 )
 def test_asking_the_command_for_help_imports_nothing_heavy(arguments: list[str]) -> None:

@@ -1,19 +1,15 @@
-"""Measured height and phase images, and the materials that their phase tells apart.
+"""What is made of a measured image: level height, aligned rows, and the materials that its phase tells apart.
 
-Reading is left to Gwyddion's file modules (the packages ``gwyddionpy`` and ``gwyddionpy-converter``) and thresholding
-to scikit-image; both come with ``pip install "afm-phasemap[read]"``.
+Thresholding is left to scikit-image, which comes with ``pip install "afm-phasemap[read]"``.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import re
-from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import json
+from typing import TYPE_CHECKING
 
-from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap.errors import FileError, InputError
+from phasemap.io.gwyddion import extra
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -21,86 +17,55 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["align_rows", "level_height", "read_height_phase", "segment_phase"]
-
-HEIGHT_NAMES = ("height", "z-axis", "zsensor", "topography")  # as vendors begin them
-PHASE_NAMES = ("phase", "lock-in phase")
-MODE_KEYS = ("Op. mode", "ImagingMode", "MicroscopeList")  # Nanosurf, Asylum Research, Bruker
-TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "tapping", "tapping mode")
-DEGREES = {"deg": 1.0, "rad": 57.29577951308232}
+__all__ = ["align_rows", "level_height", "one_scan", "segment_phase"]
 
 
-def read_height_phase(path: str | os.PathLike[str], height: str | None = None, phase: str | None = None) -> xr.Dataset:
-    """Read the height and the phase image of a tapping-mode file.
+def one_scan(
+    image: xr.Dataset, needed: Iterable[str] = ("height", "phase"), direction: str | None = None
+) -> xr.Dataset:
+    """Take one direction of an image, and see that it has what is needed.
 
     Parameters
     ----------
-    path : path-like
-        A file of any format that Gwyddion reads (.nid, .ibw, NanoScope, .gwy and some 170 more).
-    height, phase : str, optional
-        Names of the channels; None takes the first phase channel of the forward (trace) scan, and the height channel
-        that was recorded in the same direction.
+    image : xarray.Dataset
+        As `phasemap.read_image` gives it.
+    needed : iterable of str
+        Names of variables.
+    direction : str, optional
+        "trace" or "retrace"; None takes the first there is.
 
     Returns
     -------
     xarray.Dataset
-        ``height`` [m] and ``phase`` [degree, zero and sign as recorded] over ("y", "x"), row 0 at the top, with
-        cell-centre coordinates [m]; pixels need not be square.
+        Over ("y", "x"), with the attribute ``direction`` where it is known.
 
     Raises
     ------
     FileError
-        If the file cannot be read, holds no such channel, or was not recorded in tapping mode.
-    PhasemapError
-        If the ``read`` extra is not installed.
+        If a variable is not there.
+    InputError
+        If the direction is not there.
 
     Examples
     --------
-    >>> read_height_phase("scan.nid")
-    Traceback (most recent call last):
-    ...
-    phasemap.errors.FileError: cannot read scan.nid: there is no such file.
+    >>> import xarray as xr
+    >>> height = (("direction", "y", "x"), [[[1.0]], [[2.0]]])
+    >>> scans = xr.Dataset({"height": height}, {"direction": ["trace", "retrace"]})
+    >>> one_scan(scans, ["height"], "retrace")["height"].values
+    array([[2.]])
     """
-    path = Path(path)
-    data = _load(path)
-    mode = _mode(path, data.metadata)
-    of_phase = _pick(path, data.channels.values(), phase, "phase", PHASE_NAMES, "trace")
-    of_height = _pick(path, data.channels.values(), height, "height", HEIGHT_NAMES, _direction(of_phase))
-    if of_phase.si_unit_z not in DEGREES:
-        raise FileError(f"cannot use {path}: channel {of_phase.name!r} is in {of_phase.si_unit_z!r}, not an angle.")
-    if of_height.si_unit_z != "m" or of_height.si_unit_xy != "m":
-        units = f"{of_height.si_unit_z!r} over {of_height.si_unit_xy!r}"
-        raise FileError(f"cannot use {path}: channel {of_height.name!r} is in {units}, not calibrated in metres.")
-    if of_height.data.shape != of_phase.data.shape:
-        raise FileError(
-            f"cannot use {path}: {of_height.name!r} has {of_height.data.shape} pixels "
-            f"but {of_phase.name!r} has {of_phase.data.shape}."
-        )
-    import numpy as np
-    import xarray as xr
-
-    rows, columns = of_height.data.shape
-    return xr.Dataset(
-        {
-            "height": (("y", "x"), of_height.data, {"long_name": "recorded height", "units": "m"}),
-            "phase": (
-                ("y", "x"),
-                of_phase.data * DEGREES[of_phase.si_unit_z],
-                {"long_name": "recorded phase, zero and sign as the instrument has them", "units": "degree"},
-            ),
-        },
-        coords={
-            "y": ("y", (np.arange(rows) + 0.5) * (of_height.yreal / rows), {"units": "m"}),
-            "x": ("x", (np.arange(columns) + 0.5) * (of_height.xreal / columns), {"units": "m"}),
-        },
-        attrs={
-            "source": path.name,
-            "source_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-            "operating_mode": mode,
-            "height_channel": of_height.name,
-            "phase_channel": of_phase.name,
-        },
-    )
+    for name in needed:
+        if name not in image:
+            listed = ", ".join(map(repr, _channels(image)))
+            source = image.attrs.get("source", "the image")
+            raise FileError(f"cannot use {source}: there is no {name} channel; it holds {listed}.")
+    known = image["direction"].values.tolist() if "direction" in image.dims else [image.attrs.get("direction")]
+    if direction is not None and direction not in known:
+        raise InputError("direction", direction, "one that was read: " + ", ".join(map(str, known)))
+    if "direction" not in image.dims:
+        return image
+    chosen = direction or known[0]
+    return image.sel(direction=chosen, drop=True).assign_attrs(direction=chosen)
 
 
 def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
@@ -209,6 +174,13 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
     return levelled
 
 
+def _channels(image: xr.Dataset) -> list[str]:
+    """Names of all channels of the file, or of the variables where there was none."""
+    chosen = json.loads(image.attrs.get("channels", "{}"))
+    others = json.loads(image.attrs.get("other_channels", "[]"))
+    return [name for names in chosen.values() for name in names] + others or [str(name) for name in image.data_vars]
+
+
 def _align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Align rows and label populations, from the start that leaves the least spread within the populations."""
     import numpy as np
@@ -216,7 +188,7 @@ def _align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarra
     phase = _finite_map("phase", phase)
     if isinstance(n, bool) or not isinstance(n, int) or not 2 <= n <= 4:
         raise InputError("number of materials", n, "2 to 4")
-    otsu = _extra("skimage.filters", "telling materials apart by their phase").threshold_multiotsu
+    otsu = extra("skimage.filters", "telling materials apart by their phase", "read").threshold_multiotsu
     # No start serves every image: the first fails where the scan drifts, the second where the share of the materials
     # changes from row to row, the third on slanted asymmetric stripes, whose differences have a median of their own.
     steps = np.median(np.diff(phase, axis=0), axis=1)
@@ -248,11 +220,25 @@ def _thresholds(otsu: Callable[..., np.ndarray], phase: np.ndarray, n: int) -> n
     import numpy as np
 
     low, high = np.percentile(phase, [0.2, 99.8])  # else a few spikes take most of the histogram's bins
+    clipped = np.clip(phase, low, high)
     try:
-        return otsu(np.clip(phase, low, high), classes=n)
+        return _between(clipped, otsu(clipped, classes=n))
     except ValueError as error:
         values = len(np.unique(phase))
         raise InputError("number of different phases", values, f"enough to tell {n} materials apart") from error
+
+
+def _between(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+    """Thresholds in the middle of the gap that follows; Otsu's are in the last bin of the population below."""
+    import numpy as np
+
+    counts, edges = np.histogram(values, 256)  # as scikit-image bins them
+    moved = []
+    for threshold in thresholds:
+        last = int(np.clip(np.searchsorted(edges, threshold) - 1, 0, 255))
+        above = next((i for i in range(last + 1, 256) if counts[i]), last + 1)
+        moved.append((edges[last + 1] + edges[above]) / 2)
+    return np.array(moved)
 
 
 def _finite_map(name: str, values: np.ndarray) -> np.ndarray:
@@ -266,65 +252,3 @@ def _finite_map(name: str, values: np.ndarray) -> np.ndarray:
         row, column = np.argwhere(~np.isfinite(array))[0]
         raise InputError(name, array[row, column], "finite values", f"It is at row {row}, column {column}.")
     return array
-
-
-def _extra(module: str, purpose: str) -> Any:
-    """Import an optional package, or say how to install it."""
-    try:
-        return import_module(module)
-    except ImportError as error:
-        raise PhasemapError(
-            f'{purpose} needs the package {module.split(".")[0]!r}: run pip install "afm-phasemap[read]".'
-        ) from error
-
-
-def _load(path: Path) -> Any:
-    """All channels of a file, through Gwyddion's file modules."""
-    if not path.is_file():
-        raise FileError(f"cannot read {path}: there is no such file.")
-    reader = _extra("gwyddionpy", "reading measured files")
-    try:
-        data = reader.load(path)
-    except reader.ConverterNotFoundError as error:
-        raise PhasemapError(
-            'reading measured files needs the package "gwyddionpy-converter": run pip install "afm-phasemap[read]".'
-        ) from error
-    except (reader.GwyddionPyError, OSError, ValueError) as error:
-        said = re.search(r"cannot load '.*': (.+)", str(error))
-        raise FileError(f"cannot read {path}: {said[1].rstrip('.') if said else error}.") from error
-    if not data.channels:
-        raise FileError(f"cannot use {path}: it holds no image.")
-    return data
-
-
-def _mode(path: Path, metadata: dict[str, str]) -> str:
-    """The operating mode as the instrument wrote it; refused if it is not tapping."""
-    mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "not recorded")
-    if mode != "not recorded" and mode.lower() not in TAPPING_MODES:
-        raise FileError(f"cannot use {path}: it was recorded in the mode {mode!r}, whose phase is not a tapping phase.")
-    return mode
-
-
-def _pick(
-    path: Path, channels: Iterable[Any], wanted: str | None, kind: str, names: tuple[str, ...], direction: str
-) -> Any:
-    """The channel asked for, or the first of its kind, recorded in `direction` if there is one."""
-    channels = list(channels)
-    listed = ", ".join(repr(channel.name) for channel in channels)
-    if wanted is not None:
-        for channel in channels:
-            if channel.name == wanted:
-                return channel
-        raise FileError(f"cannot use {path}: there is no channel {wanted!r}; it holds {listed}.")
-    found = [channel for channel in channels if channel.name.lower().startswith(names)]
-    if not found:
-        raise FileError(f"cannot use {path}: there is no {kind} channel; it holds {listed}.")
-    return next((channel for channel in found if _direction(channel) == direction), found[0])
-
-
-def _direction(channel: Any) -> str:
-    """Return "trace" or "retrace", or "" where the file does not say."""
-    said = (channel.meta.get("Line Direction") or channel.name).lower()
-    if "retrace" in said or "backward" in said:
-        return "retrace"
-    return "trace" if "trace" in said or "forward" in said else ""

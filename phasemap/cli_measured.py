@@ -1,0 +1,110 @@
+"""The commands ``phasemap scene``, from a measured image to a scene, and ``phasemap export``, to Gwyddion."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["EXPORT_EXAMPLES", "SCENE_EXAMPLES", "add_export", "add_scene", "export", "scene"]
+
+SCENE_EXAMPLES = """examples:
+  phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
+  phasemap scene grains.001 -o grains.toml --phases 3 --direction retrace scan.setpoint=0.7
+  phasemap run mos2.toml -o mos2.nc
+
+What the file does not say is asked for. The materials are placeholders: change them in the scene, or give
+materials.material_0.modulus=1e9, counted from the lowest phase.
+"""
+EXPORT_EXAMPLES = """examples:
+  phasemap export blend.nc blend.gwy
+  phasemap export blend.nc phase.gsf --variable phase
+  phasemap export MoS2.nid backward.gwy --direction retrace
+"""
+
+
+def add_scene(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
+    """Declare the arguments of ``phasemap scene``.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    positive : callable
+        Reads a whole number of at least 1.
+    """
+    parser.usage = "%(prog)s IMAGE [-o SCENE.toml] [--phases N] [options] [key=value ...]"
+    parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
+    parser.add_argument(
+        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as tip.radius=10e-9"
+    )
+    parser.add_argument("-o", "--output", metavar="SCENE.toml", type=Path, help="scene to write; default: IMAGE.toml")
+    parser.add_argument(
+        "--phases", type=positive, default=2, metavar="N", help="materials that the phase tells apart; default: 2"
+    )
+    parser.add_argument("--height", metavar="NAME", help="channel of the height; default: the first")
+    parser.add_argument("--phase", metavar="NAME", help="channel of the phase; default: the first")
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``phasemap export``.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    """
+    parser.add_argument("image", metavar="IMAGE", type=Path, help="an image in netCDF, or a microscope's file")
+    parser.add_argument("output", metavar="OUT", type=Path, help="file to write, .gwy or .gsf")
+    parser.add_argument("--variable", metavar="NAME", help="the only one to write; a .gsf file holds one")
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace, the only one to write")
+    parser.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
+
+
+def scene(arguments: argparse.Namespace) -> None:
+    """Write the scene of a measured image."""
+    from phasemap.io.netcdf import check_target
+    from phasemap.io.read import read_image
+    from phasemap.scene_measured import scene_from
+
+    output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)
+    image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)
+    made = scene_from(
+        image,
+        output,
+        arguments.phases,
+        arguments.overrides,
+        direction=arguments.direction,
+        overwrite=arguments.overwrite,
+    )
+    _print_warnings(image)
+    (ny, nx), (dy, dx) = made.surface.shape, made.surface.pixel_size
+    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    for line in output.read_text(encoding="utf-8").splitlines():
+        if line.startswith("[materials."):
+            name, _, share = line.removeprefix("[materials.").partition("]")
+            print(f"{name:<12}{share.removeprefix('  # ')}")
+    print(f"written to  {output}")
+
+
+def export(arguments: argparse.Namespace) -> None:
+    """Write an image for Gwyddion."""
+    from phasemap.io.export import export as write
+    from phasemap.io.read import read_image
+
+    image = read_image(arguments.image)
+    write(image, arguments.output, arguments.variable, arguments.direction, overwrite=arguments.overwrite)
+    _print_warnings(image)
+    print(f"written to  {arguments.output}")
+
+
+def _print_warnings(image: xr.Dataset) -> None:
+    """What the reader has to say about the file."""
+    for line in str(image.attrs.get("warnings", "")).splitlines():
+        print(f"note        {line}")

@@ -1,0 +1,293 @@
+"""Images for Gwyddion: .gwy with all variables, .gsf with one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap.errors import InputError
+from phasemap.io.gwyddion import MASKED, extra
+from phasemap.io.measured import one_scan
+from phasemap.io.metadata import CANONICAL
+from phasemap.io.netcdf import replacing
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+__all__ = ["export", "write_gsf", "write_gwy"]
+
+PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
+OTHER_PALETTE = "Warm"
+UNITS = {"degree": "deg", "1": "", "N m-1": "N/m", "J m-2": "J/m^2"}  # as Gwyddion writes them
+NOTES = (
+    "source",
+    "source_sha256",
+    "operating_mode",
+    "modelled",
+    "phasemap_version",
+    "nominal",
+    "warnings",
+)  # texts that go along
+
+
+def export(
+    ds: xr.Dataset,
+    path: str | os.PathLike[str],
+    variable: str | None = None,
+    direction: str | None = None,
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Write an image for Gwyddion, in the format that the suffix names.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image of `phasemap.simulate` or `phasemap.read_image`.
+    path : path-like
+        The file to write, .gwy or .gsf.
+    variable : str, optional
+        The only one to write; needed for .gsf unless the image has a single one.
+    direction : str, optional
+        "trace" or "retrace", the only one to write; None writes both in .gwy, and the first in .gsf.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If the suffix, the variable or the direction is not allowed.
+    FileError
+        If the file cannot be written.
+    PhasemapError
+        If the ``gwy`` extra is not installed.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> export(xr.Dataset(), "image.tiff")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.InputError: the suffix is '.tiff'; allowed: .gwy or .gsf.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".gwy", ".gsf"):
+        raise InputError("the suffix", suffix, ".gwy or .gsf")
+    if suffix == ".gsf":
+        return write_gsf(ds, path, variable, direction, overwrite=overwrite)
+    if direction is not None:
+        ds = one_scan(ds, (), direction)
+    if variable is not None:
+        ds = ds[[_known(ds, variable), *_status(ds)]]
+    return write_gwy(ds, path, overwrite=overwrite)
+
+
+def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Write every real variable of an image as a channel of a .gwy file.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Over ("y", "x") or ("direction", "y", "x").
+    path : path-like
+        The file to write.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If there is nothing to write, or pixels are not evenly spaced.
+    FileError
+        If the file cannot be written.
+    PhasemapError
+        If the ``gwy`` extra is not installed.
+
+    Notes
+    -----
+    Values are kept to the last bit. Gwyddion's fields have no NaN: pixels without a value, or whose ``status`` is not
+    good, are under a mask, and those without a value hold the mean of the others. What is known about the scan is in
+    the metadata of each channel.
+
+    Examples
+    --------
+    >>> import tempfile, xarray as xr
+    >>> ds = xr.Dataset({"height": (("y", "x"), [[0.0, 1e-9]], {"units": "m"})}, {"y": [1e-9], "x": [1e-9, 3e-9]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_gwy(ds, f"{folder}/image.gwy").name
+    'image.gwy'
+    """
+    import numpy as np
+
+    gwyfile = extra("gwyfile", "writing .gwy files", "gwy")
+    objects = gwyfile.objects
+    size = _size(ds)
+    notes = _notes(ds)
+    container = objects.GwyContainer()
+    for number, (name, title, values, bad) in enumerate(_fields(ds)):
+        mask = bad | ~np.isfinite(values)
+        filled = np.where(np.isfinite(values), values, np.mean(values[~mask]) if not mask.all() else 0.0)
+
+        def field(data: np.ndarray, unit: str) -> Any:
+            return objects.GwyDataField(
+                data, xreal=size[1], yreal=size[0], si_unit_xy=_unit(objects, "m"), si_unit_z=_unit(objects, unit)
+            )
+
+        container[f"/{number}/data"] = field(filled, str(ds[name].attrs.get("units", "1")))
+        container[f"/{number}/data/title"] = title
+        container[f"/{number}/base/palette"] = PALETTES.get(name, OTHER_PALETTE)
+        container[f"/{number}/data/visible"] = name in ("height", "phase")
+        texts = dict(notes)
+        if mask.any():
+            container[f"/{number}/mask"] = field(mask.astype(float), "1")
+            texts["mask"] = MASKED
+        container[f"/{number}/meta"] = objects.GwyContainer(texts, dict.fromkeys(texts, "s"))
+    with replacing(path, overwrite) as temporary:
+        container.tofile(str(temporary))
+    return Path(path)
+
+
+def write_gsf(
+    ds: xr.Dataset,
+    path: str | os.PathLike[str],
+    variable: str | None = None,
+    direction: str | None = None,
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Write one variable of an image as a .gsf file, in single precision, NaN where it has no value.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Over ("y", "x") or ("direction", "y", "x").
+    path : path-like
+        The file to write.
+    variable : str, optional
+        May be left out where the image has a single one.
+    direction : str, optional
+        "trace" or "retrace"; None takes the first there is.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If there is no such variable or direction, or pixels are not evenly spaced.
+    FileError
+        If the file cannot be written.
+    PhasemapError
+        If the ``gwy`` extra is not installed.
+
+    Examples
+    --------
+    >>> import tempfile, xarray as xr
+    >>> ds = xr.Dataset({"height": (("y", "x"), [[0.0, 1e-9]], {"units": "m"})}, {"y": [1e-9], "x": [1e-9, 3e-9]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_gsf(ds, f"{folder}/height.gsf").name
+    'height.gsf'
+    """
+    import numpy as np
+
+    if Path(path).suffix != ".gsf":
+        raise InputError("the suffix", Path(path).suffix, ".gsf")
+    gsffile = extra("gsffile", "writing .gsf files", "gwy")
+    name = _known(ds, variable)
+    _, title, values, bad = next(_fields(one_scan(ds[[name, *_status(ds)]], [name], direction)))
+    yreal, xreal = _size(ds)
+    texts = {key: text.replace("=", ":").replace("\n", " ") for key, text in _notes(ds).items()}
+    header = {
+        "XReal": repr(xreal), "YReal": repr(yreal), "Title": title, "XYUnits": "m",
+        "ZUnits": _written(str(ds[name].attrs.get("units", "1"))), **texts,
+    }  # fmt: skip
+    with replacing(path, overwrite) as temporary:
+        gsffile.write_gsf(temporary, np.where(bad, np.nan, values).astype(np.float32), header)
+    return Path(path)
+
+
+def _fields(ds: xr.Dataset) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
+    """Name, title, values and bad pixels of each real variable and direction."""
+    import numpy as np
+
+    found = _real(ds)
+    if not found:
+        raise InputError("variables of the image", ", ".join(map(str, ds.data_vars)), "a real one over ('y', 'x')")
+    for name in found:
+        directions = ds["direction"].values.tolist() if "direction" in ds[name].dims else [None]
+        for direction in directions:
+            one = ds if direction is None else ds.sel(direction=direction)
+            told = direction or ds.attrs.get("direction", "")
+            title = f"{name.replace('_', ' ').capitalize()} {told}".strip()
+            values = one[name].values.astype(float)
+            bad = one["status"].values != 0 if "status" in one else np.zeros(values.shape, bool)
+            yield name, title, values, bad
+
+
+def _real(ds: xr.Dataset) -> list[str]:
+    """Names of the variables that Gwyddion can show: real maps, flags aside."""
+    maps = (("y", "x"), ("direction", "y", "x"))
+    return [str(name) for name, values in ds.data_vars.items() if values.dims in maps and values.dtype.kind == "f"]
+
+
+def _status(ds: xr.Dataset) -> list[str]:
+    return ["status"] if "status" in ds else []
+
+
+def _known(ds: xr.Dataset, variable: str | None) -> str:
+    """The variable asked for, or the only one."""
+    known = _real(ds)
+    if variable is None and len(known) == 1:
+        return known[0]
+    if variable not in known:
+        raise InputError("variable", variable, "one of " + ", ".join(known))
+    return variable
+
+
+def _size(ds: xr.Dataset) -> tuple[float, float]:
+    """Height and width of the image [m]."""
+    import numpy as np
+
+    sides = []
+    for dim in ("y", "x"):
+        if dim not in ds.coords:
+            raise InputError(f"coordinate {dim}", None, "positions of the pixels in m")
+        places = ds[dim].values
+        step = 2 * float(places[0])  # the first centre is half a pixel in
+        gaps = np.diff(places)
+        if gaps.size and not np.isclose(step, gaps[0], rtol=1e-6, atol=0):
+            step = float(gaps[0])  # part of an image
+        if step <= 0 or not np.allclose(gaps, step, rtol=1e-6, atol=0):
+            raise InputError(f"coordinate {dim}", "uneven or falling", "rising in equal steps")
+        sides.append(len(places) * step)
+    return sides[0], sides[1]
+
+
+def _notes(ds: xr.Dataset) -> dict[str, str]:
+    """What is known about the image, as texts that `phasemap.read_image` reads back."""
+    numbers = {name: f"{float(ds.attrs[name])!r} {unit}" for name, unit in CANONICAL.items() if name in ds.attrs}
+    return {name: str(ds.attrs[name]) for name in NOTES if name in ds.attrs} | numbers
+
+
+def _unit(objects: Any, units: str) -> Any:
+    """The unit as an object; gwyfile would take a unit of one letter for a character."""
+    return objects.GwySIUnit(unitstr=_written(units))
+
+
+def _written(units: str) -> str:
+    """The unit as Gwyddion writes it."""
+    return UNITS.get(units, units)

@@ -1,0 +1,197 @@
+"""Channels of a microscope's file, through Gwyddion's 170 file modules.
+
+The packages ``gwyddionpy`` and ``gwyddionpy-converter`` come with ``pip install "afm-phasemap[read]"``; nothing else of
+phasemap knows them.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap.errors import FileError, PhasemapError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+__all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
+
+MASKED = "masked pixels have no value"
+"""Said by the metadata of a .gwy file whose masks hide pixels, rather than mark some that the user chose."""
+
+_NUMBERED = re.compile(r"\s*\(\d+\)$")  # as Gwyddion tells equal names apart
+_DIRECTION = re.compile(r"[\s_]*[\[(]?(retrace|trace|backward|forward)[\])]?", re.IGNORECASE)
+_DIRECTIONS = {"trace": "trace", "forward": "trace", "retrace": "retrace", "backward": "retrace"}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One image of a file.
+
+    Parameters
+    ----------
+    name : str
+        As the file has it, such as ``"PhaseRetrace"``.
+    data : ndarray, shape (rows, columns)
+        In `unit`, row 0 at the top; NaN where there is no value.
+    unit, lateral_unit : str
+        SI units.
+    size : (float, float)
+        Height and width of the whole image, in `lateral_unit`.
+    metadata : mapping of str to str
+        The vendor's own.
+    """
+
+    name: str
+    data: np.ndarray
+    unit: str
+    lateral_unit: str
+    size: tuple[float, float]
+    metadata: Mapping[str, str]
+
+    @property
+    def direction(self) -> str:
+        """Return "trace" or "retrace", or "" where the file does not say."""
+        said = self.metadata.get("Line Direction") or self.metadata.get("Line direction") or ""
+        found = _DIRECTION.search(said) or _DIRECTION.search(self.name)
+        return _DIRECTIONS[found[1].lower()] if found else ""
+
+    @property
+    def base(self) -> str:
+        """The name without its direction: ``"Phase"``."""
+        return _DIRECTION.sub("", _NUMBERED.sub("", self.name)).strip()
+
+
+def load_channels(path: Path) -> list[Channel]:
+    """Read every image of a file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    list of Channel
+        In the order of the file, without those of a second pass over the line (interleave).
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or holds no image.
+    PhasemapError
+        If the ``read`` extra is not installed.
+
+    Examples
+    --------
+    >>> load_channels(Path("nowhere.nid"))
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read nowhere.nid: there is no such file.
+    """
+    if not path.is_file():
+        raise FileError(f"cannot read {path}: there is no such file.")
+    reader = extra("gwyddionpy", "reading measured files", "read")
+    native = path.suffix.lower() == ".gwy"
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            converted = path if native else Path(folder, "converted.gwy")
+            if not native:
+                reader.run_converter(path, converted)
+            found = list(reader.parse_gwy(converted).channels.values())
+            masks = _masks(converted, native)
+    except reader.ConverterNotFoundError as error:
+        raise PhasemapError(
+            'reading measured files needs the package "gwyddionpy-converter": run pip install "afm-phasemap[read]".'
+        ) from error
+    except (reader.GwyddionPyError, OSError, ValueError) as error:
+        said = re.search(r"cannot load '.*': (.+)", str(error)) or re.search(r"file \((.+?)\)\. Possible", str(error))
+        raise FileError(f"cannot read {path}: {said[1].rstrip('.') if said else error}.") from error
+    channels = [
+        Channel(
+            one.name,
+            _without(one.data, mask),
+            one.si_unit_z,
+            one.si_unit_xy,
+            (one.yreal, one.xreal),
+            {key: _repaired(value) for key, value in one.meta.items()},
+        )
+        for one, mask in zip(found, masks, strict=True)
+        if one.meta.get("Scan Line") != "Interleave"
+    ]
+    if not channels:
+        raise FileError(f"cannot use {path}: it holds no image.")
+    return channels
+
+
+def merged(channels: list[Channel]) -> dict[str, str]:
+    """Metadata of all channels; the first that has a key says it."""
+    every: dict[str, str] = {}
+    for channel in reversed(channels):
+        every.update(channel.metadata)
+    return every
+
+
+def extra(module: str, purpose: str, name: str) -> Any:
+    """Import an optional package, or say how to install it.
+
+    Parameters
+    ----------
+    module : str
+        To import.
+    purpose : str
+        What needs it: ``"reading measured files"``.
+    name : str
+        The extra that brings it along.
+
+    Returns
+    -------
+    module
+
+    Raises
+    ------
+    PhasemapError
+        If it is not installed.
+
+    Examples
+    --------
+    >>> extra("colour_of_magic", "painting by magic", "read")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.PhasemapError: painting by magic needs 'colour_of_magic': run pip install "afm-phasemap[read]".
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.split(".")[0]
+        raise PhasemapError(f'{purpose} needs {package!r}: run pip install "afm-phasemap[{name}]".') from error
+
+
+def _masks(path: Path, native: bool) -> list[Any]:
+    """What hides pixels of each channel; a mask that a user drew in Gwyddion does not."""
+    container = import_module("gwyfile").load(str(path))
+    numbers = sorted(int(key.split("/")[1]) for key in container if re.fullmatch(r"/\d+/data", key))
+    hiding = [not native or MASKED in container.get(f"/{n}/meta", {}).values() for n in numbers]
+    return [container.get(f"/{n}/mask") if hides else None for n, hides in zip(numbers, hiding, strict=True)]
+
+
+def _without(data: np.ndarray, mask: Any) -> np.ndarray:
+    """A copy of the data with NaN under the mask."""
+    import numpy as np
+
+    own = np.array(data, float)
+    if mask is not None:
+        own[np.asarray(mask.data) > 0] = np.nan
+    return own
+
+
+def _repaired(text: str) -> str:
+    """Undo UTF-8 that was taken for latin-1: ``"3.97Âµm"``."""
+    try:
+        return text.encode("latin-1").decode("utf-8")
+    except UnicodeError:
+        return text

@@ -1,0 +1,265 @@
+"""Measured images in the one form that all of phasemap works on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from phasemap.errors import FileError
+from phasemap.io.gwyddion import Channel, load_channels, merged
+from phasemap.io.metadata import CANONICAL, mode_of, of_simulation, scan_data
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["read_image"]
+
+NETCDF = (".nc", ".nc4", ".cdf")
+DIRECTIONS = ("trace", "retrace")
+
+
+class Kind(NamedTuple):
+    """A quantity that microscopes record: how its channels are called, its units and its long name."""
+
+    pattern: re.Pattern[str]
+    units: dict[str, tuple[float, str]]  # SI unit in the file: factor to the unit of the Dataset, that unit
+    what: str
+    long_name: str
+
+
+def _called(words: str) -> re.Pattern[str]:
+    return re.compile(rf"(?:{words})(?![\s_]*(?:error|sens|offset|\d))", re.IGNORECASE)
+
+
+_METRES = {"m": (1.0, "m")}
+_AMPLITUDE = {"m": (1.0, "m"), "V": (1.0, "V")}
+KINDS = {
+    "height": Kind(
+        re.compile("height|z[- ]?axis|z[- ]?sensor|z[- ]?height|topography", re.IGNORECASE),
+        _METRES, "a length", "recorded height",
+    ),
+    "phase": Kind(
+        _called("phase|lock-?in phase|ncm phase|tapping phase"),
+        {"deg": (1.0, "degree"), "rad": (57.29577951308232, "degree")},
+        "an angle", "recorded phase, zero and sign as the instrument has them",
+    ),
+    "amplitude": Kind(
+        _called("amplitude|lock-?in amplitude|ncm amplitude"), _AMPLITUDE, "a length or a voltage", "recorded amplitude"
+    ),
+    "amplitude_error": Kind(
+        re.compile(r"amplitude[\s_]*error", re.IGNORECASE),
+        _AMPLITUDE, "a length or a voltage", "recorded amplitude less setpoint",
+    ),
+}  # fmt: skip
+"""By the variable of the Dataset."""
+
+
+def read_image(
+    path: str | os.PathLike[str],
+    *,
+    height: str | None = None,
+    phase: str | None = None,
+    amplitude: str | None = None,
+) -> xr.Dataset:
+    """Read a measured image.
+
+    Parameters
+    ----------
+    path : path-like
+        A file of any format that Gwyddion reads (NanoScope, Asylum Research .ibw, JPK, Nanosurf .nid, Park .tiff, WSxM,
+        .gwy, .gsf and some 160 more), or an image in netCDF.
+    height, phase, amplitude : str, optional
+        Names of channels, with their direction (``"Z-Axis Sensor forward"``) or without (``"Z-Axis Sensor"``, which
+        takes both); None takes the first of its kind, and the height that was recorded in the directions of the phase.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height`` [m], ``phase`` [degree, zero and sign as recorded], ``amplitude`` and ``amplitude_error`` [m, or V
+        where the file has no sensitivity] where there, over ("y", "x"), or over ("direction", "y", "x") where trace and
+        retrace have them all; row 0 at the top, cell-centre coordinates [m], pixels need not be square.
+
+        What is known about the scan is in the attributes, each absent where the file does not have it:
+        drive_frequency, resonance_frequency, line_rate [Hz], free_amplitude (at the drive frequency),
+        setpoint_amplitude [m], setpoint, quality_factor [1], stiffness [N/m], phase_zero (phase of the free lever)
+        [degree], amplitude_sensitivity [m/V], free_amplitude_voltage, setpoint_voltage [V], proportional_gain and
+        integral_gain in units of the vendor. ``nominal`` names those that are of the lever's type and not of this
+        lever; ``warnings`` are sentences on what must not be taken for more than it is, a line each;
+        ``vendor_metadata`` is all that the vendor says, as JSON; ``channels`` are the names of the channels of each
+        variable, ``other_channels`` those that were not read.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, holds no such channel, or was not recorded in tapping mode.
+    PhasemapError
+        If the ``read`` extra is not installed.
+
+    Notes
+    -----
+    The pixels divide the size of the scan: N of them, not N - 1, also where the vendor's header says otherwise.
+
+    Examples
+    --------
+    >>> read_image("scan.nid")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read scan.nid: there is no such file.
+    """
+    path = Path(path)
+    if path.suffix.lower() in NETCDF:
+        return _simulated(path)
+    channels = load_channels(path)
+    metadata = merged(channels)
+    mode = mode_of(path, metadata)
+    scan = scan_data(path, metadata)
+    wanted = {"height": height, "phase": phase, "amplitude": amplitude}
+    groups = {kind: _groups(path, channels, kind, wanted.get(kind)) for kind in KINDS}
+    chosen, directions = _choose(path, groups, channels)
+    ds = _assemble(path, chosen, directions, scan.size)
+    scan.warnings += _remarks(ds, groups, chosen)
+    every = {one.name for group in chosen.values() for one in group.values()}
+    ds.attrs = {
+        "source": path.name,
+        "source_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "operating_mode": mode,
+        **scan.values,
+        "channels": json.dumps({kind: [one.name for one in group.values()] for kind, group in chosen.items()}),
+        "other_channels": json.dumps([one.name for one in channels if one.name not in every]),
+        "vendor_metadata": json.dumps(metadata, sort_keys=True, ensure_ascii=False),
+    }
+    if len(directions) == 1 and directions[0]:
+        ds.attrs["direction"] = directions[0]
+    if scan.nominal:
+        ds.attrs["nominal"] = " ".join(scan.nominal)
+    if scan.warnings:
+        ds.attrs["warnings"] = "\n".join(dict.fromkeys(scan.warnings))
+    return ds
+
+
+Group = dict[str, Channel]  # channels of one name, by direction
+
+
+def _groups(path: Path, channels: list[Channel], kind: str, wanted: str | None) -> list[Group]:
+    """Channels of a kind, or of the name asked for: those of one name together."""
+    groups: dict[str, Group] = {}
+    for channel in channels:
+        if wanted in (channel.name, channel.base) or (wanted is None and KINDS[kind].pattern.match(channel.base)):
+            groups.setdefault(channel.base, {}).setdefault(channel.direction, channel)
+    if wanted is not None and not groups:
+        raise FileError(f"cannot use {path}: there is no channel {wanted!r}; it holds {_listed(channels)}.")
+    return list(groups.values())
+
+
+def _choose(
+    path: Path, groups: dict[str, list[Group]], channels: list[Channel]
+) -> tuple[dict[str, Group], tuple[str, ...]]:
+    """One channel of each kind and direction, and the directions that height and phase have in common."""
+    phases, heights = groups["phase"], groups["height"]
+    if not phases and not heights:
+        raise FileError(f"cannot use {path}: there is neither height nor phase; it holds {_listed(channels)}.")
+    leading = (phases or heights)[0]
+    chosen = {"phase": leading} if phases else {"height": leading}
+    common = set(leading)
+    if phases and heights:
+        chosen["height"] = max(heights, key=lambda group: len(common & set(group)))  # the first of equals
+        common &= set(chosen["height"])
+    directions = tuple(one for one in DIRECTIONS if one in common)
+    if len(directions) < 2:
+        directions = directions or tuple(leading)[:1]
+        chosen = {kind: _in_direction(group, directions[0]) for kind, group in chosen.items()}
+    for kind in ("amplitude", "amplitude_error"):
+        found = next((group for group in groups[kind] if set(directions) <= set(group)), None)
+        if found:
+            chosen[kind] = found
+    return {kind: _ordered(chosen[kind], directions) for kind in KINDS if kind in chosen}, directions
+
+
+def _in_direction(group: Group, direction: str) -> Group:
+    """The channel of a direction, or of the only one there is."""
+    return {direction: group.get(direction, next(iter(group.values())))}
+
+
+def _ordered(group: Group, directions: tuple[str, ...]) -> Group:
+    return {direction: group[direction] for direction in directions}
+
+
+def _assemble(
+    path: Path, chosen: dict[str, Group], directions: tuple[str, ...], size: tuple[float, float] | None
+) -> xr.Dataset:
+    """The channels as variables."""
+    import numpy as np
+    import xarray as xr
+
+    first = next(iter(next(iter(chosen.values())).values()))
+    for channel in (one for group in chosen.values() for one in group.values()):
+        if channel.data.shape != first.data.shape:
+            raise FileError(
+                f"cannot use {path}: {first.name!r} has {first.data.shape} pixels "
+                f"but {channel.name!r} has {channel.data.shape}."
+            )
+    dims = ("y", "x") if len(directions) == 1 else ("direction", "y", "x")
+    variables = {}
+    for kind, group in chosen.items():
+        for channel in group.values():
+            _check_unit(path, channel, KINDS[kind])
+        factor, unit = KINDS[kind].units[next(iter(group.values())).unit]
+        data = np.stack([channel.data * factor for channel in group.values()])
+        attrs = {"long_name": KINDS[kind].long_name, "units": unit}
+        variables[kind] = (dims, data if len(directions) > 1 else data[0], attrs)
+    coords: dict[str, Any] = {} if len(directions) == 1 else {"direction": list(directions)}
+    for dim, pixels, length in zip(("y", "x"), first.data.shape, size or first.size, strict=True):
+        coords[dim] = (dim, (np.arange(pixels) + 0.5) * (length / pixels), {"units": "m"})
+    return xr.Dataset(variables, coords)
+
+
+def _check_unit(path: Path, channel: Channel, kind: Kind) -> None:
+    """Refuse a channel whose unit is not of its kind."""
+    if channel.unit in kind.units and channel.lateral_unit == "m":
+        return
+    found = f"{channel.unit!r} over {channel.lateral_unit!r}"
+    raise FileError(f"cannot use {path}: channel {channel.name!r} is in {found}, not {kind.what} over metres.")
+
+
+def _remarks(ds: xr.Dataset, groups: dict[str, list[Group]], chosen: dict[str, Group]) -> list[str]:
+    """Sentences on channels that are missing or not what they seem."""
+    remarks = []
+    for kind in ("height", "phase"):
+        if kind not in ds:
+            remarks.append(f"There is no {kind} channel.")
+    if {"height", "phase"} <= set(chosen):
+        (of_height, *_), (of_phase, *_) = chosen["height"].values(), chosen["phase"].values()
+        if of_height.direction != of_phase.direction:
+            directions = [one.direction or "only" for one in (of_height, of_phase)]
+            remarks.append(f"Height is of the {directions[0]} scan, phase of the {directions[1]} one.")
+    for kind in ("amplitude", "amplitude_error"):
+        if kind in ds and ds[kind].attrs["units"] == "V":
+            remarks.append(f"The {kind.replace('_', ' ')} is in volts: the file has no sensitivity.")
+    return remarks
+
+
+def _simulated(path: Path) -> xr.Dataset:
+    """An image in netCDF; what is known about the scan is taken from the configuration of a simulation."""
+    from phasemap.io.netcdf import load
+
+    ds = load(path)
+    images = [name for name in ("height", "phase") if name in ds and set(ds[name].dims) - {"direction"} == {"y", "x"}]
+    if not images:
+        held = ", ".join(f"{name} over {ds[name].dims}" for name in ds.data_vars)
+        raise FileError(
+            f"cannot use {path}: there is no height or phase over ('y', 'x'); it holds {held or 'nothing'}."
+        )
+    if "configuration" in ds.attrs:
+        known = of_simulation(ds.attrs["configuration"])
+        ds.attrs |= {name: value for name, value in known.items() if name in CANONICAL and name not in ds.attrs}
+    return ds
+
+
+def _listed(channels: Iterable[Channel]) -> str:
+    """Names of channels, for a sentence."""
+    return ", ".join(repr(channel.name) for channel in channels)

@@ -1,0 +1,279 @@
+"""A scene from a measured image: what the file says about the microscope, and what the image says about the surface.
+
+Nothing is made up: what the file does not say must be given, and is asked for by name. Only the materials, of which no
+image knows the moduli, are placeholders that are said to be so.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import textwrap
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap._check import whole
+from phasemap.errors import PhasemapError
+from phasemap.io.measured import level_height, one_scan, segment_phase
+from phasemap.io.metadata import off_resonance
+from phasemap.io.netcdf import check_target, replacing, save
+from phasemap.io.read import read_image
+from phasemap.material import Material
+from phasemap.scene import Scene, Table, load_scene, scene_from_tables, with_override
+from phasemap.surface import Surface
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+__all__ = ["scene_from"]
+
+PLACEHOLDER = Material(modulus=2e9, adhesion=0.05, damping=0.01)  # a polymer
+NEEDED = {
+    "scan.setpoint": "0.7",
+    "cantilever.stiffness": "40",
+    "cantilever.resonance_frequency": "300e3",
+    "cantilever.quality_factor": "400",
+    "tip.radius": "10e-9",
+    "drive.free_amplitude": "20e-9",
+}
+"""What a scene cannot do without, with an example of each."""
+RECORDED = {
+    "scan.setpoint": "setpoint",
+    "cantilever.stiffness": "stiffness",
+    "cantilever.resonance_frequency": "resonance_frequency",
+    "cantilever.quality_factor": "quality_factor",
+    "drive.frequency": "drive_frequency",
+}
+"""Keys of a scene, and the attributes of an image that say them."""
+UNITS = {"stiffness": "N/m", "adhesion": "J/m2", "modulus": "Pa", "radius": "m", "free_amplitude": "m, at resonance"}
+
+
+def scene_from(
+    image: xr.Dataset | str | os.PathLike[str],
+    path: str | os.PathLike[str],
+    phases: int = 2,
+    overrides: Iterable[str] = (),
+    *,
+    direction: str | None = None,
+    overwrite: bool = False,
+) -> Scene:
+    """Write the scene that a measured image shows, to be edited and simulated.
+
+    Parameters
+    ----------
+    image : xarray.Dataset or path-like
+        As `phasemap.read_image` gives it, or the file.
+    path : path-like
+        The scene to write, .toml; its maps of labels and topography go into ``NAME_maps.nc`` beside it.
+    phases : int
+        How many materials the phase tells apart, 1 to 4; 1 needs no phase.
+    overrides : iterable of str
+        ``"table.key=value"``, as in `phasemap.load_scene`: what the file does not say, or says otherwise.
+    direction : str, optional
+        "trace" or "retrace"; None takes the first that was recorded.
+    overwrite : bool
+        Whether existing files may be replaced.
+
+    Returns
+    -------
+    Scene
+        What was written, loaded again.
+
+    Raises
+    ------
+    PhasemapError
+        If neither the file nor `overrides` say what a scene needs; all that is missing is named.
+    InputError
+        If a value is not allowed, or the phase does not hold so many populations.
+    FileError
+        If a file cannot be read or written.
+
+    Notes
+    -----
+    Topography is the height less its tilt and row offsets, level on the material that covers most. Labels count the
+    materials from the lowest phase; rows are aligned before thresholding (`phasemap.io.measured`). The materials are
+    all the same placeholder unless `overrides` say ``materials.material_0.modulus=...``. Where the file has no
+    resonance frequency, the lever is taken as driven at resonance. A free amplitude recorded off resonance is brought
+    to resonance.
+
+    Examples
+    --------
+    >>> scene_from("nowhere.nid", "scene.toml")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read nowhere.nid: there is no such file.
+    """
+    whole("phases", phases, 1, 4)
+    path = Path(path)
+    maps_path = path.with_name(f"{path.stem}_maps.nc")
+    for target in (path, maps_path):
+        check_target(target, overwrite)
+    if isinstance(image, str | os.PathLike):
+        image = read_image(image)
+    scan = one_scan(image, ["height", "phase"] if phases > 1 else ["height"], direction)
+    tables, notes = _microscope(scan.attrs, list(overrides))
+    maps = _maps(scan, phases)
+    shares = _shares(maps["labels"].values, scan)
+    names = [f"material_{label}" for label in range(phases)]
+    pixel_size = [2 * float(scan[dim][0]) for dim in ("y", "x")]
+    tables["surface"] |= {
+        "kind": "labels",
+        "labels": {"file": maps_path.name, "variable": "labels"},
+        "topography": {"file": maps_path.name, "variable": "topography"},
+        "pixel_size": pixel_size,
+        "materials": names,
+    }
+    notes |= {
+        "surface.pixel_size": "m, (dy, dx)",
+        "surface.materials": "from the lowest phase to the highest",
+        "surface.topography": "m, recorded height without tilt and row offsets",
+    }
+    given = tables["materials"]
+    tables["materials"] = given | {name: _material(given.get(name, {})) for name in names}
+    notes |= {f"materials.{name}": share for name, share in zip(names, shares, strict=True)}
+    scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values first
+    save(maps, maps_path, overwrite)
+    with replacing(path, overwrite) as temporary:
+        temporary.write_text(_toml(tables, notes, _heading(scan, path)), encoding="utf-8")
+    return load_scene(path)
+
+
+def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, dict[str, str]]:
+    """The tables of the microscope and where their values come from; refused where one is missing."""
+    tables: Table = {name: {} for name in ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction")}
+    notes = {}
+    nominal = str(attrs.get("nominal", "")).split()
+    for key, name in RECORDED.items():
+        if name in attrs:
+            _set(tables, key, float(attrs[name]))
+            notes[key] = "nominal, of levers of this type" if name in nominal else "as recorded"
+    tables["interaction"]["contact"] = "dmt"
+    notes["interaction.contact"] = "assumed"
+    for override in overrides:
+        tables = with_override(tables, override)
+        notes[override.partition("=")[0].strip()] = "given"
+    lever, drive = tables["cantilever"], tables["drive"]
+    if "resonance_frequency" not in lever and "frequency" in drive:
+        lever["resonance_frequency"] = drive["frequency"]
+        notes["cantilever.resonance_frequency"] = "assumed to be the drive frequency, for the file does not say"
+    loss = _off_resonance(lever, drive)
+    if "free_amplitude" not in drive and "free_amplitude" in attrs and loss:
+        drive["free_amplitude"] = float(attrs["free_amplitude"]) * loss
+        notes["drive.free_amplitude"] = "as recorded" + (", brought to resonance" if loss > 1.001 else "")
+    if "setpoint" not in tables["scan"] and "setpoint_amplitude" in attrs and "free_amplitude" in drive and loss:
+        tables["scan"]["setpoint"] = float(attrs["setpoint_amplitude"]) * loss / float(drive["free_amplitude"])
+        notes["scan.setpoint"] = "recorded amplitude over free amplitude"
+    missing = [key for key in NEEDED if key.partition(".")[2] not in tables[key.partition(".")[0]]]
+    if "setpoint_amplitude" in attrs and "drive.free_amplitude" in missing and "scan.setpoint" in missing:
+        missing.remove("scan.setpoint")  # follows from the free amplitude
+    if missing:
+        example = " ".join(f"{key}={NEEDED[key]}" for key in missing)
+        raise PhasemapError(
+            f"{attrs.get('source', 'the image')} does not say {', '.join(missing)}: give what is missing, "
+            f"such as {example}."
+        )
+    return tables, notes
+
+
+def _set(tables: Table, key: str, value: float) -> None:
+    table, _, name = key.partition(".")
+    tables[table][name] = value
+
+
+def _off_resonance(lever: Table, drive: Table) -> float | None:
+    """Amplitude at resonance over that at the drive frequency; None where that is not known."""
+    try:
+        resonance = lever["resonance_frequency"]
+        return off_resonance(drive.get("frequency", resonance) / resonance, lever["quality_factor"])
+    except (KeyError, TypeError, ZeroDivisionError):
+        return None  # what is wrong is said when the scene is checked
+
+
+def _maps(scan: xr.Dataset, phases: int) -> xr.Dataset:
+    """Labels of the materials, and the topography."""
+    import numpy as np
+    import xarray as xr
+
+    height = scan["height"].values
+    labels = np.zeros(height.shape, int) if phases == 1 else segment_phase(scan["phase"].values, phases)
+    topography = level_height(height, labels == np.bincount(labels.ravel()).argmax())
+    return xr.Dataset(
+        {
+            "labels": (("y", "x"), labels.astype(np.int32), {"long_name": "material, from the lowest phase"}),
+            "topography": (("y", "x"), topography, {"long_name": "levelled recorded height", "units": "m"}),
+        },
+        {dim: scan[dim] for dim in ("y", "x")},
+        {key: scan.attrs[key] for key in ("source", "source_sha256") if key in scan.attrs},
+    )
+
+
+def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
+    """How much of the image each material covers, and its recorded phase."""
+    import numpy as np
+
+    told = []
+    for label in range(int(labels.max()) + 1):
+        part = labels == label
+        share = f"{100 * part.mean():.3g} % of the image"
+        if "phase" in scan and part.any():
+            share += f", median of the recorded phase {np.median(scan['phase'].values[part]):.3g} degrees"
+        told.append(share)
+    return told
+
+
+def _material(given: Any) -> Any:
+    """The placeholder with the values that the user gives; a viscosity takes the place of its damping."""
+    if not isinstance(given, dict):
+        return given  # what is wrong is said when the scene is checked
+    other = ("viscosity", "damping" if "viscosity" in given else "")
+    return {name: value for name, value in dataclasses.asdict(PLACEHOLDER).items() if name not in other} | given
+
+
+def _heading(scan: xr.Dataset, path: Path) -> list[str]:
+    """What the scene is, and what to know about the file it comes from."""
+    source = f"{scan.attrs.get('source', 'a measured image')} {scan.attrs.get('direction', '')}".rstrip()
+    return [
+        f"The surface and the microscope of {source}, by phasemap scene.",
+        "",
+        f"  phasemap run {path.name} -o {path.stem}.nc",
+        "",
+        "The materials are PLACEHOLDERS, all the same polymer, unless given: an image does not say what it is of. "
+        "Change them until the simulated contrast is the measured one; the zero of a measured phase is arbitrary.",
+        *str(scan.attrs.get("warnings", "")).splitlines(),
+        "Every length is in m, every other quantity in SI units.",
+    ]
+
+
+def _toml(tables: Table, notes: Mapping[str, str], heading: list[str]) -> str:
+    """Tables as TOML, with a comment on where a value comes from."""
+    lines = [f"# {part}".rstrip() for line in heading for part in textwrap.wrap(line, 116) or [""]]
+    for name, table in tables.items():
+        parts = {f"{name}.{key}": sub for key, sub in table.items()} if name == "materials" else {name: table}
+        for title, part in parts.items():
+            if not part:
+                continue
+            lines += ["", f"[{title}]" + (f"  # {notes[title]}" if title in notes else "")]
+            for key, value in part.items():
+                own = f"{title}.{key}"
+                placeholder = "placeholder" if name == "materials" and own not in notes else ""
+                said = ", ".join(filter(None, [UNITS.get(key, ""), notes.get(own, placeholder)]))
+                lines.append(f"{key} = {_written(value)}" + (f"  # {said}" if said else ""))
+    return "\n".join(lines) + "\n"
+
+
+def _written(value: object) -> str:
+    """One value as TOML."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_written(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_written, value)) + "]"
+    if isinstance(value, float) and abs(value) >= 1e6:
+        from numpy import format_float_scientific
+
+        return format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "e")
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

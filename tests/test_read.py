@@ -1,0 +1,333 @@
+"""Real files from the nsfopen wheel, and small ones that are written here: read into the one form of an image."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import tomllib
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap.errors import FileError, PhasemapError
+from phasemap.io.gwyddion import Channel
+from phasemap.io.metadata import mode_of, off_resonance, scan_data
+from phasemap.io.read import read_image
+
+needs_reader = pytest.mark.skipif(
+    any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "gwyfile", "NSFopen")),
+    reason='needs pip install "afm-phasemap[read]" and nsfopen',
+)
+NOWHERE = Path("nowhere")
+
+
+def example(name: str) -> Path:
+    spec = find_spec("NSFopen")
+    assert spec is not None and spec.submodule_search_locations is not None
+    return Path(spec.submodule_search_locations[0], "example", name)
+
+
+@pytest.fixture(scope="module")
+def flake() -> xr.Dataset:
+    return read_image(example("Plotting_Data/MoS2.nid"))
+
+
+# Images.
+
+
+@needs_reader
+def test_every_pixel_is_that_of_the_vendors_own_reader(flake: xr.Dataset) -> None:
+    with warnings.catch_warnings(action="ignore"):  # of pandas, which their reader asks for what it will not have
+        theirs = importlib.import_module("NSFopen.read").read(str(example("Plotting_Data/MoS2.nid"))).data["Image"]
+    for direction, word in (("trace", "Forward"), ("retrace", "Backward")):
+        for name, channel in (("height", "Z-Axis"), ("phase", "Phase"), ("amplitude", "Amplitude")):
+            ours = flake[name].sel(direction=direction).values
+            assert np.array_equal(ours, np.array(theirs[word][channel])[::-1])  # theirs has the bottom row first
+
+
+@needs_reader
+def test_an_image_has_metres_and_degrees_and_its_own_pixels(flake: xr.Dataset) -> None:
+    assert flake["phase"].dims == ("direction", "y", "x") and flake["phase"].shape == (2, 256, 512)
+    assert flake["direction"].values.tolist() == ["trace", "retrace"]
+    assert [flake[name].attrs["units"] for name in ("height", "phase", "amplitude")] == ["m", "degree", "V"]
+    dy, dx = (float(flake[dim][1] - flake[dim][0]) for dim in ("y", "x"))
+    assert dx * 512 == pytest.approx(3.97339e-6) and dy == pytest.approx(2 * dx)  # its pixels are not square
+    assert float(flake["x"][0]) == pytest.approx(dx / 2)
+
+
+@needs_reader
+def test_row_0_is_the_top_of_the_image(flake: xr.Dataset) -> None:
+    # The tip changed 78 of 256 rows below the top: the phase above is 10 degrees lower.
+    step = np.diff(np.median(flake["phase"].values[0, :110], axis=1))
+    assert np.argmax(step) in (77, 78)
+
+
+@needs_reader
+def test_trace_and_retrace_run_the_same_way(flake: xr.Dataset) -> None:
+    trace, retrace = flake["phase"].values
+    # 0.64 although the lines lag by 7 pixels; against the mirror image they have little in common.
+    assert np.corrcoef(trace.ravel(), retrace.ravel())[0, 1] > 0.6
+    assert np.corrcoef(trace.ravel(), retrace[:, ::-1].ravel())[0, 1] < 0.3
+
+
+@needs_reader
+def test_channels_can_be_named_with_their_direction_or_without() -> None:
+    path = example("Plotting_Data/MoS2.nid")
+    backward = read_image(path, phase="Phase backward")
+    assert backward.attrs["direction"] == "retrace" and backward["phase"].dims == ("y", "x")
+    assert json.loads(backward.attrs["channels"])["height"] == ["Z-Axis backward"]
+    sensor = read_image(path, height="Z-Axis Sensor")
+    assert json.loads(sensor.attrs["channels"])["height"] == ["Z-Axis Sensor forward", "Z-Axis Sensor backward"]
+    assert json.loads(sensor.attrs["other_channels"]) == ["Z-Axis forward", "Z-Axis backward"]
+    with pytest.raises(FileError, match="there is no channel 'Fase'; it holds 'Z-Axis forward', "):
+        read_image(path, phase="Fase")
+    with pytest.raises(FileError, match="'Amplitude forward' is in 'V' over 'm', not an angle"):
+        read_image(path, phase="Amplitude forward")
+    with pytest.raises(FileError, match="'Phase forward' is in 'deg' over 'm', not a length"):
+        read_image(path, height="Phase forward")
+
+
+@pytest.mark.parametrize(
+    ("name", "metadata", "base", "direction"),
+    [
+        ("Phase", {"Line Direction": "Retrace"}, "Phase", "retrace"),  # NanoScope
+        ("Height (2)", {"Line Direction": "Trace"}, "Height", "trace"),
+        ("HeightTrace", {}, "Height", "trace"),  # Asylum
+        ("PhaseRetrace", {}, "Phase", "retrace"),
+        ("Lock-In Phase [Retrace]", {}, "Lock-In Phase", "retrace"),  # JPK
+        ("Phase backward", {}, "Phase", "retrace"),  # Nanosurf
+        ("NCM Phase", {"Line direction": "Forward"}, "NCM Phase", "trace"),  # Park
+        ("Topography", {}, "Topography", ""),
+    ],
+)
+def test_the_vendors_names_of_channels_and_directions(
+    name: str, metadata: dict[str, str], base: str, direction: str
+) -> None:
+    channel = Channel(name, np.zeros((1, 1)), "deg", "m", (1.0, 1.0), metadata)
+    assert (channel.base, channel.direction) == (base, direction)
+
+
+@needs_reader
+def test_a_wsxm_file_is_read_the_right_way_up(tmp_path: Path) -> None:
+    height = np.random.default_rng(1).normal(0.0, 3.0, (4, 6))  # nm, as WSxM has it
+    lines = [
+        "WSxM file copyright WSxM solutions", "SxM Image file", "Image header size: 00000", "", "[Control]", "",
+        "    X Amplitude: 600 nm", "    Y Amplitude: 200 nm", "", "[General Info]", "", "    Head type: Topography",
+        "    Image Data Type: double", "    Number of columns: 6", "    Number of rows: 4",
+        f"    Z Amplitude: {np.ptp(height)} nm", "", "[Header end]", "",
+    ]  # fmt: skip
+    header = "\r\n".join(lines)
+    header = header.replace("00000", f"{len(header):05d}")
+    path = tmp_path / "scan.stp"
+    path.write_bytes(header.encode("latin-1") + height[::-1, ::-1].tobytes())  # from the last pixel to the first
+    image = read_image(path)
+    assert image["height"].values == pytest.approx(1e-9 * height, rel=1e-9)
+    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([25e-9, 50e-9])
+    assert image.attrs["warnings"] == "There is no phase channel."
+
+
+# What is wrong with a file.
+
+
+@needs_reader
+def test_a_file_without_a_phase_is_read_and_says_so() -> None:
+    image = read_image(example("Plane_Removal/circles.nid"))
+    assert set(image.data_vars) == {"height", "amplitude"}
+    assert "There is no phase channel." in image.attrs["warnings"].splitlines()
+
+
+@needs_reader
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    [("Force_Spectroscopy/spectroscopy.nid", "Static Force"), ("Lateral_Force/SBS-PMMA.nid", "Lateral Force")],
+)
+def test_a_file_of_another_mode_is_refused(name: str, mode: str) -> None:
+    with pytest.raises(FileError, match=f"recorded in the mode '{mode}', whose phase is not a tapping phase"):
+        read_image(example(name))
+
+
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"ImagingMode": "PFM Mode"},
+        {"ImagingMode": "FM Mode"},
+        {"MicroscopeList": "Contact"},
+        {"Feedback Mode": "contact"},
+    ],
+)
+def test_contact_force_modulation_and_frequency_modulation_are_refused(metadata: dict[str, str]) -> None:
+    with pytest.raises(FileError, match="whose phase is not a tapping phase"):
+        mode_of(NOWHERE, metadata)
+
+
+def test_tapping_is_known_by_many_names() -> None:
+    for key, mode in (("Op. mode", "Dynamic Force"), ("ImagingMode", "AC Mode"), ("Feedback Mode", "intermittent")):
+        assert mode_of(NOWHERE, {key: mode}) == mode
+    assert mode_of(NOWHERE, {}) == "not recorded"
+
+
+@needs_reader
+def test_a_file_that_is_cut_short_or_foreign_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    whole = example("Plotting_Data/MoS2.nid").read_bytes()
+    files = {
+        "cut.nid": whole[: len(whole) // 2],
+        "text.nid": b"hello\n",
+        "empty.ibw": b"",
+        "broken.gwy": b"GWYPnonsense",
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(FileError, match=f"^cannot read [^\n]*{name}: [^\n]+\\.$"):
+            read_image(tmp_path / name)
+    with pytest.raises(FileError, match="there is no such file"):
+        read_image(tmp_path / "nowhere.nid")
+
+
+def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gwyddionpy", None)
+    (tmp_path / "scan.nid").touch()
+    with pytest.raises(
+        PhasemapError, match=r"measured files needs 'gwyddionpy': run pip install \"afm-phasemap\[read\]"
+    ):
+        read_image(tmp_path / "scan.nid")
+
+
+# How it was scanned.
+
+
+@needs_reader
+def test_a_nanosurf_file_tells_its_scan_in_si(flake: xr.Dataset) -> None:
+    known = {"drive_frequency": 172823.0, "setpoint": 0.5, "free_amplitude_voltage": 0.25, "stiffness": 48.0}
+    for name, value in known.items():
+        assert flake.attrs[name] == pytest.approx(value), name
+    assert flake.attrs["line_rate"] == pytest.approx(1 / (2 * 0.680))
+    assert "free_amplitude" not in flake.attrs and "The free amplitude is 0.25 V" in flake.attrs["warnings"]
+    assert json.loads(flake.attrs["vendor_metadata"])["Image size"] == "3.97µm"
+    assert (flake.attrs["operating_mode"], flake.attrs["source"]) == ("Phase Contrast", "MoS2.nid")
+
+
+@needs_reader
+def test_the_resonance_of_a_catalogue_is_not_that_of_the_lever(flake: xr.Dataset) -> None:
+    assert "resonance_frequency" not in flake.attrs and flake.attrs["nominal"].split() == [
+        "stiffness",
+        "quality_factor",
+    ]
+    assert "nominal values of levers of type ACL-A, whose 190 kHz" in flake.attrs["warnings"]
+    calibrated = read_image(example("Plane_Removal/grid.nid")).attrs
+    assert "nominal" not in calibrated
+    found = [calibrated[name] for name in ("stiffness", "resonance_frequency", "quality_factor")]
+    assert found == pytest.approx([24.075, 170037.0, 546.786])
+
+
+ASYLUM = {
+    "ImagingMode": "AC Mode", "DriveFrequency": "74243", "FreeAirAmplitude": "0.8", "FreeAirPhase": "90.417",
+    "AmpInvOLS": "5e-08", "SpringConstant": "2.1", "ThermalFrequency": "74100", "ThermalQ": "180", "ScanRate": "1.0016",
+    "IntegralGain": "114.5", "SlowScanSize": "2e-05", "FastScanSize": "1e-05",
+}  # fmt: skip
+
+
+def test_an_asylum_file_tells_its_scan_in_si(tmp_path: Path) -> None:
+    note = tmp_path / "scan.ibw"
+    note.write_bytes(b"\x05\x00 wave \rAmplitudeSetpointMeters: 1e-08\rAmplitudeSetpointVolts: 0.6\rScanSize: 2e-05\r")
+    scan = scan_data(note, ASYLUM)
+    assert scan.values["setpoint"] == pytest.approx(0.75)
+    assert scan.values["free_amplitude"] == pytest.approx(40e-9)
+    assert scan.values["setpoint_amplitude"] == pytest.approx(30e-9)
+    assert [scan.values[name] for name in ("stiffness", "resonance_frequency", "quality_factor")] == [
+        2.1,
+        74100.0,
+        180.0,
+    ]
+    assert scan.values["phase_zero"] == 90.417 and scan.values["line_rate"] == 1.0016
+    assert scan.size == (2e-5, 1e-5) and scan.warnings == []
+
+
+def test_what_a_vendor_fills_in_by_default_is_no_calibration() -> None:
+    defaults = {"AmpInvOLS": "1.09e-07", "SpringConstant": "1", "ThermalFrequency": "75000", "ThermalQ": "20"}
+    scan = scan_data(NOWHERE, ASYLUM | defaults)
+    for name in ("free_amplitude", "stiffness", "resonance_frequency", "quality_factor", "amplitude_sensitivity"):
+        assert name not in scan.values, name
+    for key in defaults:
+        assert any(said.startswith(f"{key} = ") and "default, not a calibration" in said for said in scan.warnings)
+    tuned = scan_data(NOWHERE, ASYLUM | defaults | {"TuneFreqResult": "74215", "TuneQResult": "144.93"})
+    assert (tuned.values["resonance_frequency"], tuned.values["quality_factor"]) == (74215.0, 144.93)
+
+
+def test_a_nanoscope_file_tells_its_scan_in_si() -> None:
+    metadata = {
+        "MicroscopeList": "Tapping", "2:CantFrequency": "157.6600 kHz", "3:CantFrequency": "0.5000000 kHz",
+        "2:TMSetAmplitude": "246.8933 mV", "Sens. AmplSens": "62.00000 nm/V", "2:TMFbIgain": "0.9363428 ",
+        "2:TMFbPgain": "9.351343 ", "Scan Rate": "0.746607",
+    }  # fmt: skip
+    scan = scan_data(NOWHERE, metadata)
+    assert scan.values["drive_frequency"] == pytest.approx(157.66e3)
+    assert scan.values["setpoint_amplitude"] == pytest.approx(0.2468933 * 62e-9)
+    assert "setpoint" not in scan.values and "free amplitude that NanoScope files do not keep" in scan.warnings[0]
+    uncalibrated = scan_data(NOWHERE, metadata | {"Sens. AmplSens": "1.000000 "})
+    assert "setpoint_amplitude" not in uncalibrated.values and uncalibrated.values["setpoint_voltage"] == 0.2468933
+
+
+def test_jpk_and_park_tell_what_gwyddion_says_of_them() -> None:
+    jpk = {"Feedback Mode": "intermittent", "Feedback Frequency": "312.500 kHz", "Feedback Setpoint": "750.000 mV"}
+    values = scan_data(NOWHERE, jpk).values
+    assert (values["drive_frequency"], values["setpoint_voltage"]) == pytest.approx((312.5e3, 0.75))
+    assert scan_data(NOWHERE, {"Image mode": "NC-AFM", "Scan rate": "0.5 s<sup>-1</sup>"}).values == {"line_rate": 0.5}
+
+
+# Simulated images.
+
+
+def test_a_simulated_image_tells_its_scan_too(tmp_path: Path) -> None:
+    lever, drive = pm.Cantilever(40.0, 300e3, 400.0), pm.Drive(20e-9, 299.5e3)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), drive)
+    surface = pm.Surface(1e9, adhesion=0.05, pixel_size=(2e-9, 4e-9), shape=(2, 3))
+    image = pm.simulate(surface, scope, setpoint=0.7, solver="averaging")
+    image.to_netcdf(tmp_path / "image.nc")
+    read = read_image(tmp_path / "image.nc")
+    assert read.equals(image)
+    assert read.attrs["free_amplitude"] == pytest.approx(scope.free_amplitude, rel=1e-12)
+    assert read.attrs["drive_frequency"] == 299.5e3 and read.attrs["setpoint"] == 0.7
+    # Below resonance the free lever lags less than 90 degrees behind; the phase is 90 less the lag.
+    ratio = 299.5 / 300
+    assert read.attrs["phase_zero"] == pytest.approx(90 - np.degrees(np.arctan2(ratio / 400, 1 - ratio**2)))
+    assert off_resonance(ratio, 400.0) == pytest.approx(20e-9 / scope.free_amplitude)
+
+
+def test_a_netcdf_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
+    xr.Dataset({"phase": ("time", [1.0])}).to_netcdf(tmp_path / "curve.nc")
+    with pytest.raises(FileError, match=r"no height or phase over \('y', 'x'\); it holds phase over \('time',\)"):
+        read_image(tmp_path / "curve.nc")
+
+
+# Through xarray.
+
+
+def test_xarray_finds_the_backend_by_its_entry_point() -> None:
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    module, _, name = project["entry-points"]["xarray.backends"]["phasemap"].partition(":")
+    backend = getattr(importlib.import_module(module), name)()
+    assert isinstance(backend, xr.backends.BackendEntrypoint)
+    for file in ("scan.nid", "SCAN.IBW", Path("grains.001"), "image.gwy"):
+        assert backend.guess_can_open(file), file
+    for file in ("image.nc", "photo.tiff", b"bytes", "scan.v1"):
+        assert not backend.guess_can_open(file), file
+
+
+@needs_reader
+def test_xarray_opens_a_microscopes_file(flake: xr.Dataset) -> None:
+    from phasemap.io.backend import PhasemapBackend
+
+    opened = xr.open_dataset(example("Plotting_Data/MoS2.nid"), engine=PhasemapBackend, drop_variables="amplitude")
+    assert opened.identical(flake.drop_vars("amplitude"))
+
+
+@needs_reader
+def test_a_measured_image_keeps_everything_in_netcdf(flake: xr.Dataset, tmp_path: Path) -> None:
+    flake.to_netcdf(tmp_path / "flake.nc")
+    assert read_image(tmp_path / "flake.nc").identical(flake)

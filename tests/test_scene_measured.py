@@ -1,0 +1,158 @@
+"""A scene from a measured image: nothing is made up, what is missing is asked for, and what is written runs."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap.cli import main
+from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap.io.netcdf import load, save
+from phasemap.scene_measured import scene_from
+
+needs_skimage = pytest.mark.skipif(find_spec("skimage") is None, reason='needs pip install "afm-phasemap[read]"')
+RECORDED: dict[str, Any] = {
+    "source": "blend.nid", "drive_frequency": 300e3, "resonance_frequency": 300e3, "quality_factor": 400.0,
+    "stiffness": 40.0, "free_amplitude": 20e-9, "setpoint": 0.6,
+}  # fmt: skip
+TIP = "tip.radius=10e-9"
+
+
+def truth() -> tuple[np.ndarray, np.ndarray]:
+    """Labels of two materials, the second 4 nm higher, and its topography."""
+    labels = (np.mgrid[:24, :32][1] >= 20).astype(int)
+    return labels, 4e-9 * labels
+
+
+def measured(**attrs: Any) -> xr.Dataset:
+    """That surface as a microscope records it: tilted, with offsets of lines, noise, and two phases."""
+    labels, topography = truth()
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[:24, :32]
+    height = topography + 2e-9 * x - 1e-9 * y + rng.normal(0, 1e-9, (24, 1))
+    phase = np.where(labels, -8.0, -27.0) + rng.normal(0, 0.4, labels.shape)
+    return xr.Dataset(
+        {"height": (("y", "x"), height), "phase": (("y", "x"), phase)},
+        {"y": (np.arange(24) + 0.5) * 4e-9, "x": (np.arange(32) + 0.5) * 3e-9},
+        RECORDED | attrs,
+    )
+
+
+def without(*names: str) -> xr.Dataset:
+    image = measured()
+    return image.assign_attrs({}).drop_attrs().assign_attrs({k: v for k, v in image.attrs.items() if k not in names})
+
+
+@needs_skimage
+def test_surface_and_microscope_are_found_again(tmp_path: Path) -> None:
+    scene = scene_from(measured(), tmp_path / "blend.toml", 2, [TIP])
+    labels, topography = truth()
+    assert scene.surface.shape == (24, 32) and scene.surface.pixel_size == pytest.approx((4e-9, 3e-9))
+    assert np.array_equal(load(tmp_path / "blend_maps.nc")["labels"].values, labels)
+    # Offsets of lines are exact medians; what is left is the plane that they lean by, less than 0.1 nm.
+    found = scene.surface.topography
+    assert found is not None and np.abs(found - topography).max() < 0.2e-9
+    lever = pm.Cantilever(40.0, 300e3, 400.0)
+    assert scene.microscope == pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(20e-9, 300e3), pm.Interaction("dmt"))
+    assert scene.options["setpoint"] == 0.6
+
+
+@needs_skimage
+def test_what_is_written_runs_and_can_be_edited(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    image = measured().isel(y=slice(4, 12), x=slice(12, 24))
+    image = image.assign_coords(y=image["y"][:8] - 16e-9, x=image["x"] - 36e-9)
+    scene_from(image, tmp_path / "blend.toml", 2, [TIP, "materials.material_1.modulus=3e9"])
+    text = (tmp_path / "blend.toml").read_text()
+    (tmp_path / "blend.toml").write_text(text.replace("modulus = 2.0e9", "modulus = 1.0e9"))
+    assert main(["run", str(tmp_path / "blend.toml"), "-o", str(tmp_path / "out.nc"), "--quiet"]) == 0
+    phase = load(tmp_path / "out.nc")["phase"].values
+    labels = load(tmp_path / "blend_maps.nc")["labels"].values
+    assert phase.shape == (8, 12) and phase[labels == 1].min() > phase[labels == 0].max()  # stiffer is brighter
+
+
+def test_everything_that_is_missing_is_named_at_once_with_an_example(tmp_path: Path) -> None:
+    image = without("stiffness", "free_amplitude", "setpoint")
+    with pytest.raises(PhasemapError) as caught:
+        scene_from(image, tmp_path / "scene.toml", 1)
+    assert str(caught.value) == (
+        "blend.nid does not say scan.setpoint, cantilever.stiffness, tip.radius, drive.free_amplitude: give what is "
+        "missing, such as scan.setpoint=0.7 cantilever.stiffness=40 tip.radius=10e-9 drive.free_amplitude=20e-9."
+    )
+    assert not list(tmp_path.iterdir())
+    given = str(caught.value).partition("such as ")[2].rstrip(".").split()
+    assert scene_from(image, tmp_path / "scene.toml", 1, given).options["setpoint"] == 0.7
+
+
+def test_placeholders_and_the_origin_of_each_value_are_said(tmp_path: Path) -> None:
+    image = measured(nominal="stiffness", warnings="The free amplitude is a guess.")
+    scene_from(image, tmp_path / "scene.toml", 1, [TIP, "materials.material_0.damping=0.03"])
+    lines = (tmp_path / "scene.toml").read_text().splitlines()
+    assert "# The free amplitude is a guess." in lines
+    assert "stiffness = 40.0  # N/m, nominal, of levers of this type" in lines
+    assert "setpoint = 0.6  # as recorded" in lines and "radius = 1e-08  # m, given" in lines
+    assert "modulus = 2.0e9  # Pa, placeholder" in lines and "damping = 0.03  # given" in lines
+    assert any("PLACEHOLDERS" in line for line in lines)
+
+
+def test_a_free_amplitude_recorded_off_resonance_is_brought_to_resonance(tmp_path: Path) -> None:
+    scene = scene_from(measured(drive_frequency=299e3), tmp_path / "scene.toml", 1, [TIP])
+    assert scene.microscope.free_amplitude == pytest.approx(20e-9, rel=1e-12)  # at the drive frequency
+    # |1 - w^2 + i w / Q| Q = 2.8427 at w = 299 / 300, Q = 400
+    assert scene.microscope.drive.free_amplitude == pytest.approx(20e-9 * 2.8427, rel=1e-3)
+
+
+def test_a_lever_without_a_resonance_is_taken_as_driven_at_it(tmp_path: Path) -> None:
+    scene = scene_from(without("resonance_frequency"), tmp_path / "scene.toml", 1, [TIP])
+    assert scene.microscope.frequency_ratio == 1.0
+    assert "# assumed to be the drive frequency" in (tmp_path / "scene.toml").read_text()
+
+
+def test_a_setpoint_in_metres_follows_from_the_free_amplitude(tmp_path: Path) -> None:
+    image = without("setpoint", "free_amplitude").assign_attrs(setpoint_amplitude=15e-9)
+    with pytest.raises(PhasemapError, match=r"does not say tip\.radius, drive\.free_amplitude: give"):
+        scene_from(image, tmp_path / "scene.toml", 1)
+    scene = scene_from(image, tmp_path / "scene.toml", 1, [TIP, "drive.free_amplitude=25e-9"])
+    assert scene.options["setpoint"] == pytest.approx(0.6)
+
+
+def test_bad_values_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    with pytest.raises(InputError, match=r"\[tip\] radius is -1"):
+        scene_from(measured(), path, 1, ["tip.radius=-1"])
+    with pytest.raises(InputError, match=r"\[materials.material_0\] modulis is unknown"):
+        scene_from(measured(), path, 1, [TIP, "materials.material_0.modulis=1e9"])
+    with pytest.raises(InputError, match="phases is 5; allowed: a whole number from 1 to 4"):
+        scene_from(measured(), path, 5, [TIP])
+    with pytest.raises(FileError, match=r"cannot use blend\.nid: there is no phase channel; it holds 'height'"):
+        scene_from(measured().drop_vars("phase"), path, 2, [TIP])
+    assert not list(tmp_path.iterdir())
+    path.write_text("mine")
+    with pytest.raises(FileError, match="exists already"):
+        scene_from(measured(), path, 1, [TIP])
+    assert path.read_text() == "mine"
+
+
+@needs_skimage
+def test_the_command_writes_what_python_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save(measured(), tmp_path / "image.nc")
+    command = ["scene", str(tmp_path / "image.nc"), "-o", str(tmp_path / "blend.toml"), "--phases", "2"]
+    assert main(command) == 2
+    assert (
+        "blend.nid does not say tip.radius: give what is missing, such as tip.radius=10e-9." in capsys.readouterr().err
+    )
+    assert main([*command, TIP]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "image       32 x 24 pixels, 96 x 96 nm" in said and said[-1] == f"written to  {tmp_path / 'blend.toml'}"
+    assert any(line.startswith("material_1  ") and re.search(r"phase -(8|7\.9)", line) for line in said)
+    command = (tmp_path / "blend.toml").read_text()
+    scene_from(measured(), tmp_path / "blend.toml", 2, [TIP], overwrite=True)
+    assert command == (tmp_path / "blend.toml").read_text()
+    assert tomllib.loads(command)["surface"]["materials"] == ["material_0", "material_1"]
