@@ -1,7 +1,7 @@
 """The order in which files of tests are begun.
 
 More than half of the time is numba's. Two workers that begin with the same kernels both compile them; where one
-compiles the exact orbits while the other compiles scans and the march, each later finds what the other has made on disk.
+compiles the exact orbits while the other compiles scans and the march, each later finds the other's work on disk.
 """
 
 from __future__ import annotations
