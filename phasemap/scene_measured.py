@@ -118,7 +118,7 @@ def scene_from(
     maps = _maps(scan, phases)
     shares = _shares(maps["labels"].values, scan)
     names = [f"material_{label}" for label in range(phases)]
-    pixel_size = [2 * float(scan[dim][0]) for dim in ("y", "x")]
+    pixel_size = [_pitch(scan, dim) for dim in ("y", "x")]
     tables["surface"] |= {
         "kind": "labels",
         "labels": {"file": maps_path.name, "variable": "labels"},
@@ -139,6 +139,12 @@ def scene_from(
     with replacing(path, overwrite) as temporary:
         temporary.write_text(_toml(tables, notes, _heading(scan, path)), encoding="utf-8")
     return load_scene(path)
+
+
+def _pitch(scan: xr.Dataset, dim: str) -> float:
+    """Side of a pixel [m], of a part of an image too."""
+    centres = scan[dim].values
+    return float(centres[1] - centres[0]) if len(centres) > 1 else 2 * float(centres[0])
 
 
 def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, dict[str, str]]:

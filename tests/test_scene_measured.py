@@ -156,3 +156,13 @@ def test_the_command_writes_what_python_writes(tmp_path: Path, capsys: pytest.Ca
     scene_from(measured(), tmp_path / "blend.toml", 2, [TIP], overwrite=True)
     assert command == (tmp_path / "blend.toml").read_text()
     assert tomllib.loads(command)["surface"]["materials"] == ["material_0", "material_1"]
+
+
+def test_a_part_of_an_image_keeps_the_size_of_its_pixels(tmp_path: Path) -> None:
+    dims, coords = ("y", "x"), {"y": 2e-9 * (np.arange(12) + 0.5), "x": 3e-9 * (np.arange(16) + 0.5)}
+    rng = np.random.default_rng(1)
+    image = xr.Dataset({"height": (dims, rng.normal(0, 1e-9, (12, 16)))}, coords)
+    given = ["scan.setpoint=0.7", "cantilever.stiffness=40", "cantilever.resonance_frequency=300e3"]
+    given += ["cantilever.quality_factor=400", "tip.radius=10e-9", "drive.free_amplitude=20e-9"]
+    scene = scene_from(image.isel(y=slice(4, 10)), tmp_path / "part.toml", 1, given)
+    assert scene.surface.pixel_size == pytest.approx((2e-9, 3e-9)) and scene.surface.shape == (6, 16)
