@@ -38,9 +38,9 @@ def main(folder: Path = Path()) -> None:
     print(verdict_of(found))
     share = 100 * float(found["region_share_of_variance"])
     print(
-        f"Where the materials lie was read from the phase itself, of which two regions hold {share:.0f} %: what the model"
+        f"Where the materials lie was read from the phase itself: two regions hold {share:.0f} % of its variance. What the"
     )
-    print("adds is how large the contrast is, and what relief and feedback do to it.")
+    print("model adds is how large the contrast is, and what relief and feedback do to it.")
 
     other = pm.compare(measured, measured, direction=("trace", "retrace"), names=("trace", "retrace"))
     best = 100 * float(other["explained"])
