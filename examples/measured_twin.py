@@ -37,10 +37,8 @@ def main(folder: Path = Path()) -> None:
     pm.plot.comparison(found, folder / "measured_twin.png", overwrite=True)
     print(verdict_of(found))
     share = 100 * float(found["region_share_of_variance"])
-    print(
-        f"Where the materials lie was read from the phase itself: two regions hold {share:.0f} % of its variance. What the"
-    )
-    print("model adds is how large the contrast is, and what relief and feedback do to it.")
+    print(f"Where the materials lie was read from the phase itself: two regions hold {share:.0f} % of its variance.")
+    print("What the model adds is how large the contrast is, and what relief and feedback do to it.")
 
     other = pm.compare(measured, measured, direction=("trace", "retrace"), names=("trace", "retrace"))
     best = 100 * float(other["explained"])

@@ -360,6 +360,10 @@ def _in_words(notes: Mapping[str, Any]) -> str:
     gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
     factor = notes["gain_margin"]
     rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
+    if factor != factor:
+        rings = "nothing is known of when it rings"
+    if notes["ringing_lines"]:
+        rings = f"it did not come to rest before {notes['ringing_lines']} lines: lower the gains"
     return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
 
 

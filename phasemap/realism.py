@@ -262,7 +262,7 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
 
 def _nearest(pixels: FloatArray) -> NDArray[np.int64]:
     """Whole pixels, halves upwards, so that all pixels of a line move by the same."""
-    return np.floor(pixels + 0.5).astype(np.int64)
+    return np.clip(np.floor(pixels + 0.5), -(1 << 40), 1 << 40).astype(np.int64)
 
 
 def _carried(relief: FloatArray, right: FloatArray, down: FloatArray) -> FloatArray:

@@ -406,8 +406,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     accuracy = _object(tables, "accuracy", Accuracy)
     control_table = {"kind": "engage", **_table(tables, "control")}
     check_choice("[control] kind", control_table["kind"], CONTROLS)
-    control_class = CONTROLS[control_table.pop("kind")]
-    control = _from_table("[control]", control_table, control_class)
+    control = _control(control_table.pop("kind"), control_table)
     output = _table(tables, "output")
     check_keys("[output]", output, ("file", "variables"))
     file, variables = output.get("file"), output.get("variables")
@@ -486,6 +485,17 @@ def _table(tables: Table, name: str) -> Table:
 def _object(tables: Table, name: str, cls: Callable[..., T]) -> T:
     """The object of the table that has its name."""
     return _from_table(f"[{name}]", _table(tables, name), cls)
+
+
+def _control(kind: str, table: Table) -> Control:
+    """The control of this kind; a key of another kind is told from a misspelt one."""
+    keys = {name: {field.name for field in dataclasses.fields(cls)} for name, cls in CONTROLS.items()}  # type: ignore[arg-type]
+    for key, value in table.items():
+        others = [name for name in CONTROLS if key in keys[name]]
+        if others and kind not in others:
+            belongs = f"It belongs to kind = {' or '.join(map(repr, others))}."
+            raise InputError(f"[control] {key}", value, f"nothing where kind is {kind!r}", belongs)
+    return _from_table("[control]", table, CONTROLS[kind])
 
 
 def _from_table(name: str, table: object, cls: Callable[..., T]) -> T:

@@ -277,6 +277,30 @@ def test_scanner_that_resonates_needs_lower_gains() -> None:
     assert bound.integral_gain < 0.5 * free.integral_gain
 
 
+def test_tuned_gains_are_quiet_where_the_linear_loop_promises_too_much() -> None:
+    # A soft lever on a stiff sample: an error of some percent throws the tip out of contact, and the linear loop knows
+    # nothing of that. The amplitude changes within a period: "auto" integrates the equation, the slow flow says no.
+    scope = pm.Microscope(pm.Cantilever(3.0, 75e3, 200.0), pm.Tip(10e-9), pm.Drive(30e-9))
+    surface = pm.Surface(70e9, 0.05, damping=0.01, topography=np.zeros((1, 12)), pixel_size=4e-9)
+    image = pm.simulate(surface, scope, 0.4, "auto", pm.Feedback(line_rate=6.51))
+    still = pm.simulate(surface, scope, 0.4, "orbit")
+    assert not image.status.any() and image.attrs["ringing_lines"] == 0
+    assert image.solver.attrs["flag_meanings"].split()[int(image.solver[0, 0, 0]) + 1] == "march"
+    assert float(abs(image.phase - still.phase).max()) < 0.01
+    refused = pm.simulate(surface, scope, 0.4, "averaging", pm.Feedback(line_rate=6.51))
+    assert (refused.status == pm.Status.not_converged.code).all()
+
+
+def test_lines_that_begin_without_rest_are_counted() -> None:
+    loud = replace(FAST, proportional_gain=0.0, integral_gain=9000.0)
+    assert scan(line([1] * 8, rows=2), loud, "march").attrs["ringing_lines"] == 2
+
+
+def test_surface_without_any_material_is_flagged_and_not_tuned() -> None:
+    surface = pm.Surface(np.full((1, 3), np.nan), 0.05, 0.01, pixel_size=4e-9, allow_nan=True)
+    assert (scan(surface).status == pm.Status.invalid.code).all()
+
+
 def test_image_says_its_gains() -> None:
     image = scan(line([0] * 8))
     assert image.attrs["gain_margin"] == pytest.approx(2.5, rel=0.02)
@@ -381,6 +405,8 @@ def test_pixel_without_material_is_flagged_and_the_tip_goes_on() -> None:
     ("control", "sentence"),
     [
         (pm.Feedback(line_rate=2000.0), "line_rate is 2000.0; allowed: at most 1.56e\\+03 Hz for 16 pixels a line"),
+        (pm.Feedback(bandwidth=5.0), "bandwidth is 5.0; allowed: at least 10 Hz, ten times the line rate"),
+        (pm.Feedback(derivative_gain=1.0), "derivative_gain is 1.0; allowed: a smaller one"),
         (pm.Feedback(bandwidth=1e5), "bandwidth is 100000.0; allowed: at most 6e\\+04 Hz, a fifth of the drive"),
         (pm.Feedback(scanner_resonance=1e5), "scanner_resonance is 100000.0; allowed: at most 6e\\+04 Hz"),
         (pm.Feedback(proportional_gain=0.0, integral_gain=1e6), "integral_gain is 1000000.0; allowed: at most 3e\\+05"),

@@ -111,6 +111,10 @@ def test_every_table_is_read(tmp_path: Path) -> None:
         ("interaction.contact=hertzz", r"\[interaction\] contact is 'hertzz'; allowed: one of hertz, dmt"),
         ("accuracy.phase=0", r"\[accuracy\] phase is 0; allowed: a finite number above 0"),
         ("control.gain=1", r"\[control\] gain is unknown"),
+        (
+            "control.line_rate=1",
+            r"line_rate is 1; allowed: nothing where kind is 'engage'\. It belongs to kind = 'feedback'",
+        ),
         ("output.file=3", r"\[output\] file is 3; allowed: a file name"),
         ('output.variables=["phases"]', r"\[output\] variables is 'phases'; allowed: names out of height, phase"),
         ("output.variables=height", r"\[output\] variables is 'height'; allowed: a list of names"),

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.beat import new_beat
 from phasemap._kernels.scanning.bulge import bulges
 from phasemap._kernels.scanning.flow import new_flow
@@ -63,8 +64,9 @@ class Lines:
             control, job.scope, job.amplitude, realism.temperature or 0.0, realism.detector_noise or 0.0
         )
         tau = 2 * math.pi * job.scope.cantilever.resonance_frequency
+        self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
-        self.rows = _with_bulges(job, work) if engine == col.AVERAGING else work.rows
+        self.rows = with_bulges(job, work) if engine == col.AVERAGING else work.rows
         # A tip that engages comes from far: the first material of each line says on which orbit it then is.
         has_one = (self.numbers >= 0).argmax(axis=1)
         starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)
@@ -84,6 +86,7 @@ class Lines:
         law, lever = self.work.law, self.work.lever
         orbit = self.orbits[self.first[row]]
         done = scan_line(law, self.rows, lever, loop, program, engaged, orbit, tip.state, out, status, noise)
+        self.calm[row] = engaged or done != col.GOOD or loop[of.CALM] > 0.0
         tip.loop = loop if done == col.GOOD else None
         self._put(row, out, status, ground)
 
@@ -102,7 +105,7 @@ class Lines:
             self.canvas.put(slice(row * nx, (row + 1) * nx), some, direction)
 
 
-def _with_bulges(job: Job, work: Work) -> Array:
+def with_bulges(job: Job, work: Work) -> Array:
     """Rows with the two kappa of `phasemap._kernels.scanning.bulge` behind them, interpolated in contact stiffness."""
     limits = np.array([math.radians(job.accuracy.phase), job.accuracy.height])
     stiffness = work.rows[:, col.CONTACT]

@@ -15,6 +15,7 @@ Array = np.ndarray
 
 BOLTZMANN = 1.380649e-23  # J/K, exact
 FEWEST_PERIODS = 5.0  # over a pixel: fewer say nothing about it
+SLOWEST = 10.0  # bandwidth over line rate: a slower lock-in sees lines, not pixels
 WIDEST = 0.2  # of the drive frequency: a lock-in as wide passes the oscillation itself
 
 
@@ -38,6 +39,9 @@ def check(control: Feedback, scope: Microscope, pixels: int) -> None:
             "line_rate", control.line_rate, f"at most {most:.3g} Hz for {pixels} pixels a line at {frequency:.4g} Hz",
             f"Each pixel needs {FEWEST_PERIODS:g} periods of the drive.",
         )  # fmt: skip
+    if control.bandwidth < SLOWEST * control.line_rate:
+        least = f"at least {SLOWEST * control.line_rate:g} Hz, ten times the line rate"
+        raise InputError("bandwidth", control.bandwidth, least)
     for name in ("bandwidth", "scanner_resonance"):
         value = getattr(control, name)
         if value is not None and value > WIDEST * frequency:

@@ -11,7 +11,8 @@ from phasemap.control import Feedback
 from phasemap.errors import InputError
 from phasemap.feedback.lines import Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
-from phasemap.feedback.tuning import margin, tune
+from phasemap.feedback.settling import quietened
+from phasemap.feedback.tuning import fastest, margin, tune
 from phasemap.microscope import Microscope
 from phasemap.paint import Job
 from phasemap.realism import scopes_by_row
@@ -19,9 +20,10 @@ from phasemap.work import Work
 from phasemap.workers import Progress, spread
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
+FASTEST = 0.1  # per tau, of amplitude and phase; beyond, stiff contact makes them change as much
 
 
-def engine_of(job: Job) -> int:
+def engine_of(job: Job, control: Feedback, work: Work) -> int:
     """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
 
     Raises
@@ -31,7 +33,8 @@ def engine_of(job: Job) -> int:
     """
     name = job.solver.name
     if name == "auto":
-        return col.AVERAGING if job.scope.cantilever.quality_factor >= LOWEST_Q else col.MARCH
+        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and fastest(control, job.scope, work) <= FASTEST
+        return col.AVERAGING if slow else col.MARCH
     if name in ("averaging", "march"):
         return col.AVERAGING if name == "averaging" else col.MARCH
     raise InputError("solver", name, "'averaging', 'march' or 'auto' with control=Feedback(), which acts in time")
@@ -41,12 +44,13 @@ def paint(job: Job, canvas: Canvas) -> int:
     """Fill the canvas, and return how many distinct materials the surface has."""
     control = job.control
     assert isinstance(control, Feedback)
-    engine = engine_of(job)
     ny, nx = job.surface.shape
     check(control, job.scope, nx)
     materials, numbers = job.surface.unique()
     work = job.work(materials)
-    control = tune(control, job.scope, work)
+    engine = engine_of(job, control, work)
+    if control.integral_gain is None:
+        control = quietened(tune(control, job.scope, work), job, work, engine)
     canvas.notes.update(_notes(control, job.scope, work, nx))
     tip = Tip(engine)
     for rows, scope in scopes_by_row(job.realism, job.scope, ny):  # a tip that changes
@@ -57,6 +61,7 @@ def paint(job: Job, canvas: Canvas) -> int:
         else:
             bounds, workers, scan = range(rows.start, rows.stop + 1), 1, partial(_carried, lines, tip)
         spread(scan, bounds, workers, _counted(job, rows.start))
+        canvas.notes["ringing_lines"] = canvas.notes.get("ringing_lines", 0) + int((~lines.calm).sum())
     return len(materials)
 
 

@@ -29,6 +29,7 @@ Jacobians = tuple[Array, Array, Array]
 BACK = 2.5  # by which gains are taken back from where the loop rings: 8 dB
 MOST = 48  # materials that are looked at
 RESETS = np.geomspace(0.03, 3.0, 9)  # Kp/Ki that are tried, in decay times of lever and lock-in
+FREE = 0.25  # integral gain over the rate of a lag of first order: no overshoot
 LOUDEST = 1e3  # Kp at which the search ends
 MOST_MARGIN = 1e6  # that is told from infinity
 NUDGE = 1e-6  # of the amplitude, for derivatives
@@ -50,21 +51,20 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     Returns
     -------
     Feedback
-        With both gains.
+        With both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of the free
+        lever, which follows the scanner with a lag, settles without overshoot.
 
     Raises
     ------
     InputError
-        If no material has a stable orbit at the setpoint.
+        If the derivative gain leaves no stable gains.
     """
     if control.integral_gain is not None:
         return control
     system = _linear(control, scope, work)
-    if not len(system[0]):
-        raise InputError(
-            "integral_gain", None, "gains of one's own where no material has a stable averaged orbit at the setpoint"
-        )
     tau = 2 * math.pi * scope.cantilever.resonance_frequency
+    if not len(system[0]):
+        return replace(control, proportional_gain=0.0, integral_gain=FREE * float(work.lever[ALPHA0]) * tau)
     loop = loop_of(control, scope, 1.0)
     slowest = 1 / work.lever[ALPHA0] + control.order / loop[of.RATE]
     best = 0.0, 0.0
@@ -72,6 +72,10 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
         integral = _limit(system, reset, 1.0, LOUDEST / reset) / BACK
         if integral > best[1]:
             best = integral * reset, integral
+    if best[1] == 0.0:
+        raise InputError(
+            "derivative_gain", control.derivative_gain, "a smaller one: with this the loop is never stable"
+        )
     return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * tau))
 
 
@@ -83,6 +87,12 @@ def margin(control: Feedback, scope: Microscope, work: Work) -> float:
     if not len(system[0]) or proportional == integral == 0.0:
         return math.nan
     return _limit(system, proportional, integral, MOST_MARGIN)
+
+
+def fastest(control: Feedback, scope: Microscope, work: Work) -> float:
+    """The fastest that the lever's amplitude and phase change by themselves on any orbit, per tau; 0 without orbits."""
+    lever = _linear(control, scope, work)[0][:, : of.INTEGRAL, : of.INTEGRAL]
+    return float(abs(np.linalg.eigvals(lever)).max()) if len(lever) else 0.0
 
 
 def _limit(system: Jacobians, proportional: float, integral: float, highest: float) -> float:

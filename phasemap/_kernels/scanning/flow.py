@@ -47,7 +47,7 @@ from phasemap._kernels.scanning.loop import (
 )
 
 TOLERANCE = 5e-5  # of the setpoint amplitude, local error of a step
-MOST_STEPS = 1_000_000  # between two corners of the surface
+MOST_STEPS, A_PERIOD = 500, 8.0  # between two corners of the surface, and in a period: more follow no averaged lever
 FAINTEST = 1e-6  # of the setpoint amplitude; a has no phase at 0
 NOISY = 0.25  # in decay times of lever and lock-in: the longest step with noise
 
@@ -178,7 +178,7 @@ def flow_on(
     if not memory[STEP] > 0.0:
         memory[STEP] = 0.1 / loop[RATE]
     done, fresh = 0.0, True
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_STEPS + int(A_PERIOD * span * lever[col.OMEGA] / (2.0 * math.pi))):
         left = span - done
         h = min(memory[STEP], longest)
         last = h >= left * (1.0 - 1e-9)
@@ -214,4 +214,4 @@ def flow_on(
             memory[STEP] = grown
         if not memory[STEP] > 1e-9 * span:
             return col.DIVERGED
-    return col.DIVERGED
+    return col.NOT_CONVERGED

@@ -20,6 +20,7 @@ from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.flow import SHIFT, STEP, Flow, flow_on
 from phasemap._kernels.scanning.loop import (
     AMP,
+    CALM,
     FILTERS,
     HIGH,
     INTEGRAL,
@@ -48,7 +49,7 @@ SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 BULGE = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `bulge`
 
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
-CALM = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
+STILL = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 LOOKS = 40  # at whether it has
 LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no feedback any more
 
@@ -135,9 +136,9 @@ def approach_in_time(
     lowering = loop.copy()
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0
     lowering[LOW], lowering[HIGH] = -math.inf, math.inf
-    lowering[RAMP] = APPROACH * free / decay
     tally = np.zeros(TALLY)
     while shown(loop, y)[0] > loop[SETPOINT]:
+        lowering[RAMP] = APPROACH * max(free, y[PLACE] - ground) / decay
         status = advance(law, row, lever, lowering, ground, 0.0, 0.1 * decay, tip, tally, noise)
         if status != col.GOOD:
             return status
@@ -153,7 +154,8 @@ def engage_in_time(
 ) -> int:  # fmt: skip
     """Put the tip on a result row's orbit, or approach where it is NaN, and let the feedback settle; returns a status.
 
-    Sets the middle of the scanner's range to where it then is: loop[LOW] and loop[HIGH] are taken as half of it.
+    Sets the middle of the scanner's range to where it then is: loop[LOW] and loop[HIGH] are taken as half of it; and
+    loop[CALM] to whether it settled. A loop that rings does not, and goes on all the same.
     """
     goal, free, y = loop[SETPOINT], free_amplitude(lever), tip.y
     if math.isfinite(orbit[col.TIP_OFFSET]):
@@ -178,10 +180,11 @@ def engage_in_time(
         if abs(y[PLACE] - ground) > LOST * free:
             return col.DIVERGED
         # An error that passes through zero is no rest: its mean and its last value must both be small.
-        small = max(abs(shown(loop, y)[0] - goal), abs(tally[SUM_AMPLITUDE] / tally[TIME] - goal)) < CALM * goal
+        small = max(abs(shown(loop, y)[0] - goal), abs(tally[SUM_AMPLITUDE] / tally[TIME] - goal)) < STILL * goal
         calm = calm + 1 if small else 0
         if calm == 2:
             break
+    loop[CALM] = 1.0 if calm == 2 else 0.0
     loop[LOW], loop[HIGH] = y[PLACE] - half, y[PLACE] + half
     return col.GOOD
 

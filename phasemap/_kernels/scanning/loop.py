@@ -29,7 +29,8 @@ LOW, HIGH = 8, 9  # of the scanner
 RAMP = 10  # speed at which the tip is lowered whatever the amplitude
 THERMAL = 11  # <z^2> of the free lever [m^2]
 DETECTOR = 12  # n^2 [m^2 per tau]
-LOOP = 13
+CALM = 13  # whether the feedback settled when it engaged (1 or 0)
+LOOP = 14
 
 # Entries of the state: a; I, Z, Z'; the filters.
 AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13

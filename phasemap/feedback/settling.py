@@ -1,0 +1,67 @@
+"""Tuned gains, tried: the linear loop does not know what a tip does that is thrown out of contact."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.scanning import loop as of
+from phasemap._kernels.scanning.line import engage_in_time
+from phasemap.control import Feedback
+from phasemap.feedback.lines import ENGAGED, Tip, with_bulges
+from phasemap.feedback.loop import loop_of
+from phasemap.paint import Job
+from phasemap.realism import generator
+from phasemap.solvers import by_name
+from phasemap.work import Work
+from phasemap.workers import run
+
+NUDGE = 0.02  # of the setpoint amplitude, by which the tip is too near when it is let go
+HALVINGS = 6
+
+
+def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
+    """Halve the gains until the feedback comes to rest on the softest and the stiffest material, as an operator does.
+
+    Parameters
+    ----------
+    control : Feedback
+        With gains.
+    job : Job
+    work : Work
+        The scene's materials at the setpoint.
+    engine : int
+        Code of the solver that moves the tip.
+
+    Returns
+    -------
+    Feedback
+        The same, if its gains are quiet. Where they never are, those halved six times.
+    """
+    valid = np.flatnonzero(work.refused() == col.GOOD)
+    if not len(valid):
+        return control
+    stiffness = work.rows[valid, col.CONTACT]
+    some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
+    work = Work(work.law, work.rows[some], work.lever, work.amplitudes[some])
+    orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
+    rows = with_bulges(job, work) if engine == col.AVERAGING else work.rows
+    held = np.flatnonzero(status == col.GOOD)
+    for _ in range(HALVINGS):
+        if all(_is_quiet(control, job, work, engine, rows[i], orbits[i]) for i in held):
+            break
+        gains = {name: 0.5 * getattr(control, name) for name in ("proportional_gain", "integral_gain")}
+        control = replace(control, **gains)
+    return control
+
+
+def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndarray, orbit: np.ndarray) -> bool:
+    """Whether the feedback comes to rest after a nudge."""
+    loop, nudged = loop_of(control, job.scope, job.amplitude), orbit.copy()
+    loop[of.LOW], loop[of.HIGH] = -np.inf, np.inf
+    nudged[col.TIP_OFFSET] -= NUDGE * job.amplitude
+    quiet = generator(0, "unused: without noise")
+    done = engage_in_time(work.law, row, work.lever, loop, 0.0, nudged, Tip(engine).state, quiet)
+    return bool(done == col.GOOD and loop[of.CALM] > 0.0)
