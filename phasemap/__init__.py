@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from phasemap.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.interaction import Interaction
+    from phasemap.inversion.images import fit_regions, invert
+    from phasemap.inversion.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
     from phasemap.material import Material
@@ -46,6 +48,8 @@ _NAMES = {
     "errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
     "interaction": ("Interaction",),
+    "inversion.images": ("fit_regions", "invert"),
+    "inversion.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
     "material": ("Material",),
@@ -65,10 +69,10 @@ _MODULES = ("generate", "plot")
 __all__ = [
     "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
     "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration", "SolveError", "Status",
-    "Surface", "Tip", "TipChange", "compare", "contrast", "export", "fit_distance", "fit_frequency", "generate",
-    "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from",
-    "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
-    "write_gsf", "write_gwy",
+    "Surface", "Tip", "TipChange", "compare", "contrast", "export", "fit_distance", "fit_frequency", "fit_regions",
+    "generate", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image",
+    "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency",
+    "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from phasemap.figures import FAILED, describe_failures, describe_flags, draw_sca
 from phasemap.plot_comparison import comparison, is_comparison
 from phasemap.plot_contrast import contrast, is_contrast
 from phasemap.plot_curve import curve, is_sweep
+from phasemap.plot_inversion import inversion, is_inversion
 from phasemap.plot_trace import trace
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = ["comparison", "contrast", "curve", "describe_failures", "describe_flags", "plot", "trace"]
+__all__ = ["comparison", "contrast", "curve", "describe_failures", "describe_flags", "inversion", "plot", "trace"]
 
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
@@ -46,7 +47,7 @@ class _Scale:
 
 
 def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
-    """Draw height and phase of an image side by side, or what `curve`, `contrast` or `comparison` draws of its Dataset.
+    """Draw height and phase of an image side by side, or what the function for another Dataset draws.
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
     in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
@@ -56,9 +57,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     ----------
     ds : xarray.Dataset
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
-        a leading dimension "direction" gives one row each,
-        and ``amplitude_error`` a third column. Or what a sweep, `phasemap.contrast` or
-        `phasemap.compare` returned.
+        a leading dimension "direction" gives one row each, and ``amplitude_error`` a third column. Or what a sweep,
+        `phasemap.contrast`, `phasemap.compare` or `phasemap.invert` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -71,7 +71,7 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     Raises
     ------
     InputError
-        If `ds` holds no image, sweep, contrast or comparison, or the format is unknown.
+        If `ds` holds no image, sweep, contrast, comparison or inversion, or the format is unknown.
     FileError
         If `path` cannot be written.
 
@@ -92,6 +92,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
         return curve(ds, path, overwrite=overwrite)
     if is_contrast(ds):
         return contrast(ds, path, overwrite)
+    if is_inversion(ds):
+        return inversion(ds, path, overwrite)
     if is_comparison(ds):
         return comparison(ds, path, overwrite)
     _check(ds)

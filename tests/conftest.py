@@ -8,7 +8,16 @@ from __future__ import annotations
 
 import pytest
 
-FIRST = ("test_orbits", "test_feedback", "test_march", "test_laws", "test_sweeps", "test_hard", "test_raster")
+FIRST = (
+    "test_orbits",
+    "test_march",
+    "test_laws",
+    "test_ensemble",
+    "test_sweeps",
+    "test_feedback",
+    "test_hard",
+    "test_raster",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

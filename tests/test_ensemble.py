@@ -197,9 +197,8 @@ def test_a_run_that_is_killed_goes_on_and_writes_the_same_bytes(tmp_path: Path) 
     command = [sys.executable, "-m", "phasemap", "run", str(scene), "-o", str(path), f"ensemble.count={count}"]
     for send, stop, workers in ((os.kill, signal.SIGKILL, 1), (os.killpg, signal.SIGINT, 2)):  # Ctrl-C is for the group
         before = made(parts)
-        with subprocess.Popen(
-            [*command, f"--workers={workers}"], start_new_session=True, stderr=subprocess.PIPE, text=True
-        ) as run:
+        how = {"start_new_session": True, "stderr": subprocess.PIPE, "text": True, "preexec_fn": heeding}
+        with subprocess.Popen([*command, f"--workers={workers}"], **how) as run:
             while made(parts) < before + 3:
                 assert run.poll() is None
                 time.sleep(0.01)
@@ -214,6 +213,11 @@ def test_a_run_that_is_killed_goes_on_and_writes_the_same_bytes(tmp_path: Path) 
     assert reported[0] >= int(kept[1])
     assert path.read_bytes() == ensemble.simulate(tmp_path / "again.nc").read_bytes()
     assert not parts.exists()
+
+
+def heeding() -> None:
+    """Heed Ctrl-C, which processes that a shell started in the background are told to ignore."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def made(parts: Path) -> int:

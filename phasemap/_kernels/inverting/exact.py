@@ -1,0 +1,56 @@
+"""Exact orbits next to averaged ones on a branch that is known."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels.averaging import harmonics
+from phasemap._kernels.corrected import HEIGHT as STATE_HEIGHT
+from phasemap._kernels.corrected import PHASE as STATE_PHASE
+from phasemap._kernels.inverting.averaged import OFFSET, PHASE, root_anywhere, root_near
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.quick import new_room, parameters, refine
+
+
+@njit(**OPTIONS)
+def exact_block(
+    law: Law, rows: np.ndarray, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray, limits: np.ndarray,
+    places: np.ndarray, values: np.ndarray, good: np.ndarray,
+) -> None:  # fmt: skip
+    """Exact phase and tip offset of n materials in m images, by the lever's response to averaged orbits.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n, ROW)
+    levers, amplitudes, sides, places
+        As for `averaged_block`; places that are NaN are searched for.
+    limits : ndarray, shape (2,)
+        Largest estimated errors: phase [rad], tip offset [m].
+    values : ndarray, shape (n, m, VALUES)
+        NaN where the response does not converge, or the orbit is not sound.
+    good : ndarray of bool, shape (n, m)
+    """
+    room, guess = new_room(), np.zeros(6)
+    for i in range(len(rows)):
+        p = parameters(rows[i])
+        reach = reach_of(law, p)
+        for j in range(len(amplitudes)):
+            values[i, j] = np.nan
+            good[i, j] = False
+            if sides[i, j] == 0:
+                continue
+            lever, amplitude = levers[j], amplitudes[j]
+            c, slope = root_near(law, p, lever, reach, amplitude, sides[i, j], places[i, j])
+            if not slope < 0.0:
+                c, slope = root_anywhere(law, p, lever, reach, amplitude, sides[i, j])
+            if not slope < 0.0:
+                continue
+            places[i, j] = c
+            push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+            guess[0], guess[1], guess[2] = amplitude * c + mean, mean, amplitude
+            guess[3], guess[4], guess[5] = push, drag, slope / amplitude
+            if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+                values[i, j, PHASE], values[i, j, OFFSET] = room.state[STATE_PHASE], room.state[STATE_HEIGHT]
+                good[i, j] = True

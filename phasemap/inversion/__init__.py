@@ -1,0 +1,1 @@
+"""From a stack of images to materials: data, model, search and verdict."""

@@ -1,0 +1,226 @@
+"""From measured images back to materials: maps of modulus, adhesion and damping, or one material a region."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._check import number
+from phasemap.dataset import describe, provenance
+from phasemap.errors import InputError
+from phasemap.inversion.model import make_model
+from phasemap.inversion.regions import medians, regions_of
+from phasemap.inversion.search import make_grid
+from phasemap.inversion.stack import Stack, list_of_images, make_stack
+from phasemap.inversion.verdict import Answer, say, settings_of, solve_part, variables_of
+from phasemap.material import Material
+from phasemap.microscope import Microscope
+from phasemap.workers import Progress, spread, workers_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["fit_regions", "invert"]
+
+BLOCK = 512  # pixels that are solved together
+PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
+
+
+def invert(
+    images: xr.Dataset | Sequence[xr.Dataset],
+    scope: Microscope | Sequence[Microscope],
+    *,
+    setpoints: Any = None,
+    phase_error: Any = 0.4,
+    height_error: Any = 0.1e-9,
+    phase_zero: Any = None,
+    phase_zero_error: Any = 0.0,
+    height_zero: Any = 0.0,
+    height_zero_error: Any = 0.0,
+    prior: Material = PRIOR,
+    prior_factor: float = 10.0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Find modulus, adhesion and damping of every pixel from images at several setpoints or free amplitudes.
+
+    Each pixel is solved by itself, by damped Gauss-Newton with the sensitivities of the model, on the branch that the
+    sign of its phase tells. Its own topography, the same in all images, is an unknown too: heights count by how they
+    change from image to image. Look at `flag` before the values: it says per pixel what the data do not determine.
+
+    Parameters
+    ----------
+    images : xarray.Dataset or sequence of xarray.Dataset
+        Registered images of the same place, with ``phase`` [degree] and ``height`` [m] over ("y", "x"); or one Dataset
+        with a leading dim "setpoint" or "image". Heights are used if all images have them, and there are two at least.
+    scope : Microscope or sequence of Microscope
+        One for each image if their drives differ.
+    setpoints : sequence of float, optional
+        Amplitude over free amplitude of each image; taken from the attribute ``setpoint`` if missing.
+    phase_error, height_error : float or sequence of float
+        Standard errors of a pixel [degree, m], of all images or of each.
+    phase_zero, height_zero : float or sequence of float, optional
+        What the instrument says where the phase, or the height of the undeformed surface, is 0 [degree, m], of all
+        images or of each. The phase's is taken from the attribute ``phase_zero`` if missing. Only differences between
+        the height zeros count.
+    phase_zero_error, height_zero_error : float or sequence of float
+        Their standard errors [degree, m], in each image by itself. They are the same for all pixels of an image, and so
+        is what they do to the maps.
+    prior : Material
+        A guess at the sample, weak: its properties are known within `prior_factor`.
+    prior_factor : float
+        One standard deviation of the prior, as a factor above 1. Properties are sought within its third power.
+    threads : int, optional
+        All cores by default. The numbers do not depend on it.
+    progress : callable, optional
+        Called as ``progress(done, total)`` in pixels.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ("y", "x"): modulus [Pa], adhesion [J/m2], damping [1]; `modulus_error`, `adhesion_error`, `damping_error`,
+        standard errors of their natural logarithms [1], prior included; misfit [1], chi2 over degrees
+        of freedom; flag (CF bit mask): `modulus_not_determined` and so on where that error is above 0.5, so that the
+        value is mostly the prior's, `poor_fit` where the model does not describe the data, `no_orbit`, `no_data`,
+        `averaged_only` where exact orbits were not found. Over "image": setpoint and free_amplitude.
+
+    Raises
+    ------
+    InputError
+        If images, microscopes and settings do not fit together, or the contact law has a neck.
+
+    Notes
+    -----
+    Errors come from the noise and the zeros stated. A wrong spring constant, tip radius or contact law is not in them.
+    Zeros cannot be found from the images: materials make up for them. Take them from a place that is known.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
+    >>> sample = pm.Surface(modulus=[[0.5e9, 2e9]], adhesion=0.06, damping=0.02, pixel_size=4e-9)
+    >>> stack = [pm.simulate(sample, scope, setpoint) for setpoint in (0.5, 0.65, 0.8)]
+    >>> found = pm.invert(stack, scope, phase_zero=0.0, height_error=0.02e-9)
+    >>> (found.modulus.values / 1e9).round(1).tolist()
+    [[0.5, 2.0]]
+    """
+    started = time.perf_counter()
+    factor = _check_prior(prior, prior_factor)
+    given = list_of_images(images)
+    stack = make_stack(
+        given, scope, setpoints, (phase_error, phase_zero, phase_zero_error),
+        (height_error, height_zero, height_zero_error),
+    )  # fmt: skip
+    answer = _solve(stack, prior, factor, threads, progress)
+    first = given[0]["phase"]
+    found = _dataset(answer, stack, prior, factor, ("y", "x"), first.shape)
+    found = found.assign_coords({dim: first.coords[dim] for dim in ("y", "x") if dim in first.coords})
+    found.attrs["seconds"] = round(time.perf_counter() - started, 6)
+    return found
+
+
+def fit_regions(
+    images: xr.Dataset | Sequence[xr.Dataset],
+    labels: Any,
+    scope: Microscope | Sequence[Microscope],
+    *,
+    setpoints: Any = None,
+    phase_error: Any = 0.1,
+    height_error: Any = 0.05e-9,
+    phase_zero: Any = None,
+    phase_zero_error: Any = 0.0,
+    height_zero: Any = 0.0,
+    height_zero_error: Any = 0.0,
+    prior: Material = PRIOR,
+    prior_factor: float = 10.0,
+) -> xr.Dataset:
+    """Fit one material a region, so that phases and heights of all images agree with the region's medians.
+
+    Parameters
+    ----------
+    images, scope, setpoints, phase_zero, phase_zero_error, height_zero, height_zero_error, prior, prior_factor
+        As for `invert`.
+    labels : array_like of int, shape (ny, nx)
+        Region of each pixel; those below 0 are left out.
+    phase_error, height_error : float or sequence of float
+        What a median may be wrong by beside its own standard error [degree, m]: line offsets, drift, crosstalk.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over "region": what `invert` gives over ("y", "x"), `pixels`, and over ("region", "image") the medians and what
+        the fitted materials give, `measured_phase`, `fitted_phase` [degree].
+
+    Raises
+    ------
+    InputError
+        As for `invert`, or if `labels` have another shape or no region.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
+    >>> sample = pm.Surface(modulus=[[0.5e9, 2e9]], adhesion=0.06, damping=0.02, pixel_size=4e-9)
+    >>> stack = [pm.simulate(sample, scope, setpoint) for setpoint in (0.5, 0.65, 0.8)]
+    >>> found = pm.fit_regions(stack, [[0, 1]], scope, phase_zero=0.0, height_error=0.02e-9)
+    >>> found.region.values.tolist(), (found.modulus.values / 1e9).round(1).tolist()
+    ([0, 1], [0.5, 2.0])
+    """
+    factor = _check_prior(prior, prior_factor)
+    whole = make_stack(
+        images, scope, setpoints, (phase_error, phase_zero, phase_zero_error),
+        (height_error, height_zero, height_zero_error),
+    )  # fmt: skip
+    shape = list_of_images(images)[0]["phase"].shape
+    names, numbers = regions_of(labels, shape)
+    stack, counts = medians(whole, numbers, len(names))
+    answer = _solve(stack, prior, factor, 1, None)
+    found = _dataset(answer, stack, prior, factor, ("region",), (len(names),))
+    found = found.assign_coords(region=("region", names, {"long_name": "label of the region"}))
+    found["pixels"] = ("region", counts, {"long_name": "pixels of the region", "units": "1"})
+    seen = np.degrees(np.where(np.isfinite(stack.errors), stack.values, np.nan))
+    about = {"long_name": "median phase, less its zero", "units": "degree"}
+    found["measured_phase"] = (("region", "image"), seen[:, :, 0], about)
+    found["fitted_phase"] = (
+        ("region", "image"), np.degrees(answer.values[:, :, 0]), {"long_name": "phase of the fit", "units": "degree"}
+    )  # fmt: skip
+    return found
+
+
+def _solve(stack: Stack, prior: Material, factor: float, threads: int | None, progress: Progress | None) -> Answer:
+    model = make_model(stack, prior, factor)
+    grid = make_grid(model)
+    answer = Answer.empty(len(stack), len(stack.scopes))
+    spread(
+        lambda first, last: solve_part(model, grid, stack, slice(first, last), answer),
+        [*range(0, len(stack), BLOCK), len(stack)], workers_of(threads), progress,
+    )  # fmt: skip
+    return answer
+
+
+def _dataset(
+    answer: Answer, stack: Stack, prior: Material, factor: float, dims: tuple[str, ...],
+    shape: tuple[int, ...],
+) -> xr.Dataset:  # fmt: skip
+    import xarray as xr
+
+    found = xr.Dataset({**variables_of(answer, dims, shape), **settings_of(stack)})
+    configuration = {
+        "microscopes": [describe(one) for one in dict.fromkeys(stack.scopes)], "setpoints": list(stack.setpoints),
+        "prior": describe(prior), "prior_factor": factor,
+    }  # fmt: skip
+    found.attrs.update(provenance(configuration, "inverted"))
+    found.attrs["verdict"] = say(answer)
+    return found
+
+
+def _check_prior(prior: object, factor: object) -> float:
+    if not isinstance(prior, Material):
+        raise InputError("prior", prior, "a Material")
+    for name in ("modulus", "adhesion"):
+        number(f"{name} of the prior", getattr(prior, name), "", above=0)
+    number("damping of the prior", prior.damping if prior.viscosity is None else prior.viscosity, "1", above=0)
+    return number("prior_factor", factor, "1", above=1, maximum=1e3)

@@ -1,0 +1,129 @@
+"""What a material gives in every image, and how that changes with its properties."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels.law import Law
+from phasemap.inversion.stack import HEIGHT, PHASE, Stack
+from phasemap.material import Material
+from phasemap.microscope import Microscope
+from phasemap.work import contact_stiffness, material_row, properties
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int8]
+
+STEP = 1e-3  # of a logarithm, for derivatives
+LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
+REACH = 3.0  # prior standard deviations within which a material is sought
+PARAMETERS = ("modulus", "adhesion", "damping")
+
+
+class Found(NamedTuple):
+    """Averaged orbits: phase [rad] and tip offset [m], shape (n, m, 2), slopes, shape (n, m, 2, 3), and success."""
+
+    values: Array
+    slopes: Array
+    good: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Materials by the logarithms of their properties over those of a reference.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (3,)
+        Modulus [Pa], adhesion [J/m2], damping [1].
+    centre, widths : ndarray, shape (3,)
+        Mean and standard deviation of the logarithms by the prior.
+    reach : float
+        Largest logarithm that is tried.
+    poisson_ratio : float
+    scope : Microscope
+    law : Law
+    levers : ndarray, shape (m, 4)
+    amplitudes : ndarray, shape (m,)
+        At the setpoint [m].
+    """
+
+    reference: Array
+    centre: Array
+    widths: Array
+    reach: float
+    poisson_ratio: float
+    scope: Microscope
+    law: Law
+    levers: Array
+    amplitudes: Array
+
+    def image(self, j: int) -> Model:
+        """The same for one image only."""
+        return replace(self, levers=self.levers[j : j + 1], amplitudes=self.amplitudes[j : j + 1])
+
+    def materials(self, q: Array) -> Array:
+        """Modulus, adhesion and damping at these logarithms, shape (n, 3)."""
+        materials: Array = self.reference * np.exp(q)
+        return materials
+
+    def rows(self, q: Array) -> Array:
+        """Parameters of the kernels, shape (n, 12)."""
+        modulus, adhesion, damping = self.materials(q).T
+        stiffness = contact_stiffness(modulus, np.full(len(q), self.poisson_ratio), self.scope.tip)
+        return self.scope.interaction.columns(stiffness, adhesion, damping, self.scope.tip.radius)
+
+    def averaged(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
+        """Averaged orbits near `places`, which are moved to them."""
+        from phasemap._kernels.inverting.averaged import averaged_block
+
+        n, m = sides.shape
+        found = Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
+        rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
+        averaged_block(self.law, rows, STEP, self.levers, self.amplitudes, sides, search, places, *found)
+        return found
+
+    def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Exact orbits next to the averaged ones, shape (n, m, 2), and where they were found, shape (n, m)."""
+        from phasemap._kernels.inverting.exact import exact_block
+
+        values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
+        rows = self.rows(q)
+        exact_block(self.law, rows, self.levers, self.amplitudes, sides, LIMITS, places.copy(), values, good)
+        return values, good
+
+
+def make_model(stack: Stack, prior: Material, factor: float) -> Model:
+    """The model of a stack, around a prior material known within this factor."""
+    scope = stack.scopes[0]
+    row, viscous = material_row(prior)
+    _, adhesion, damping = properties(row, viscous, scope)
+    levers = [
+        [one.frequency_ratio, one.cantilever.damping, one.cantilever.stiffness, one.base_amplitude]
+        for one in stack.scopes
+    ]
+    amplitudes = [ratio * one.free_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
+    return Model(
+        np.array([prior.modulus, float(adhesion[0]), float(damping[0])]),
+        np.zeros(3), np.full(3, np.log(factor)), REACH * float(np.log(factor)), prior.poisson_ratio,
+        scope, scope.interaction.token(), np.array(levers), np.array(amplitudes),
+    )  # fmt: skip
+
+
+def sides_of(stack: Stack) -> Codes:
+    """Branch of each datum, shape (n, m): the sign of its phase beside that of the free lever; 0 without a datum.
+
+    A height without a phase is taken to be on the branch of most other images.
+    """
+    seen = np.isfinite(stack.errors[:, :, PHASE])
+    turn = []
+    for scope in stack.scopes:
+        omega = scope.frequency_ratio
+        turn.append(np.arctan2(1 - omega**2, 2 * scope.cantilever.damping * omega))
+    raised = np.where(stack.values[:, :, PHASE] > np.array(turn), 1, -1)
+    most = np.where((raised * seen).sum(axis=1, keepdims=True) < 0, -1, 1)
+    sides = np.where(seen, raised, most)
+    return np.where(seen | np.isfinite(stack.errors[:, :, HEIGHT]), sides, 0).astype(np.int8)

@@ -1,0 +1,159 @@
+"""How phase and height change with the material, pixel by pixel."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap.accuracy import Accuracy
+from phasemap.branches import stable_branches
+from phasemap.dataset import branch_of, describe, flag_attributes, provenance
+from phasemap.errors import InputError
+from phasemap.microscope import Microscope
+from phasemap.solvers import by_name
+from phasemap.surface import Surface
+from phasemap.work import Work, check_setpoint, make_work
+from phasemap.workers import Progress, run, spread, workers_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+STEP = 3e-3  # of a logarithm; the central difference is then wrong by some 1e-6 of it, more near the end of a branch
+LIMITS = np.array([1e-7, 1e-14])  # errors left in the orbits that are compared: phase [rad], tip offset [m]
+CHUNK = 256  # materials that a thread solves at a time
+
+
+def sensitivity(
+    surface: Surface,
+    scope: Microscope,
+    setpoint: float,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Compute how phase and height of every pixel change with modulus, adhesion and damping.
+
+    Derivatives are central differences of exact orbits on the branch that engagement finds; a jump to the other branch
+    is no part of them. Where the material has none of a property, its derivative is 0.
+
+    Parameters
+    ----------
+    surface : Surface
+        Shape (ny, nx).
+    scope : Microscope
+    setpoint : float
+        Amplitude over the free amplitude at the drive frequency, between 0 and 1.
+    threads : int, optional
+        All cores by default. The numbers do not depend on it.
+    progress : callable, optional
+        Called as ``progress(done, total)`` in distinct materials.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ("y", "x"): `phase_by_modulus`, `phase_by_adhesion`, `phase_by_damping` [degree], derivatives with respect
+        to the natural logarithm of the property, and `height_by_modulus` and so on [m]; "viscosity" in place of
+        "damping" if the surface has that. Further phase, height, branch and status. A pixel whose branch ends within
+        0.3 % of its material is NaN, and its status is "no_stable_orbit".
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> surface = pm.Surface(modulus=[[1e9, 3e9]], adhesion=0.05, damping=[[0.0, 0.01]], pixel_size=4e-9)
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
+    >>> found = pm.sensitivity(surface, scope, setpoint=0.7)
+    >>> [abs(round(float(slope), 2)) for slope in found.phase_by_modulus.values[0]]
+    [0.0, 0.87]
+    """
+    import xarray as xr
+
+    started = time.perf_counter()
+    setpoint = check_setpoint(setpoint)
+    if not isinstance(surface, Surface):
+        raise InputError("surface", type(surface).__name__, "a Surface")
+    amplitude, workers = setpoint * scope.free_amplitude, workers_of(threads)
+    viscous = surface.viscosity is not None
+    materials, inverse = surface.unique()
+    work = make_work(materials, viscous, scope, amplitude)
+    rows, status, _ = run(by_name("orbit"), work, Accuracy(), threads=workers)
+    good = np.flatnonzero(status == col.GOOD)
+    slopes = np.full((len(materials), 3, 2), np.nan)
+
+    def solve(first: int, last: int) -> None:
+        some = good[first:last]
+        sides = np.where(rows[some, col.STIFFENING] > 0, 1, -1).astype(np.int8)
+        places = (rows[some, col.TIP_OFFSET] - rows[some, col.MEAN]) / amplitude
+        for i in range(3):
+            ends = []
+            for sign in (1, -1):
+                moved = materials[some].copy()
+                moved[:, i] *= np.exp(sign * STEP)
+                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), sides, places))
+            slopes[some, i] = (ends[0] - ends[1]) / (2 * STEP)
+            slopes[some[materials[some, i] == 0], i] = 0.0
+
+    spread(solve, [*range(0, len(good), CHUNK), len(good)] if len(good) else [], workers, progress)
+    lost = (status == col.GOOD) & ~np.isfinite(slopes).all(axis=(1, 2))
+    status = np.where(lost, col.NO_STABLE_ORBIT, status)
+
+    y, x = surface.coords()
+    dims = ("y", "x")
+    topography = 0.0 if surface.topography is None else surface.topography
+    found: dict[str, Any] = {
+        "height": (
+            dims, (rows[:, col.TIP_OFFSET] - amplitude)[inverse] + topography,
+            {"long_name": "height (topography + tip offset - setpoint amplitude)", "units": "m"},
+        ),
+        "phase": (
+            dims, np.degrees(rows[:, col.PHASE])[inverse],
+            {"long_name": "phase, 0 at free resonance, positive repulsive", "units": "degree"},
+        ),
+        "branch": (dims, branch_of(rows)[inverse], flag_attributes("branch")),
+        "status": (dims, status.astype(np.int8)[inverse], flag_attributes("status")),
+    }  # fmt: skip
+    names = ("modulus", "adhesion", "viscosity" if viscous else "damping")
+    for k, (quantity, unit, scale) in enumerate((("phase", "degree", 180 / np.pi), ("height", "m", 1.0))):
+        for i, name in enumerate(names):
+            about = {"long_name": f"change of the {quantity} with the natural logarithm of the {name}", "units": unit}
+            found[f"{quantity}_by_{name}"] = (dims, scale * slopes[:, i, k][inverse], about)
+    lengths = {"units": "m"}
+    image = xr.Dataset(found, {"y": ("y", y, lengths), "x": ("x", x, lengths)})
+    image.attrs.update(
+        provenance(
+            {"microscope": describe(scope), "setpoint": setpoint, "shape": list(surface.shape)}, "differentiated"
+        )
+    )
+    image.attrs["seconds"] = round(time.perf_counter() - started, 6)
+    return image
+
+
+def _on_branch(work: Work, sides: NDArray[np.int8], places: Array) -> Array:
+    """Exact phase [rad] and tip offset [m] on these branches near these c, shape (n, 2); NaN where there is none."""
+    from phasemap._kernels.inverting.exact import exact_block
+
+    n = len(work)
+    values, good = np.full((n, 1, 2), np.nan), np.zeros((n, 1), np.bool_)
+    if not work.rows[:, col.RELEASE].any():
+        levers = work.lever[None]
+        arrays = places[:, None].copy(), values, good
+        exact_block(work.law, work.rows, levers, work.amplitudes[:1], sides[:, None], LIMITS, *arrays)
+    left = np.flatnonzero(~good[:, 0])
+    if len(left):  # near where a branch ends, without a long-range force, or with a neck
+        part = Work(work.law, np.ascontiguousarray(work.rows[left]), work.lever, work.amplitudes[left])
+        both = stable_branches(part, by_name("orbit"), Accuracy())
+        slot = (sides[left] > 0).astype(int)
+        chosen = both.rows[slot, np.arange(len(left))]
+        values[left, 0] = chosen[:, [col.PHASE, col.TIP_OFFSET]]
+        values[left[both.status[slot, np.arange(len(left))] != col.GOOD], 0] = np.nan
+    return values[:, 0]

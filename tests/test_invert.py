@@ -1,0 +1,196 @@
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap.inversion.verdict import FLAGS
+
+LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
+SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(40e-9))
+SETPOINTS = (0.5, 0.6, 0.7, 0.8)
+NAMES = ("modulus", "adhesion", "damping")
+PHASE_NOISE, HEIGHT_NOISE = 0.4, 0.05e-9  # of a real instrument [degree, m]
+BITS = {name: 1 << i for i, name in enumerate(FLAGS)}
+
+
+def blend(seed, shape=(16, 16)):
+    """A soft blend whose properties vary by some tens of percent, on a rough ground."""
+    rng = np.random.default_rng(seed)
+    modulus, adhesion, damping = (
+        middle * np.exp(width * rng.normal(size=shape)) for middle, width in ((0.2e9, 0.4), (0.05, 0.3), (0.02, 0.3))
+    )
+    topography = 5e-9 * rng.normal(size=shape)
+    return pm.Surface(modulus, adhesion, damping, topography=topography, pixel_size=4e-9)
+
+
+def measure(surface, seed=0, setpoints=SETPOINTS, scope=SCOPE, noise=1.0):
+    """What an instrument would have measured."""
+    rng = np.random.default_rng(seed)
+    stack = []
+    for setpoint in setpoints:
+        image = pm.simulate(surface, scope, setpoint, solver="orbit", variables=["height", "phase"])
+        phase = image.phase + noise * rng.normal(0, PHASE_NOISE, surface.shape)
+        height = image.height + noise * rng.normal(0, HEIGHT_NOISE, surface.shape)
+        stack.append(xr.Dataset({"phase": phase, "height": height}, attrs={"setpoint": setpoint}))
+    return stack
+
+
+def invert(stack, scope=SCOPE, **changed):
+    """What the instrument's noise and zeros make of it."""
+    known = {"phase_zero": 0.0, "phase_error": PHASE_NOISE, "height_error": HEIGHT_NOISE}
+    return pm.invert(stack, scope, **(known | changed))
+
+
+def is_set(found, name):
+    return found.flag.values & BITS[name] != 0
+
+
+def deviations(found, surface, name):
+    """Difference from the truth over the stated standard error, where the property is determined."""
+    apart = np.log(found[name].values / getattr(surface, name)) / found[f"{name}_error"].values
+    return apart[found.flag.values & (BITS[f"{name}_not_determined"] | BITS["poor_fit"] | BITS["no_orbit"]) == 0]
+
+
+def test_maps_are_found_within_their_errors():
+    inside = {name: [] for name in NAMES}
+    for seed in range(3):
+        surface = blend(seed)
+        stack = measure(surface, seed)
+        found = invert(stack)
+        for name in NAMES:
+            inside[name].append(abs(deviations(found, surface, name)) < 1.96)
+    for name in NAMES:
+        hits = np.concatenate(inside[name])
+        assert len(hits) > 400, name
+        # Nominal 0.95; the standard error of a share of 400 or more pixels is 0.011.
+        assert 0.90 < hits.mean() < 0.985, (name, hits.mean(), len(hits))
+
+
+def test_without_noise_the_exact_material_comes_back():
+    # The search uses averaged orbits and their derivatives; what is found must be that of exact orbits.
+    surface = blend(5, (2, 3))
+    stack = measure(surface, noise=0.0)
+    found = invert(stack, phase_error=1e-3, height_error=1e-13)
+    for name, apart in zip(NAMES, (0.003, 0.01, 0.003), strict=True):
+        np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
+
+
+def test_uncertain_zeros_make_errors_larger():
+    stack = measure(blend(7, (4, 4)), 7)
+    sure, unsure = invert(stack), invert(stack, phase_zero_error=2.0, height_zero_error=0.3e-9)
+    for name in NAMES:
+        assert float(unsure[f"{name}_error"].median()) > 1.5 * float(sure[f"{name}_error"].median())
+
+
+def test_a_zero_of_all_heights_does_not_count():
+    surface = blend(8, (2, 2))
+    one, two = (invert(measure(surface, 8), height_zero=zero) for zero in (0.0, 50e-9))
+    np.testing.assert_allclose(one.modulus, two.modulus, rtol=1e-6)
+
+
+def test_a_recorded_phase_zero_is_taken_off():
+    surface = blend(8, (2, 2))
+    plain = measure(surface, 8)
+    moved = [one.assign(phase=one.phase + 30.0).assign_attrs(phase_zero=30.0) for one in plain]
+    one = invert(plain)
+    two = invert(moved, phase_zero=None)
+    np.testing.assert_allclose(one.modulus, two.modulus, rtol=1e-6)
+
+
+def test_undamped_phase_carries_no_modulus():
+    # The phase is arccos(setpoint), whatever the material; without heights nothing tells the modulus.
+    surface = pm.Surface(modulus=[[0.3e9, 3e9, 1e10]], adhesion=0.05, damping=0.0, pixel_size=4e-9)
+    stack = [one.drop_vars("height") for one in measure(surface)]
+    found = invert(stack)
+    assert is_set(found, "modulus_not_determined").all() and is_set(found, "damping_not_determined").all()
+
+
+def test_attractive_images_carry_no_modulus():
+    scope = pm.Microscope(LEVER, TIP, pm.Drive(8e-9))
+    surface = pm.Surface(modulus=[[0.5e9, 2e9, 5e9]], adhesion=0.1, damping=0.01, pixel_size=4e-9)
+    stack = measure(surface, setpoints=(0.8, 0.85, 0.9, 0.93), scope=scope)
+    assert all((one.phase < 0).all() for one in stack)
+    found = invert(stack, scope)
+    assert is_set(found, "modulus_not_determined").all()
+
+
+def test_one_image_determines_nothing():
+    surface = blend(2, (3, 3))
+    found = invert(measure(surface, setpoints=(0.6,)))
+    for name in NAMES:
+        assert is_set(found, f"{name}_not_determined").all()
+
+
+def test_data_that_no_material_explains_are_flagged():
+    stack = measure(blend(3, (2, 3)), 3)
+    before = is_set(invert(stack), "poor_fit") | is_set(invert(stack), "no_orbit")
+    stack[1]["phase"][0, 1] += 25.0
+    found = invert(stack)
+    after = is_set(found, "poor_fit") | is_set(found, "no_orbit")
+    assert np.argwhere(after != before).tolist() == [[0, 1]]
+
+
+def test_missing_data_are_said_to_be_missing():
+    stack = measure(blend(4, (2, 3)), 4)
+    for one in stack:
+        one["phase"][0, 1] = one["height"][0, 1] = np.nan
+    stack[0]["phase"][1, 1] = np.nan
+    found = invert(stack)
+    assert np.argwhere(is_set(found, "no_data")).tolist() == [[0, 1]]
+    assert np.isnan(found.modulus[0, 1]) and np.isfinite(found.modulus[1, 1])
+
+
+def test_regions_are_fitted_as_a_whole():
+    labels = np.repeat([[0, 1]], 400, axis=0)
+    soft, hard = pm.Material(0.15e9, 0.05, 0.02), pm.Material(0.6e9, 0.07, 0.01)
+    surface = pm.Surface.from_labels(labels, {0: soft, 1: hard}, pixel_size=4e-9)
+    labels[0] = -1
+    found = pm.fit_regions(measure(surface, 1), labels, SCOPE, phase_zero=0.0, phase_error=0.05, height_error=0.02e-9)
+    assert found.region.values.tolist() == [0, 1] and found.pixels.values.tolist() == [399, 399]
+    for i, material in enumerate((soft, hard)):
+        for name in NAMES:
+            apart = np.log(float(found[name][i]) / getattr(material, name))
+            assert abs(apart) < 3 * float(found[f"{name}_error"][i]), (i, name)
+    np.testing.assert_allclose(found.measured_phase, found.fitted_phase, atol=0.3)
+
+
+def test_numbers_do_not_depend_on_threads_and_survive_a_file(tmp_path):
+    stack = measure(blend(6, (4, 160)), 6)
+    one, two = (invert(stack, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.modulus, two.modulus)
+    one.to_netcdf(tmp_path / "found.nc")
+    with xr.open_dataset(tmp_path / "found.nc") as again:
+        xr.testing.assert_identical(again.load(), one)
+    assert json.loads(one.attrs["configuration"])["setpoints"] == list(SETPOINTS)
+
+
+def test_wrong_input_is_named():
+    stack = measure(blend(0, (1, 2)))
+    jkr = pm.Microscope(LEVER, TIP, pm.Drive(40e-9), pm.Interaction(contact="jkr", decay_length=None))
+    for arguments, message in (
+        ({"images": [one.drop_vars("phase") for one in stack]}, "image 0"),
+        ({"images": [xr.Dataset({"phase": one.phase}) for one in stack]}, "setpoints is None"),
+        ({"setpoints": (0.5, 0.6)}, "4 numbers"),
+        ({"phase_error": 0.0}, "phase_error"),
+        ({"phase_zero": "free"}, "phase_zero"),
+        ({"height_zero": "free"}, "height_zero"),
+        ({"phase_zero": None}, "phase_zero"),
+        ({"scope": jkr}, "without a neck"),
+        ({"scope": [SCOPE]}, "4 of them"),
+        ({"prior": pm.Material(1e9)}, "adhesion of the prior"),
+        ({"prior_factor": 1.0}, "prior_factor"),
+    ):
+        with pytest.raises(pm.InputError, match=message):
+            pm.invert(**({"images": stack, "scope": SCOPE, "phase_zero": 0.0} | arguments))
+
+
+def test_picture_hatches_what_is_not_determined(tmp_path):
+    found = invert(measure(blend(9, (8, 8)), 9))
+    found.flag[:4] |= BITS["modulus_not_determined"]
+    figure = pm.plot.inversion(found, tmp_path / "found.png")
+    hatched = [bool(axes.collections) for axes in figure.axes if axes.images and axes.get_title(loc="left")]
+    assert hatched[0] and (tmp_path / "found.png").stat().st_size > 1e4
+    with pytest.raises(pm.InputError, match=r"phasemap\.invert"):
+        pm.plot.inversion(found.drop_vars("flag"))
