@@ -139,7 +139,6 @@ STATED = {
     "bistable strip": 0.2,  # close to where a branch ends
     "lever of the paper, more adhesion": 0.3,  # likewise
     "parachuting": 0.5,  # lands after a fall of 40 nm, 82 periods over each pixel
-    "liquid-like, Q 5": 3.0,  # no lever to be averaged; "auto" takes the march
 }
 
 
@@ -164,6 +163,9 @@ def scanned_as(case: dict, solver: str) -> xr.Dataset:
 @pytest.mark.parametrize("name", TRUTH)
 def test_scan_is_that_of_an_independent_integration(name: str, solver: str) -> None:
     case, image = TRUTH[name], scanned_as(TRUTH[name], solver)
+    if name == "liquid-like, Q 5" and solver == "averaging":  # no lever to be averaged: it says so, and "auto" marches
+        assert set(np.unique(image.status)) == {0, pm.Status.not_converged.code}
+        return
     assert not image.status.any()
     expected = {key: np.array([case[way][key] for way in ("trace", "retrace")]) for key in ("phase", "amplitude_error")}
     lowest = np.array([case[way]["lowest_amplitude"] for way in ("trace", "retrace")])

@@ -8,10 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.batch import every_orbit
-from phasemap._kernels.collocation import HOLD_AMPLITUDE
-from phasemap._kernels.tables import TABLES
 from phasemap.accuracy import Accuracy
+from phasemap.branches import stable_branches
 from phasemap.material import Material
 from phasemap.microscope import Drive, Microscope
 from phasemap.solvers import Solver
@@ -115,12 +113,9 @@ def regimes(work: Work) -> Array:
     ndarray of int8, shape (n,)
         NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
     """
-    codes = np.full(len(work), NONE, np.int8)
-    for i in np.flatnonzero(work.refused() == col.GOOD):
-        _, found = every_orbit(work.law, work.rows[i], work.lever, TABLES, HOLD_AMPLITUDE, work.amplitudes[i])
-        held = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
-        codes[i] = np.bitwise_or.reduce(regime_of(found[held]), initial=NONE)
-    return codes
+    attractive, repulsive = stable_branches(work, Orbit(), Accuracy()).stable
+    codes: Array = ATTRACTIVE * attractive + REPULSIVE * repulsive
+    return codes.astype(np.int8)
 
 
 def regime_of(rows: Array) -> Array:

@@ -15,7 +15,7 @@ from phasemap._kernels.scanning.line import scan_line
 from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas
 from phasemap.control import Feedback
-from phasemap.feedback.loop import loop_of
+from phasemap.feedback.loop import loop_of, tau_per_second
 from phasemap.feedback.program import mean_ground, program_of
 from phasemap.paint import Job, stiffening
 from phasemap.realism import generator
@@ -63,7 +63,7 @@ class Lines:
         self.loop = loop_of(
             control, job.scope, job.amplitude, realism.temperature or 0.0, realism.detector_noise or 0.0
         )
-        tau = 2 * math.pi * job.scope.cantilever.resonance_frequency
+        tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
         self.rows = with_bulges(job, work) if engine == col.AVERAGING else work.rows

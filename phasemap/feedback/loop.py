@@ -24,6 +24,11 @@ def drive_frequency(scope: Microscope) -> float:
     return scope.frequency_ratio * scope.cantilever.resonance_frequency
 
 
+def tau_per_second(scope: Microscope) -> float:
+    """How much of the kernels' time, omega_c t, passes in a second."""
+    return 2 * math.pi * scope.cantilever.resonance_frequency
+
+
 def check(control: Feedback, scope: Microscope, pixels: int) -> None:
     """Refuse what cannot work with this lever and this many pixels a line.
 
@@ -71,7 +76,7 @@ def loop_of(
     -------
     ndarray, shape (LOOP,)
     """
-    tau = 2 * math.pi * scope.cantilever.resonance_frequency  # per second
+    tau = tau_per_second(scope)
     loop = np.zeros(of.LOOP)
     loop[of.SETPOINT] = amplitude
     loop[of.KP], loop[of.KI] = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau

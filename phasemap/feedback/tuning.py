@@ -19,7 +19,7 @@ from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.flow import rates
 from phasemap.control import Feedback
 from phasemap.errors import InputError
-from phasemap.feedback.loop import loop_of
+from phasemap.feedback.loop import loop_of, tau_per_second
 from phasemap.microscope import Microscope
 from phasemap.work import Work
 
@@ -62,7 +62,7 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     if control.integral_gain is not None:
         return control
     system = _linear(control, scope, work)
-    tau = 2 * math.pi * scope.cantilever.resonance_frequency
+    tau = tau_per_second(scope)
     if not len(system[0]):
         return replace(control, proportional_gain=0.0, integral_gain=FREE * float(work.lever[ALPHA0]) * tau)
     loop = loop_of(control, scope, 1.0)
@@ -82,7 +82,7 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
 def margin(control: Feedback, scope: Microscope, work: Work) -> float:
     """By what factor both gains could be raised before the loop rings; below 1 it does. NaN where nothing is known."""
     system = _linear(control, scope, work)
-    tau = 2 * math.pi * scope.cantilever.resonance_frequency
+    tau = tau_per_second(scope)
     proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
     if not len(system[0]) or proportional == integral == 0.0:
         return math.nan
