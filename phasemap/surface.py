@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from phasemap._check import in_words, number, pixel_pair, shape_pair
 from phasemap.errors import InputError
 from phasemap.material import Material
+from phasemap.surface_dataset import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,24 +29,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
-class _Quantity(NamedTuple):
-    long_name: str
-    unit: str  # as UDUNITS writes it
-    spellings: tuple[str, ...]  # of the unit without a prefix, spaces and signs of multiplication dropped
-    bounds: dict[str, float]
-
-
-_QUANTITIES = {
-    "modulus": _Quantity("Young's modulus", "Pa", ("Pa", "N/m2", "Nm-2"), {"minimum": 0}),
-    "adhesion": _Quantity("work of adhesion", "J m-2", ("J/m2", "Jm-2", "N/m", "Nm-1"), {"minimum": 0}),
-    "damping": _Quantity("damping coefficient alpha1", "1", (), {"minimum": 0}),
-    "viscosity": _Quantity("Kelvin-Voigt viscosity", "Pa s", ("Pas", "Ns/m2", "Nsm-2"), {"minimum": 0}),
-    "poisson_ratio": _Quantity("Poisson's ratio", "1", (), {"above": -1, "maximum": 0.5}),
-    "topography": _Quantity("topography", "m", ("m", "meter", "metre"), {}),
-}
-_SPELLING = str.maketrans({" ": "", ".": "", "*": "", "^": "", "·": "", "²": "2", "⁻": "-", "µ": "u", "μ": "u"})
-_POSITION = _Quantity("position", "m", _QUANTITIES["topography"].spellings, {})
-_PREFIXES = {"": 0, "T": 12, "G": 9, "M": 6, "k": 3, "m": -3, "u": -6, "n": -9, "p": -12}
 _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
 
 
@@ -251,8 +234,8 @@ class Surface:
         for needed in ("modulus", "adhesion"):
             if needed not in dataset.data_vars:
                 raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
-        given = {name: _variable_in_si(dataset[name], name) for name in _QUANTITIES if name in dataset.data_vars}
-        sides = _coordinate_step(dataset, "y"), _coordinate_step(dataset, "x")
+        given = {name: variable_in_si(dataset[name], name) for name in QUANTITIES if name in dataset.data_vars}
+        sides = coordinate_step(dataset, "y"), coordinate_step(dataset, "x")
         shape = dataset.sizes["y"], dataset.sizes["x"]
         return cls(**given, pixel_size=sides, shape=shape, allow_nan=allow_nan)
 
@@ -280,7 +263,7 @@ class Surface:
         }
         variables = {
             name: (("y", "x"), value, {"long_name": quantity.long_name, "units": quantity.unit})
-            for name, quantity in _QUANTITIES.items()
+            for name, quantity in QUANTITIES.items()
             if (value := getattr(self, name)) is not None
         }
         dataset = xr.Dataset(variables, coords, {"Conventions": "CF-1.11"})
@@ -304,7 +287,7 @@ class Surface:
         >>> y.tolist(), x.tolist()
         ([1.0], [0.5, 1.5, 2.5])
         """
-        y, x = (_centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
+        y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
         return y, x
 
     def unique(self) -> tuple[FloatArray, IntArray]:
@@ -394,7 +377,7 @@ class Surface:
             return NotImplemented
         if (self.shape, self.pixel_size) != (other.shape, other.pixel_size):
             return False
-        for name in _QUANTITIES:
+        for name in QUANTITIES:
             a, b = getattr(self, name), getattr(other, name)
             if (a is None) != (b is None) or (a is not None and not np.array_equal(a, b, equal_nan=True)):
                 return False
@@ -409,13 +392,13 @@ class Surface:
             if value is not None:
                 low, high = f"{np.fmin.reduce(value, None):g}", f"{np.fmax.reduce(value, None):g}"
                 values = low if low == high else f"{low} to {high}"
-                parts.append(f"{name} {values} {_QUANTITIES[name].unit}".removesuffix(" 1"))
+                parts.append(f"{name} {values} {QUANTITIES[name].unit}".removesuffix(" 1"))
         return f"Surface({', '.join(parts)})"
 
 
 def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
-    quantity = _QUANTITIES[name]
+    quantity = QUANTITIES[name]
     if isinstance(value, np.ma.MaskedArray):
         value = np.ma.filled(value.astype(np.float64), np.nan)
     try:
@@ -444,7 +427,7 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     return _read_only(full)
 
 
-def _inside(value: Any, quantity: _Quantity) -> Any:
+def _inside(value: Any, quantity: Quantity) -> Any:
     """Whether each of `value` is finite and within the bounds."""
     least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
     return np.isfinite(value) & (value >= least) & (value > above) & (value <= most)
@@ -452,7 +435,7 @@ def _inside(value: Any, quantity: _Quantity) -> Any:
 
 def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
     """Raise `InputError` for the first bad pixel and say how many there are."""
-    quantity = _QUANTITIES[name]
+    quantity = QUANTITIES[name]
     value = full.reshape(-1)[bad.argmax()]
     hint = _where(bad)
     if math.isnan(value):
@@ -548,60 +531,6 @@ def _codes(values: NDArray[np.int64]) -> tuple[int, NDArray[np.intp]]:
         return len(distinct), np.searchsorted(distinct, values)
     del ordered
     return len(distinct), np.unique(values, return_inverse=True)[1]
-
-
-def _variable_in_si(variable: xr.DataArray, name: str) -> FloatArray:
-    """Return a variable of a Dataset as an array in SI with y before x, or of no dimension."""
-    if set(variable.dims) not in ({"y", "x"}, set()):
-        raise InputError(f"dims of {name}", variable.dims, "('y', 'x') or none")
-    if variable.dims == ("x", "y"):
-        variable = variable.transpose("y", "x")
-    exponent = _exponent(variable, name, _QUANTITIES[name])
-    values: FloatArray = variable.to_numpy()
-    return values if exponent == 0 else _read_only(_scaled(values.astype(np.float64), exponent))
-
-
-def _coordinate_step(dataset: xr.Dataset, dim: str) -> float:
-    """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
-    if dim not in dataset.coords or dataset[dim].dims != (dim,):
-        raise InputError(
-            "list of coordinates in the dataset",
-            [str(name) for name in dataset.coords],
-            f"a list that has {dim!r} in it, the position of the pixel centres in m",
-        )
-    values = dataset[dim].to_numpy().astype(np.float64)
-    steps = np.diff(values)
-    if steps.size and not (steps > 0).all():
-        raise InputError(f"coordinate {dim}", "not increasing", "positions that increase from the image's top left")
-    step = 2 * values[0]
-    if steps.size and not np.allclose(values, _centres(values.size, step), rtol=1e-9, atol=0):
-        step = (values[-1] - values[0]) / steps.size
-        if not np.allclose(steps, step, rtol=1e-3, atol=0):
-            raise InputError(f"spacing of {dim}", f"{steps.min():g} to {steps.max():g}", "the same between all pixels")
-    return float(_scaled(step, _exponent(dataset[dim], f"coordinate {dim}", _POSITION)))
-
-
-def _exponent(variable: xr.DataArray, name: str, quantity: _Quantity) -> int:
-    """Return the power of ten that turns the units attribute of `variable` into SI; 0 where there is none."""
-    unit = str(variable.attrs.get("units", quantity.unit))
-    if unit in {quantity.unit, ""} or (quantity.unit == "1" and unit == "dimensionless"):
-        return 0
-    written = unit.translate(_SPELLING)
-    for prefix, exponent in _PREFIXES.items():
-        if written.startswith(prefix) and written[len(prefix) :] in quantity.spellings:
-            return exponent
-    allowed = "1" if quantity.unit == "1" else f"{quantity.unit}, or that with a prefix such as G, M, k, m, u or n"
-    raise InputError(f"units of {name}", unit, allowed)
-
-
-def _scaled(value: Any, exponent: int) -> Any:
-    """Multiply by a power of ten, rounded once."""
-    return value * 10.0**exponent if exponent >= 0 else value / 10.0**-exponent
-
-
-def _centres(count: int, step: float) -> FloatArray:
-    """Return the centres of `count` pixels."""
-    return (np.arange(count, dtype=np.float64) + 0.5) * step
 
 
 def _is_uniform(array: NDArray[Any]) -> bool:
