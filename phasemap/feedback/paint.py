@@ -12,18 +12,17 @@ from phasemap.errors import InputError
 from phasemap.feedback.lines import Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
 from phasemap.feedback.settling import quietened
-from phasemap.feedback.tuning import fastest, margin, tune
+from phasemap.feedback.tuning import LinearLoop
 from phasemap.microscope import Microscope
 from phasemap.paint import Job
 from phasemap.realism import scopes_by_row
-from phasemap.work import Work
 from phasemap.workers import Progress, spread
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 FASTEST = 0.1  # per tau, of amplitude and phase; beyond, stiff contact makes them change as much
 
 
-def engine_of(job: Job, control: Feedback, work: Work) -> int:
+def engine_of(job: Job, linear: LinearLoop) -> int:
     """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
 
     Raises
@@ -33,7 +32,7 @@ def engine_of(job: Job, control: Feedback, work: Work) -> int:
     """
     name = job.solver.name
     if name == "auto":
-        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and fastest(control, job.scope, work) <= FASTEST
+        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and linear.fastest <= FASTEST
         return col.AVERAGING if slow else col.MARCH
     if name in ("averaging", "march"):
         return col.AVERAGING if name == "averaging" else col.MARCH
@@ -48,19 +47,19 @@ def paint(job: Job, canvas: Canvas) -> int:
     check(control, job.scope, nx)
     materials, numbers = job.surface.unique()
     work = job.work(materials)
-    engine = engine_of(job, control, work)
+    linear = LinearLoop(control, job.scope, work)
+    engine = engine_of(job, linear)
     if control.integral_gain is None:
-        control = quietened(tune(control, job.scope, work), job, work, engine)
-    canvas.notes.update(_notes(control, job.scope, work, nx))
+        control = quietened(linear.tuned(), job, work, engine)
+    canvas.notes.update(_notes(control, job.scope, linear.margin(control), nx))
     tip = Tip(engine)
     for rows, scope in scopes_by_row(job.realism, job.scope, ny):  # a tip that changes
         part = replace(job, scope=scope)
         lines = Lines(part, control, part.work(materials), numbers, engine, canvas)
-        if control.engage == "line":
-            bounds, workers, scan = range(rows.start, rows.stop + 1), job.workers, partial(_engaged_anew, lines, engine)
-        else:
-            bounds, workers, scan = range(rows.start, rows.stop + 1), 1, partial(_carried, lines, tip)
-        spread(scan, bounds, workers, _counted(job, rows.start))
+        anew = control.engage == "line"
+        scan = partial(_engaged_anew, lines, engine) if anew else partial(_carried, lines, tip)
+        bounds = range(rows.start, rows.stop + 1)
+        spread(scan, bounds, job.workers if anew else 1, _counted(job, rows.start))
         canvas.notes["ringing_lines"] = canvas.notes.get("ringing_lines", 0) + int((~lines.calm).sum())
     return len(materials)
 
@@ -83,12 +82,12 @@ def _counted(job: Job, start: int) -> Progress | None:
     return lambda done, _: report(start + done, total)
 
 
-def _notes(control: Feedback, scope: Microscope, work: Work, pixels: int) -> dict[str, float]:
+def _notes(control: Feedback, scope: Microscope, margin: float, pixels: int) -> dict[str, float]:
     """Gains, how far they are from ringing, and the time over a pixel."""
     dwell = control.dwell(pixels)
     notes = {
         "proportional_gain": control.proportional_gain or 0.0, "integral_gain_per_second": control.integral_gain or 0.0,
-        "gain_margin": margin(control, scope, work), "dwell_seconds": dwell,
+        "gain_margin": margin, "dwell_seconds": dwell,
         "periods_per_pixel": dwell * drive_frequency(scope),
     }  # fmt: skip
     return {name: float(f"{value:.6g}") for name, value in notes.items()}

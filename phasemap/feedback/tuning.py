@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from phasemap._kernels.approach import averaged_orbits
-from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA
+from phasemap._kernels.cheap import phase_of
+from phasemap._kernels.columns import ALPHA0, GOOD
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
 from phasemap._kernels.scanning import loop as of
@@ -59,40 +60,59 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     InputError
         If the derivative gain leaves no stable gains.
     """
-    if control.integral_gain is not None:
-        return control
-    system = _linear(control, scope, work)
-    tau = tau_per_second(scope)
-    if not len(system[0]):
-        return replace(control, proportional_gain=0.0, integral_gain=FREE * float(work.lever[ALPHA0]) * tau)
-    loop = loop_of(control, scope, 1.0)
-    slowest = 1 / work.lever[ALPHA0] + control.order / loop[of.RATE]
-    best = 0.0, 0.0
-    for reset in RESETS * slowest:
-        integral = _limit(system, reset, 1.0, LOUDEST / reset) / BACK
-        if integral > best[1]:
-            best = integral * reset, integral
-    if best[1] == 0.0:
-        raise InputError(
-            "derivative_gain", control.derivative_gain, "a smaller one: with this the loop is never stable"
-        )
-    return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * tau))
+    return LinearLoop(control, scope, work).tuned()
 
 
 def margin(control: Feedback, scope: Microscope, work: Work) -> float:
     """By what factor both gains could be raised before the loop rings; below 1 it does. NaN where nothing is known."""
-    system = _linear(control, scope, work)
-    tau = tau_per_second(scope)
-    proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
-    if not len(system[0]) or proportional == integral == 0.0:
-        return math.nan
-    return _limit(system, proportional, integral, MOST_MARGIN)
+    return LinearLoop(control, scope, work).margin(control)
 
 
-def fastest(control: Feedback, scope: Microscope, work: Work) -> float:
-    """The fastest that the lever's amplitude and phase change by themselves on any orbit, per tau; 0 without orbits."""
-    lever = _linear(control, scope, work)[0][:, : of.INTEGRAL, : of.INTEGRAL]
-    return float(abs(np.linalg.eigvals(lever)).max()) if len(lever) else 0.0
+class LinearLoop:
+    """The loop made linear about every stable orbit of the materials, whatever its gains.
+
+    Parameters
+    ----------
+    control : Feedback
+    scope : Microscope
+    work : Work
+    """
+
+    def __init__(self, control: Feedback, scope: Microscope, work: Work) -> None:
+        self._control, self._scope, self._alpha0 = control, scope, float(work.lever[ALPHA0])
+        self._tau = tau_per_second(scope)
+        self._system = _linear(control, scope, work)
+
+    @property
+    def fastest(self) -> float:
+        """The fastest that amplitude and phase of the lever change by themselves, per tau; 0 without orbits."""
+        lever = self._system[0][:, : of.INTEGRAL, : of.INTEGRAL]
+        return float(abs(np.linalg.eigvals(lever)).max()) if len(lever) else 0.0
+
+    def tuned(self) -> Feedback:
+        """See `tune`."""
+        control = self._control
+        if control.integral_gain is not None:
+            return control
+        if not len(self._system[0]):
+            return replace(control, proportional_gain=0.0, integral_gain=FREE * self._alpha0 * self._tau)
+        slowest = 1 / self._alpha0 + control.order / loop_of(control, self._scope, 1.0)[of.RATE]
+        best = 0.0, 0.0
+        for reset in RESETS * slowest:
+            integral = _limit(self._system, reset, 1.0, LOUDEST / reset) / BACK
+            if integral > best[1]:
+                best = integral * reset, integral
+        if best[1] == 0.0:
+            allowed = "a smaller one: with this the loop is never stable"
+            raise InputError("derivative_gain", control.derivative_gain, allowed)
+        return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * self._tau))
+
+    def margin(self, control: Feedback) -> float:
+        """See `margin`; of this control's gains."""
+        proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / self._tau
+        if not len(self._system[0]) or proportional == integral == 0.0:
+            return math.nan
+        return _limit(self._system, proportional, integral, MOST_MARGIN)
 
 
 def _limit(system: Jacobians, proportional: float, integral: float, highest: float) -> float:
@@ -158,11 +178,8 @@ def _moving(loop: Array) -> Array:
 
 def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and the mean deflection."""
-    z0, mean, amplitude, push, drag = orbit
-    omega, alpha0 = work.lever[OMEGA], work.lever[ALPHA0]
-    a = amplitude * np.exp(
-        -1j * math.atan2(2 * alpha0 * omega * amplitude - drag, push + amplitude * (1 - omega * omega))
-    )
+    z0, mean, amplitude = orbit[:3]
+    a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, orbit)))
     state = np.zeros(of.STATE)
     state[of.AMP : of.AMP + 2] = a.real, a.imag
     state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag
