@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,12 @@ Array = np.ndarray
 Pixels = slice | NDArray[np.intp]
 
 PENDING = -1  # status of a pixel that is not filled yet
+
+
+def values_of(names: tuple[str, ...], rows: Array, status: Array, used: Array) -> dict[str, Any]:
+    """Variables of result rows, shape (..., COLUMNS), with their codes, on a flat surface."""
+    flags = {"status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows)}
+    return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in names}
 
 
 class Canvas:
@@ -45,11 +52,6 @@ class Canvas:
         """Status codes of all pixels, PENDING where nothing was put; shape (pixels,), of all directions in turn."""
         return self._arrays["status"].reshape(-1)
 
-    def values(self, rows: Array, status: Array, used: Array) -> dict[str, Array]:
-        """Variables of result rows, shape (..., COLUMNS), on a flat surface."""
-        flags = {"status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows)}
-        return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in self.names}
-
     def put(self, pixels: Pixels, values: dict[str, Array], direction: int = 0) -> None:
         """Fill in what `values` gave, one entry a pixel."""
         for name, value in values.items():
@@ -66,24 +68,33 @@ class Canvas:
         part._arrays = {name: array[:, pixels] for name, array in self._arrays.items()}
         return part
 
+    def arrays(self) -> dict[str, Array]:
+        """The variables, shape (ny, nx), or (directions, ny, nx)."""
+        front = (len(self._directions),) if self._directions else ()
+        return {name: flat.reshape(*front, *self._surface.shape) for name, flat in self._arrays.items()}
+
     def image(self) -> xr.Dataset:
         """The image as a Dataset that shares the arrays."""
-        import xarray as xr
+        return image_of(self._surface, self.arrays(), self._directions).assign_attrs(self.notes)
 
-        y, x = self._surface.coords()
-        coords: dict[str, Any] = {
-            "y": ("y", y, {"long_name": "distance from the top of the image", "units": "m", "axis": "Y"}),
-            "x": ("x", x, {"long_name": "distance from the left of the image", "units": "m", "axis": "X"}),
-        }
-        dims: tuple[str, ...] = ("y", "x")
-        shape: tuple[int, ...] = self._surface.shape
-        if self._directions:
-            coords["direction"] = ("direction", list(self._directions), {"long_name": "pass over the line"})
-            dims, shape = ("direction", *dims), (len(self._directions), *shape)
-        data: dict[str, Any] = {}
-        for name, flat in self._arrays.items():
-            attributes: dict[str, Any] = (
-                flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}
-            )
-            data[name] = (dims, flat.reshape(shape), attributes)
-        return xr.Dataset(data, coords, self.notes)
+
+def image_of(surface: Surface, arrays: Mapping[str, Any], directions: tuple[str, ...]) -> xr.Dataset:
+    """The variables of an image as a Dataset that shares the arrays, which may be lazy."""
+    import xarray as xr
+
+    y, x = surface.coords()
+    coords: dict[str, Any] = {
+        "y": ("y", y, {"long_name": "distance from the top of the image", "units": "m", "axis": "Y"}),
+        "x": ("x", x, {"long_name": "distance from the left of the image", "units": "m", "axis": "X"}),
+    }
+    dims: tuple[str, ...] = ("y", "x")
+    if directions:
+        coords["direction"] = ("direction", list(directions), {"long_name": "pass over the line"})
+        dims = ("direction", *dims)
+    data: dict[str, Any] = {}
+    for name, values in arrays.items():
+        attributes: dict[str, Any] = (
+            flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}
+        )
+        data[name] = (dims, values, attributes)
+    return xr.Dataset(data, coords)

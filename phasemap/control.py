@@ -20,6 +20,11 @@ class Control(Protocol):
     in_time: ClassVar[bool]
     """Whether time passes while the tip moves on."""
 
+    @property
+    def carried(self) -> bool:
+        """Whether the tip comes to a line as it left the one before."""
+        ...
+
 
 @dataclass(frozen=True)
 class Engage:
@@ -37,6 +42,11 @@ class Engage:
 
     directions: ClassVar[tuple[str, ...]] = ()
     in_time: ClassVar[bool] = False
+
+    @property
+    def carried(self) -> bool:
+        """False: no pixel knows of another."""
+        return False
 
     def __str__(self) -> str:
         """What it does, in words."""
@@ -74,6 +84,11 @@ class Raster:
 
     def __post_init__(self) -> None:
         check_engage(self.engage)
+
+    @property
+    def carried(self) -> bool:
+        """Whether the tip is engaged only once."""
+        return self.engage == "image"
 
     def __str__(self) -> str:
         """What it does, in words."""
@@ -159,6 +174,11 @@ class Feedback:
             number("scanner_range", self.scanner_range, "m", above=0)
         number("overscan", self.overscan, "1", minimum=0, maximum=1)
         check_engage(self.engage)
+
+    @property
+    def carried(self) -> bool:
+        """Whether the tip is engaged only once."""
+        return self.engage == "image"
 
     def __str__(self) -> str:
         """What it does, in words."""

@@ -7,6 +7,15 @@ class PhasemapError(Exception):
     """Base of every error that phasemap raises on purpose."""
 
 
+class Word(str):
+    """A value that an error shows without quotes, for it is ours and not the user's: unknown, missing."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
 class InputError(PhasemapError, ValueError):
     """A value outside what is allowed.
 

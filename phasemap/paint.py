@@ -1,10 +1,10 @@
-"""How the pixels of an image are worked through: block by block, each distinct material once, or from an atlas."""
+"""Images of pixels that are engaged one by one: each distinct material is solved once, or comes from an atlas."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +14,12 @@ from phasemap.accuracy import Accuracy
 from phasemap.atlas import Atlas, Oracle, build
 from phasemap.atlas.axes import Axes
 from phasemap.atlas.oracle import FUNCTIONS
-from phasemap.canvas import PENDING, Canvas
-from phasemap.control import Control
-from phasemap.distinct import BLOCK, Distinct, count_distinct
+from phasemap.canvas import PENDING, Canvas, values_of
+from phasemap.distinct import BLOCK, Distinct
+from phasemap.job import Job, Painter, Values
 from phasemap.microscope import Microscope
-from phasemap.realism import Realism
-from phasemap.solvers import Solver
-from phasemap.surface import Surface
-from phasemap.work import Work, properties, work_of
-from phasemap.workers import Progress, run, spread
+from phasemap.survey import Survey
+from phasemap.workers import spread
 
 Array = NDArray[np.float64]
 
@@ -31,100 +28,82 @@ Numbers = Callable[[slice], NDArray[np.int32]]
 
 FEW = 1 << 13  # distinct materials up to which an atlas does not pay
 MOST = 1 << 19  # distinct materials that are kept at a time
-CHUNK = 1 << 15  # of them that are solved together
-SAMPLE = 1 << 16  # pixels from which the extent of an atlas is taken
 FINER = 0.1  # accuracy of what an atlas is made of, over that of the image
 DEEPEST = 30.0  # error of the indentation, over that of the height
 REST = 1 << 16  # pixels without an interpolant that are solved together
 
 
-@dataclass(frozen=True)
-class Job:
-    """What is to be done.
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What all pixels of an image share: a table of its materials, or an atlas of more, or neither.
 
     Parameters
     ----------
-    surface : Surface
-    scope : Microscope
-    amplitude : float
-        At the setpoint [m].
-    control : Control
-    solver : Solver
-    accuracy : Accuracy
-    workers : int
-        Threads.
-    progress : callable, optional
-    realism : Realism
-        Its drift is in the surface already; what comes after the scan is no concern of a painter.
+    materials : ndarray, shape (n, 4), or None
+        All that the image has.
+    values : dict of str to ndarray of shape (n,)
+        Their variables.
+    axes, atlas : optional
+        Coordinates of materials, and interpolants in them.
     """
 
-    surface: Surface
-    scope: Microscope
-    amplitude: float
-    control: Control
-    solver: Solver
-    accuracy: Accuracy
-    workers: int
-    progress: Progress | None
-    realism: Realism = field(default_factory=Realism)
-
-    @property
-    def pixels(self) -> int:
-        """How many there are."""
-        return self.surface.shape[0] * self.surface.shape[1]
-
-    def properties(self, materials: Array) -> tuple[Array, Array, Array]:
-        """See `phasemap.work.properties`."""
-        return properties(materials, self.surface.viscosity is not None, self.scope)
-
-    def work(self, materials: Array) -> Work:
-        """Work of these materials."""
-        return work_of(*self.properties(materials), self.scope, self.amplitude)
-
-    def solve(self, materials: Array, canvas: Canvas, progress: Progress | None = None) -> dict[str, Array]:
-        """Variables of distinct materials, one entry a material."""
-        parts = []
-        for first in range(0, len(materials), CHUNK):
-            some = materials[first : first + CHUNK]
-            work = self.work(some)
-            later = None if progress is None else _shifted(progress, first, len(materials))
-            rows, status, used = run(self.solver, work, self.accuracy, threads=self.workers, progress=later)
-            parts.append(canvas.values(rows, status, used))
-        return (
-            {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if len(parts) > 1 else parts[0]
-        )
+    materials: Array | None = None
+    values: Values | None = None
+    axes: Axes | None = None
+    atlas: Atlas | None = None
 
 
-def _shifted(progress: Progress, start: int, total: int) -> Progress:
-    return lambda done, _: progress(start + done, total)
+def _check(_job: Job) -> None:
+    """Every solver engages."""
 
 
-def paint(job: Job, canvas: Canvas) -> int:
-    """Fill the canvas, and return how many distinct materials the surface has."""
-    # An atlas knows folds and grazing as borders, not the ends of the curves of a law with a neck.
-    interpolating = job.solver.name == "auto" and not job.scope.interaction.law.hysteretic
-    found = job.surface.found
-    if found is not None and len(found[0]) <= (FEW if interpolating else MOST):
-        values = job.solve(found[0], canvas, job.progress)
-        _put(job, canvas, values, lambda part: found[1].reshape(-1)[part], 0, job.pixels)
-        return len(found[0])
-    known = Distinct(FEW if interpolating else MOST)
-    taken = _collect(job, known, 0)
-    if taken == job.pixels:
-        values = job.solve(known.materials, canvas, job.progress)
-        _put(job, canvas, values, _numbers(job, known), 0, taken)
-        return len(known)
-    count = count_distinct(job.surface.materials, job.pixels) if found is None else len(found[0])
-    if interpolating:
-        del known
-        _paint_from_atlas(job, canvas, count)
+def _interpolates(job: Job) -> bool:
+    """An atlas knows folds and grazing as borders, not the ends of the curves of a law with a neck."""
+    return job.solver.name == "auto" and not job.scope.interaction.law.hysteretic
+
+
+def _most(job: Job) -> int:
+    return FEW if _interpolates(job) else MOST
+
+
+def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
+    """Solve what materials an image has if they are few, or make an atlas of them."""
+    if survey.materials is not None:
+        return Plan(survey.materials, job.solve(survey.materials, job.progress))
+    if not _interpolates(job):
+        return Plan()
+    axes, atlas = _make_atlas(job, survey)
+    return Plan(axes=axes, atlas=atlas)
+
+
+def _paint(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
+    """Fill the canvas."""
+    if plan.materials is not None and plan.values is not None:
+        _put(job, canvas, plan.values, numbers_of(job, plan.materials), 0, job.pixels)
+    elif plan.axes is not None and plan.atlas is not None:
+        _paint_from_atlas(job, canvas, plan.axes, plan.atlas)
         _paint_rest(job, canvas)
     else:
-        _paint_segments(job, canvas, known, taken)
-    return count
+        _paint_segments(job, canvas)
 
 
-def _collect(job: Job, known: Distinct, first: int) -> int:
+def numbers_of(job: Job, materials: Array) -> Numbers:
+    """Which of these materials, all that the surface has, each pixel of a range is made of."""
+    found = job.surface.found
+    if found is not None and found[0] is materials:
+        inverse = found[1].reshape(-1)
+        return lambda part: inverse[part]
+    known = Distinct(len(materials))
+    known.add(materials)
+    return numbers_in(job, known)
+
+
+def numbers_in(job: Job, known: Distinct) -> Numbers:
+    """Which of the known materials each pixel of a range is made of."""
+    return lambda part: known.numbers(job.surface.materials(part))
+
+
+def collect(job: Job, known: Distinct, first: int) -> int:
     """Take in the materials of the pixels from `first` on, and return where there was no more room."""
     for start in range(first, job.pixels, BLOCK):
         part = slice(start, min(start + BLOCK, job.pixels))
@@ -134,11 +113,7 @@ def _collect(job: Job, known: Distinct, first: int) -> int:
     return job.pixels
 
 
-def _numbers(job: Job, known: Distinct) -> Numbers:
-    return lambda part: known.numbers(job.surface.materials(part))
-
-
-def _put(job: Job, canvas: Canvas, values: dict[str, Array], numbers: Numbers, first: int, last: int) -> None:
+def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int, last: int) -> None:
     """Give each pixel of a range the values of its material."""
 
     def put(start: int, stop: int) -> None:
@@ -149,22 +124,22 @@ def _put(job: Job, canvas: Canvas, values: dict[str, Array], numbers: Numbers, f
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
 
 
-def _paint_segments(job: Job, canvas: Canvas, known: Distinct, taken: int) -> None:
+def _paint_segments(job: Job, canvas: Canvas) -> None:
     """Solve an image range by range, each with as many distinct materials as are kept."""
     first = 0
     while first < job.pixels:
-        values = job.solve(known.materials, canvas)
-        _put(job, canvas, values, _numbers(job, known), first, taken)
+        known = Distinct(min(MOST, job.pixels))
+        taken = collect(job, known, first)
+        values = job.solve(known.materials)
+        _put(job, canvas, values, numbers_in(job, known), first, taken)
         if job.progress is not None:
             job.progress(taken, job.pixels)
-        first, known = taken, Distinct(MOST)
-        taken = _collect(job, known, first)
+        first = taken
 
 
-def _paint_from_atlas(job: Job, canvas: Canvas, count: int) -> None:
+def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None:
     """Interpolate what can be; the other pixels stay pending."""
-    axes, atlas = _make_atlas(job, count)
-    wanted = np.array([FUNCTIONS.index(column) for column in _columns_of(canvas.names)], np.int64)
+    wanted = np.array([FUNCTIONS.index(column) for column in _columns_of(job.names)], np.int64)
     to = np.array(FUNCTIONS)[wanted]
     painted: list[int] = []
 
@@ -178,7 +153,7 @@ def _paint_from_atlas(job: Job, canvas: Canvas, count: int) -> None:
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, atlas.errors.T[:, piece], np.nan)
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
-        canvas.put(part, canvas.values(rows.T, status, np.full(last - first, col.INTERPOLATED, np.int8)))
+        canvas.put(part, values_of(job.names, rows.T, status, np.full(last - first, col.INTERPOLATED, np.int8)))
         painted.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:
@@ -189,17 +164,16 @@ def _paint_from_atlas(job: Job, canvas: Canvas, count: int) -> None:
         spread(paint, [*range(0, job.pixels, BLOCK), job.pixels], job.workers, report)
 
 
-def _make_atlas(job: Job, count: int) -> tuple[Axes, Atlas]:
-    """An atlas for the materials of a surface."""
-    drawn = np.random.default_rng(0).integers(0, job.pixels, SAMPLE)
-    stiffness, adhesion, damping = job.properties(np.unique(job.surface.materials(drawn), axis=0))
+def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
+    """An atlas for the materials of an image."""
+    stiffness, adhesion, damping = job.properties(survey.sample)
     valid = np.isfinite(stiffness + adhesion + damping)
     axes = Axes.around(stiffness[valid], damping[valid]) if valid.any() else Axes(False, 0.0)
     sample = axes.points(stiffness[valid], adhesion[valid], damping[valid]).T
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height)
     oracle = Oracle(job.scope, job.amplitude, axes, job.workers, finer)
     shuffled = np.random.default_rng(1).permutation(len(sample))
-    return axes, build(oracle, np.ascontiguousarray(sample[shuffled]), count, tolerances_of(job))
+    return axes, build(oracle, np.ascontiguousarray(sample[shuffled]), survey.count, tolerances_of(job))
 
 
 def _columns_of(names: tuple[str, ...]) -> list[int]:
@@ -246,8 +220,11 @@ def _paint_rest(job: Job, canvas: Canvas) -> None:
         known = Distinct(len(pixels))
         known.add(materials)
         numbers = known.numbers(materials)
-        values = job.solve(known.materials, canvas)
+        values = job.solve(known.materials)
         canvas.put(pixels, {name: value[numbers] for name, value in values.items()})
         done += len(pixels)
         if job.progress is not None:
             job.progress(done, job.pixels)
+
+
+PAINTER = Painter(_check, _most, _plan, _paint)

@@ -10,16 +10,32 @@ from numpy.typing import NDArray
 
 from phasemap._kernels.scanning.slots import NOWHERE
 from phasemap.branches import stable_branches
-from phasemap.canvas import Canvas
+from phasemap.canvas import Canvas, values_of
 from phasemap.control import LINES, Raster
-from phasemap.distinct import BLOCK, Distinct, count_distinct
-from phasemap.paint import Job, Numbers
-from phasemap.work import work_of
+from phasemap.distinct import BLOCK, Distinct
+from phasemap.job import Job, Painter, Values
+from phasemap.paint import Numbers, numbers_in, numbers_of
+from phasemap.survey import Survey
 from phasemap.workers import Progress
 
 Array = NDArray[np.float64]
 
 MOST = 1 << 17  # distinct materials that are kept at a time
+STABLE, BEGINS = ".stable", ".engaged"  # what `walk` reads of a material, beside the variables
+
+
+class Table(NamedTuple):
+    """Distinct materials and what holds the setpoint on each.
+
+    Attributes
+    ----------
+    materials : ndarray, shape (n, 4)
+    values : dict of str to ndarray, shape (3, n)
+        Variables on the attractive branch, the repulsive one, and the one that engagement finds; and what `walk` reads.
+    """
+
+    materials: Array
+    values: Values
 
 
 class Block(NamedTuple):
@@ -41,15 +57,38 @@ class Block(NamedTuple):
     numbers: Numbers
 
 
-def paint_raster(job: Job, canvas: Canvas) -> int:
-    """Fill the canvas, trace and retrace, and return how many distinct materials the surface has."""
-    branch = NOWHERE
+def _check(_job: Job) -> None:
+    """Every solver has branches."""
+
+
+def _most(_job: Job) -> int:
+    return MOST
+
+
+def _plan(job: Job, survey: Survey, _before: Table | None) -> Table | None:
+    """The branches of all materials, if these are few enough to be kept."""
+    return None if survey.materials is None else _table(job, survey.materials, job.progress)
+
+
+def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
+    """Solve the branches of materials."""
+
+    def solve(some: Array, later: Progress | None) -> Values:
+        found = stable_branches(job.work(some), job.solver, job.accuracy, job.workers, later)
+        return {**values_of(job.names, *found), STABLE: found.stable, BEGINS: found.engaged}
+
+    return Table(materials, job.in_chunks(materials, solve, progress))
+
+
+def _paint(job: Job, plan: Table | None, canvas: Canvas, state: int | None) -> int:
+    """Fill the canvas, trace and retrace, from the branch on which the tip comes to that on which it leaves."""
+    branch = NOWHERE if state is None else state
+    if plan is not None:
+        whole = Block(0, job.surface.shape[0], plan.materials, numbers_of(job, plan.materials))
+        return _walk(job, canvas, whole, plan, branch)
     for block in _blocks(job):
-        whole = block.last - block.first == job.surface.shape[0]
-        branch = _paint_block(job, canvas, block, branch, job.progress if whole else _progress_of(job, block))
-        if whole:
-            return len(block.materials)
-    return count_distinct(job.surface.materials, job.pixels)
+        branch = _walk(job, canvas, block, _table(job, block.materials, _progress_of(job, block)), branch)
+    return branch
 
 
 def _progress_of(job: Job, block: Block) -> Progress | None:
@@ -63,17 +102,14 @@ def _progress_of(job: Job, block: Block) -> Progress | None:
 
 def _blocks(job: Job) -> Iterator[Block]:
     """As many lines at a time as have no more distinct materials than are kept."""
-    found, (lines, pixels) = job.surface.found, job.surface.shape
-    if found is not None and len(found[0]) <= MOST:
-        yield Block(0, lines, found[0], lambda part: found[1].reshape(-1)[part])
-        return
+    lines, pixels = job.surface.shape
     first = 0
     while first < lines:
         known = Distinct(max(MOST, pixels))
         last, count = first, 0
         while last < lines and known.add(_line(job, last)) == pixels:
             last, count = last + 1, len(known)
-        yield Block(first, last, known.materials[:count], _numbers(job, known))
+        yield Block(first, last, known.materials[:count], numbers_in(job, known))
         first = last
 
 
@@ -82,21 +118,14 @@ def _line(job: Job, y: int) -> Array:
     return job.surface.materials(slice(y * pixels, (y + 1) * pixels))
 
 
-def _numbers(job: Job, known: Distinct) -> Numbers:
-    return lambda part: known.numbers(job.surface.materials(part))
-
-
-def _paint_block(job: Job, canvas: Canvas, block: Block, branch: int, progress: Progress | None) -> int:
+def _walk(job: Job, canvas: Canvas, block: Block, table: Table, branch: int) -> int:
     """Fill in lines to which the tip comes on `branch`, and return the one on which it leaves them."""
     from phasemap._kernels.scanning.walk import walk
 
     assert isinstance(job.control, Raster)
-    anew = job.control.engage == "line"
-    work = work_of(*job.properties(block.materials), job.scope, job.amplitude)
-    found = stable_branches(work, job.solver, job.accuracy, job.workers, progress)
-    stable, engaged = found.stable, found.engaged
-    values = {name: value.reshape(-1) for name, value in canvas.values(*found).items()}
-    pixels = job.surface.shape[1]
+    anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
+    stable, engaged = table.values[STABLE], table.values[BEGINS]
+    values = {name: table.values[name].reshape(-1) for name in job.names}
     step = max(1, BLOCK // pixels)
     for first in range(block.first, block.last, step):
         part = slice(first * pixels, min(first + step, block.last) * pixels)
@@ -104,6 +133,9 @@ def _paint_block(job: Job, canvas: Canvas, block: Block, branch: int, progress: 
         slots = np.empty((len(LINES), *materials.shape), np.int8)
         branch = walk(materials, stable, engaged, anew, branch, slots)
         for direction in range(len(LINES)):
-            at = (slots[direction] * np.int64(len(work)) + materials).reshape(-1)
+            at = (slots[direction] * np.int64(count) + materials).reshape(-1)
             canvas.put(part, {name: value[at] for name, value in values.items()}, direction)
     return int(branch)
+
+
+PAINTER = Painter(_check, _most, _plan, _paint)

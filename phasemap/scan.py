@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,16 +11,19 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
+from phasemap.blockwise import check_lazy, paint_lazily
 from phasemap.canvas import Canvas
-from phasemap.control import Control, Engage, Feedback, Raster
+from phasemap.control import Control, Engage
 from phasemap.dataset import check_variables, describe, provenance, variables_of
 from phasemap.errors import InputError, SolveError
+from phasemap.job import Job
 from phasemap.microscope import Microscope
-from phasemap.paint import Job, paint
-from phasemap.realism import Realism, check_realism, drifted, finish, rows_of, scopes_by_row
+from phasemap.painting import paint_part, painter_of, plan_image
+from phasemap.realism import Realism, check_realism, drifted, finish
 from phasemap.solvers import by_name
 from phasemap.status import Status
 from phasemap.surface import Surface
+from phasemap.survey import Place, survey
 from phasemap.work import Work, check_setpoint, make_work
 from phasemap.workers import Progress, run, workers_of
 
@@ -118,44 +121,38 @@ def simulate(
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
-    if type(control) not in _PAINTERS:
-        raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in _PAINTERS))
+    painter = painter_of(control)
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     names = check_variables(variables, variables_of(control))
+    if surface.lazy:
+        check_lazy(realism, strict, progress)
     surface = drifted(surface, realism.drift)
     method = by_name(solver)
-    canvas = Canvas(surface, names, control.directions)
-    amplitude, workers = setpoint * scope.free_amplitude, workers_of(threads)
-    distinct = _paint(Job(surface, scope, amplitude, control, method, accuracy, workers, progress, realism), canvas)
-    if strict:
-        _refuse_failures(canvas.status.reshape(-1, *surface.shape))
-    solved = time.perf_counter() - started
+    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.free_amplitude, workers_of(threads)
+    job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
+    painter.check(job)
+    if surface.lazy:
+        image = paint_lazily(replace(job, workers=threads or 1))
+    else:
+        found = survey(surface, painter.most(job))
+        canvas = Canvas(surface, names, control.directions)
+        paint_part(job, plan_image(job, found), canvas)
+        if strict:
+            _refuse_failures(canvas.status.reshape(-1, *surface.shape))
+        image = canvas.image().assign_attrs(
+            modelled="; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None)),
+            distinct_materials=found.count,
+            seconds=round(time.perf_counter() - started, 6),
+        )
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
         "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
         "pixel_size": list(surface.pixel_size),
     }  # fmt: skip
-    image = canvas.image()
     image.attrs.update(provenance(configuration, "simulated"))
-    image.attrs["modelled"] = "; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None))
-    image.attrs["distinct_materials"] = distinct
-    image.attrs["seconds"] = round(solved, 6)
     return finish(image, realism)
-
-
-def _paint(job: Job, canvas: Canvas) -> int:
-    """Fill the canvas; without time, the lines before and after a change of the tip are images of their own."""
-    painter = _PAINTERS[type(job.control)]
-    blocks = scopes_by_row(job.realism, job.scope, job.surface.shape[0])
-    if len(blocks) == 1 or job.control.in_time:
-        return painter(job, canvas)
-    distinct = 0
-    for rows, scope in blocks:
-        part = rows_of(job.surface, rows)
-        distinct += painter(replace(job, surface=part, scope=scope), canvas.part(part, rows))
-    return distinct
 
 
 def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
@@ -180,28 +177,6 @@ def _largest(surface: Surface, scope: Microscope) -> Work:
     maps = (surface.modulus, surface.adhesion, surface.damping, surface.viscosity, surface.poisson_ratio)
     largest = np.array([[np.fmax.reduce(values, None) for values in maps if values is not None]])
     return make_work(np.nan_to_num(largest), surface.viscosity is not None, scope, scope.free_amplitude)
-
-
-def _paint_feedback(job: Job, canvas: Canvas) -> int:
-    """`phasemap.feedback.paint`, whose kernels are imported only where they are needed."""
-    from phasemap.feedback import paint
-
-    return paint(job, canvas)
-
-
-def _paint_raster(job: Job, canvas: Canvas) -> int:
-    """`phasemap.raster.paint_raster`, imported only where it is needed."""
-    from phasemap.raster import paint_raster
-
-    return paint_raster(job, canvas)
-
-
-_PAINTERS: dict[type[Control], Callable[[Job, Canvas], int]] = {
-    Engage: paint,
-    Raster: _paint_raster,
-    Feedback: _paint_feedback,
-}
-"""Who fills the canvas; returns how many distinct materials the surface has."""
 
 
 def _refuse_failures(status: Array) -> None:

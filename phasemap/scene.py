@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap.accuracy import Accuracy
 from phasemap.control import Control, Engage, Feedback, Raster
-from phasemap.errors import FileError, InputError
+from phasemap.errors import FileError, InputError, Word
 from phasemap.interaction import Interaction
 from phasemap.material import Material
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip
@@ -45,15 +45,6 @@ TABLES = (
     "output",
 )  # fmt: skip
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
-
-
-class _Word(str):
-    """A string that an error shows without quotes."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        return str(self)
 
 
 @dataclass(frozen=True)
@@ -197,7 +188,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     """
     tables = read_tables(path, overrides)
     if "ensemble" in tables:
-        raise InputError("[ensemble]", _Word("there"), "no such table in a single scene", "Use load_ensemble.")
+        raise InputError("[ensemble]", Word("there"), "no such table in a single scene", "Use load_ensemble.")
     return scene_from_tables(tables, Path(path).parent)
 
 
@@ -231,7 +222,7 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
         if key not in allowed:
             near = difflib.get_close_matches(key, allowed, 1, 0.5)
             raise InputError(
-                f"{name} {key}", _Word("unknown"), ", ".join(allowed), f"Did you mean {near[0]!r}?" if near else ""
+                f"{name} {key}", Word("unknown"), ", ".join(allowed), f"Did you mean {near[0]!r}?" if near else ""
             )
     for key in required:
         if key not in table:
@@ -240,7 +231,7 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
 
 def missing(name: str, key: str) -> InputError:
     """The error for a required key that a table does not have."""
-    return InputError(f"{name} {key}", _Word("missing"), "a value, for it has no default")
+    return InputError(f"{name} {key}", Word("missing"), "a value, for it has no default")
 
 
 def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phasemap._check import in_words, number, pixel_pair, shape_pair
-from phasemap.errors import InputError
+from phasemap.errors import InputError, Word
+from phasemap.lazy import chunks_of, is_lazy, lazy_map
 from phasemap.material import Material
 from phasemap.surface_dataset import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
@@ -38,7 +39,8 @@ class Surface:
 
     Every quantity is one number or a 2-D map, and all maps have one shape. The fields are read-only float64 arrays of
     that shape; what is the same everywhere takes the memory of one number. A map that can still be written to is
-    copied once, a read-only one (``a.setflags(write=False)``) is shared.
+    copied once, a read-only one (``a.setflags(write=False)``) is shared. A map may be a Dask array: it stays one, and
+    `phasemap.simulate` then makes an image of Dask arrays, block by block; its numbers are checked when they are used.
 
     Parameters
     ----------
@@ -118,13 +120,15 @@ class Surface:
             "topography": topography,
         }
         maps = {
-            name: _as_map(name, value, allow_nan and name != "topography")
+            name: lazy_map(name, value) if is_lazy(value) else _as_map(name, value, allow_nan and name != "topography")
             for name, value in given.items()
             if value is not None
         }
         ny_nx = _common_shape(maps, shape)
         for name in given:
-            object.__setattr__(self, name, np.broadcast_to(maps[name], ny_nx) if name in maps else None)
+            one = maps.get(name)
+            whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
+            object.__setattr__(self, name, whole)
         object.__setattr__(self, "pixel_size", pixel_pair(pixel_size))
         object.__setattr__(self, "shape", ny_nx)
         object.__setattr__(self, "allow_nan", bool(allow_nan))
@@ -170,6 +174,8 @@ class Surface:
         >>> surface.modulus.tolist()
         [[1000000000.0, 3000000000.0], [3000000000.0, 3000000000.0]]
         """
+        if is_lazy(labels):
+            return _from_lazy_labels(lazy_map("labels", labels, int), materials, pixel_size, topography)
         try:
             label_map = np.asarray(labels)
         except ValueError:
@@ -290,6 +296,38 @@ class Surface:
         y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
         return y, x
 
+    @property
+    def lazy(self) -> bool:
+        """Whether some map is a Dask array."""
+        return any(is_lazy(getattr(self, name)) for name in QUANTITIES)
+
+    def compute(self) -> Surface:
+        """Return the surface with all maps in memory; the same one if they are there already.
+
+        Returns
+        -------
+        Surface
+
+        Raises
+        ------
+        InputError
+            As `Surface`.
+
+        Examples
+        --------
+        >>> Surface(modulus=1e9, pixel_size=4e-9, shape=(2, 3)).compute().lazy
+        False
+        """
+        if not self.lazy:
+            return self
+        maps = {name: np.asarray(value) if is_lazy(value := getattr(self, name)) else value for name in QUANTITIES}
+        return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
+
+    def _refuse_lazy(self) -> None:
+        """Refuse what looks at all pixels at once."""
+        if self.lazy:
+            raise InputError("surface", Word("in Dask arrays"), "maps in memory", "Take surface.compute().")
+
     def unique(self) -> tuple[FloatArray, IntArray]:
         """Find the distinct materials, so that each is solved once.
 
@@ -308,6 +346,7 @@ class Surface:
         >>> rows[:, 0].tolist(), inverse.tolist()
         ([1000000000.0, 3000000000.0], [[0, 1, 0]])
         """
+        self._refuse_lazy()
         found = self._unique
         if found is None:
             fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
@@ -342,6 +381,7 @@ class Surface:
         >>> Surface(modulus=[[1e9, 3e9]], adhesion=0.05, pixel_size=4e-9).materials(slice(1, 2)).tolist()
         [[3000000000.0, 0.05, 0.0, 0.35]]
         """
+        self._refuse_lazy()
         fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
         columns = [column.reshape(-1)[pixels] for column in fields if column is not None]
         return np.column_stack(columns)
@@ -369,6 +409,7 @@ class Surface:
         """
         from phasemap.dilation import HALF_ANGLE, dilated
 
+        self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
 
     def __eq__(self, other: object) -> bool:
@@ -389,11 +430,32 @@ class Surface:
         parts = [f"{self.shape[0]} x {self.shape[1]} pixels of {dy:g} x {dx:g} m"]
         for name in ("modulus", "adhesion", "damping", "viscosity", "topography"):
             value = getattr(self, name)
-            if value is not None:
+            if is_lazy(value):
+                rows, columns = chunks_of(value)
+                parts.append(f"{name} in Dask blocks of {rows[0]} x {columns[0]} pixels")
+            elif value is not None:
                 low, high = f"{np.fmin.reduce(value, None):g}", f"{np.fmax.reduce(value, None):g}"
                 values = low if low == high else f"{low} to {high}"
                 parts.append(f"{name} {values} {QUANTITIES[name].unit}".removesuffix(" 1"))
         return f"Surface({', '.join(parts)})"
+
+
+def _from_lazy_labels(labels: Any, materials: Mapping[int, Material], pixel_size: Any, topography: Any) -> Surface:
+    """Materials that are looked up when a block of the labels is computed."""
+    names, table, viscous = _material_table(materials)
+    columns = [
+        column[0] if (column == column[0]).all() else labels.map_blocks(_looked_up, names, column, dtype=np.float64)
+        for column in table.T
+    ]
+    damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
+    return Surface(
+        columns[0], columns[1], damping, viscosity, columns[3], topography, pixel_size=pixel_size, shape=labels.shape
+    )
+
+
+def _looked_up(labels: NDArray[Any], names: list[int], column: FloatArray) -> FloatArray:
+    """One property of the material of each label."""
+    return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
 
 
 def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap.errors import InputError
+from phasemap.lazy import is_lazy
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,13 +38,15 @@ _POSITION = Quantity("position", "m", QUANTITIES["topography"].spellings, {})
 _PREFIXES = {"": 0, "T": 12, "G": 9, "M": 6, "k": 3, "m": -3, "u": -6, "n": -9, "p": -12}
 
 
-def variable_in_si(variable: xr.DataArray, name: str) -> FloatArray:
-    """Return a variable of a Dataset as an array in SI with y before x, or of no dimension."""
+def variable_in_si(variable: xr.DataArray, name: str) -> Any:
+    """Return a variable of a Dataset as an array in SI with y before x, or of no dimension; a lazy one stays that."""
     if set(variable.dims) not in ({"y", "x"}, set()):
         raise InputError(f"dims of {name}", variable.dims, "('y', 'x') or none")
     if variable.dims == ("x", "y"):
         variable = variable.transpose("y", "x")
     exponent = _exponent(variable, name, QUANTITIES[name])
+    if is_lazy(variable):
+        return variable.data if exponent == 0 else _scaled(variable.data.astype(np.float64), exponent)
     values: FloatArray = variable.to_numpy()
     return values if exponent == 0 else _frozen(_scaled(values.astype(np.float64), exponent))
 

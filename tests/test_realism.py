@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ import scipy.ndimage
 import xarray as xr
 
 import phasemap as pm
-from phasemap import scan
+from phasemap import painting
 from phasemap.canvas import Canvas
 from phasemap.cli import main
 from phasemap.io import netcdf
-from phasemap.paint import Job
+from phasemap.job import Job, Painter
 from phasemap.realism import check_realism, drifted, finish, generator, scopes_by_row
 from phasemap.scene import Scene
+from phasemap.survey import Survey
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(20e-9))
@@ -177,27 +179,36 @@ def test_after_the_change_the_lines_are_those_of_the_other_tip() -> None:
 
 
 def test_each_painter_gets_what_it_can_paint(monkeypatch: pytest.MonkeyPatch) -> None:
-    # A scan without time is two images, each of both directions; a scan in time is one, and sees all of the realism.
+    # Without time a changed tip is engaged anew, in time it goes on as it is; each tip has a plan of its own.
     jobs: list[Job] = []
+    states: list[Any] = []
 
-    def paint(job: Job, canvas: Canvas) -> int:
+    def paint(job: Job, plan: float, canvas: Canvas, state: Any) -> str:
         jobs.append(job)
+        states.append(state)
         for direction in (0, 1):
-            canvas.put(slice(0, job.pixels), {"phase": np.full(job.pixels, len(jobs) + direction / 2)}, direction)
+            canvas.put(slice(0, job.pixels), {"phase": np.full(job.pixels, plan + direction / 2)}, direction)
             canvas.put(slice(0, job.pixels), {"status": np.zeros(job.pixels, np.int8)}, direction)
-        return 1
+        return "on a branch"
 
-    monkeypatch.setitem(scan._PAINTERS, pm.Raster, paint)
-    monkeypatch.setitem(scan._PAINTERS, pm.Feedback, paint)
+    def plan(job: Job, survey: Survey, before: float | None) -> float:
+        return 1.0 if before is None else before + 1.0
+
+    painter = Painter(lambda job: None, lambda job: 10, plan, paint)
+    monkeypatch.setitem(painting.PAINTERS, pm.Raster, lambda: painter)
+    monkeypatch.setitem(painting.PAINTERS, pm.Feedback, lambda: painter)
     realism = pm.Realism(tip_change=pm.TipChange(2, 25e-9))
     image = pm.simulate(surface_of(), SCOPE, 0.7, control=pm.Raster(), realism=realism, variables=["phase"])
     expected = np.repeat([1.0, 2.0], [2, 4])[:, np.newaxis] + np.zeros(SHAPE)
     assert np.array_equal(image.phase, [expected, expected + 0.5])
-    assert [(job.scope, job.surface.shape[0]) for job in jobs] == [(SCOPE, 2), (BLUNT, 4)]
+    assert [(job.scope, job.surface.shape[0], job.place.row) for job in jobs] == [(SCOPE, 2, 0), (BLUNT, 4, 2)]
+    assert states == [None, None]
     jobs.clear()
+    states.clear()
     noisy = pm.Realism(temperature=300.0, detector_noise=1e-13, tip_change=pm.TipChange(2, 25e-9), seed=2)
     pm.simulate(surface_of(), SCOPE, 0.7, control=pm.Feedback(), realism=noisy, variables=["phase"])
-    assert [(job.scope, job.surface.shape[0], job.realism) for job in jobs] == [(SCOPE, 6, noisy)]
+    assert [(job.scope, job.realism) for job in jobs] == [(SCOPE, noisy), (BLUNT, noisy)]
+    assert states == [None, "on a branch"]
     assert scopes_by_row(noisy, SCOPE, 6) == [(slice(0, 2), SCOPE), (slice(2, 6), BLUNT)]
 
 

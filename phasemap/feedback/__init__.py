@@ -1,6 +1,6 @@
-"""Scans in time: `paint` fills a canvas, `tune` finds gains, `margin` says how far they are from ringing."""
+"""Scans in time: `PAINTER` makes images, `tune` finds gains, `margin` says how far they are from ringing."""
 
-from phasemap.feedback.paint import paint
+from phasemap.feedback.paint import PAINTER
 from phasemap.feedback.tuning import margin, tune
 
-__all__ = ["margin", "paint", "tune"]
+__all__ = ["PAINTER", "margin", "tune"]

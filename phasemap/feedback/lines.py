@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-import math
+import copy
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.beat import new_beat
-from phasemap._kernels.scanning.bulge import bulges
 from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import scan_line
 from phasemap.accuracy import Accuracy
-from phasemap.canvas import Canvas
+from phasemap.canvas import Canvas, values_of
 from phasemap.control import Feedback
+from phasemap.feedback.bulges import Bulges
 from phasemap.feedback.loop import loop_of, tau_per_second
 from phasemap.feedback.program import mean_ground, program_of
-from phasemap.paint import Job, stiffening
+from phasemap.job import Job
+from phasemap.paint import stiffening
 from phasemap.realism import generator
 from phasemap.solvers import by_name
 from phasemap.work import Work
-from phasemap.workers import run, spread
+from phasemap.workers import run
 
 Array = np.ndarray
 
 ETA = 0.7  # size of the march's steps: 2e-4 degree
 ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
-BULGES, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many of them at a time
 
 
 class Tip:
@@ -37,9 +37,13 @@ class Tip:
         self.state = new_flow() if engine == col.AVERAGING else new_beat(ETA)
         self.loop: Array | None = None  # as long as it is not engaged
 
+    def copy(self) -> Tip:
+        """One that moves on by itself."""
+        return copy.deepcopy(self)
+
 
 class Lines:
-    """The lines of an image under one control and one tip.
+    """Some lines of an image under one control and one tip.
 
     Parameters
     ----------
@@ -52,11 +56,22 @@ class Lines:
         Which of them each pixel has.
     engine : int
         Code of the solver that moves the tip.
+    bulges : Bulges or None
+        For the averaged lever.
     canvas : Canvas
         To be filled.
     """
 
-    def __init__(self, job: Job, control: Feedback, work: Work, numbers: Array, engine: int, canvas: Canvas) -> None:
+    def __init__(
+        self,
+        job: Job,
+        control: Feedback,
+        work: Work,
+        numbers: Array,
+        engine: int,
+        bulges: Bulges | None,
+        canvas: Canvas,
+    ) -> None:
         self.job, self.control, self.work, self.canvas, self.engine = job, control, work, canvas, engine
         self.numbers = np.where(work.refused() == col.GOOD, np.arange(len(work)), -1)[numbers]
         realism = job.realism
@@ -66,7 +81,7 @@ class Lines:
         tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
-        self.rows = with_bulges(job, work) if engine == col.AVERAGING else work.rows
+        self.rows = work.rows if bulges is None else bulges.beside(work.rows)
         # A tip that engages comes from far: the first material of each line says on which orbit it then is.
         has_one = (self.numbers >= 0).argmax(axis=1)
         starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)
@@ -80,7 +95,7 @@ class Lines:
         ground = np.zeros(nx) if topography is None else topography[row]
         program = program_of(self.numbers[row], ground, self.dwell, self.control.overscan)
         out, status = np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8)
-        noise = generator(self.job.realism.seed, f"lever, line {row}")
+        noise = generator(self.job.realism.seed, f"lever, line {self.job.place.row + row}")
         engaged = tip.loop is not None
         loop = self.loop.copy() if tip.loop is None else tip.loop
         law, lever = self.work.law, self.work.lever
@@ -96,31 +111,10 @@ class Lines:
         out[:, col.STIFFENING] = stiffening(job.scope, out[:, col.AMPLITUDE], out[:, col.PHASE])
         place = out[:, col.TIP_OFFSET].copy()
         out[:, col.TIP_OFFSET] -= np.tile(mean_ground(ground), 2)
-        values = self.canvas.values(out, status, np.full(2 * nx, self.engine, np.int8))
+        values = values_of(job.names, out, status, np.full(2 * nx, self.engine, np.int8))
         if "height" in values:  # what the scanner does, whatever the amplitude; `put` adds the topography
             values["height"] = place - np.tile(ground, 2) - job.amplitude
         for direction in range(2):
             part = slice(direction * nx, (direction + 1) * nx)
             some = {name: value[part] for name, value in values.items()}
             self.canvas.put(slice(row * nx, (row + 1) * nx), some, direction)
-
-
-def with_bulges(job: Job, work: Work) -> Array:
-    """Rows with the two kappa of `phasemap._kernels.scanning.bulge` behind them, interpolated in contact stiffness."""
-    limits = np.array([math.radians(job.accuracy.phase), job.accuracy.height])
-    stiffness = work.rows[:, col.CONTACT]
-    order = np.argsort(stiffness, kind="stable")
-    some = order[:: max(1, -(-len(order) // BULGES))]
-    found, rows, amplitudes = np.full((len(some), 2), np.nan), work.rows[some], work.amplitudes[some]
-
-    def solve(first: int, last: int) -> None:
-        bulges(work.law, rows, work.lever, amplitudes, limits, first, last, found)
-
-    spread(solve, [*range(0, len(some), CHUNK), len(some)], job.workers, None)
-    kappa = np.zeros((len(work), 2))
-    for side in (0, 1):
-        values = np.where(np.isnan(found[:, side]), found[:, 1 - side], found[:, side])
-        known = np.isfinite(values)
-        if known.any():
-            kappa[:, side] = np.interp(stiffness, stiffness[some[known]], values[known])
-    return np.hstack([work.rows, kappa])

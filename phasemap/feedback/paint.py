@@ -2,71 +2,114 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
+
+import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.canvas import Canvas
 from phasemap.control import Feedback
 from phasemap.errors import InputError
+from phasemap.feedback.bulges import Bulges, bulges_of
 from phasemap.feedback.lines import Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
 from phasemap.feedback.settling import quietened
 from phasemap.feedback.tuning import LinearLoop
+from phasemap.job import Job, Painter
 from phasemap.microscope import Microscope
-from phasemap.paint import Job
-from phasemap.realism import scopes_by_row
+from phasemap.survey import Survey
 from phasemap.workers import Progress, spread
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 FASTEST = 0.1  # per tau, of amplitude and phase; beyond, stiff contact makes them change as much
+MOST = 1 << 17  # distinct materials up to which gains are those for all of them, else for a sample
 
 
-def engine_of(job: Job, linear: LinearLoop) -> int:
-    """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What all lines of an image under one tip share.
+
+    Parameters
+    ----------
+    control : Feedback
+        With gains.
+    engine : int
+        Code of the solver that moves the tip.
+    bulges : Bulges or None
+        None for the equation of motion, which has all harmonics.
+    notes : dict
+        Gains and what they are worth, for the image's attributes.
+    """
+
+    control: Feedback
+    engine: int
+    bulges: Bulges | None
+    notes: dict[str, float]
+
+
+def _check(job: Job) -> None:
+    """Refuse a solver that does not act in time, and a loop that cannot work with this lever.
 
     Raises
     ------
     InputError
-        If the solver does not act in time.
     """
+    assert isinstance(job.control, Feedback)
+    check(job.control, job.scope, job.place.image[1])
+    if (name := job.solver.name) not in ("auto", "averaging", "march"):
+        raise InputError("solver", name, "'averaging', 'march' or 'auto' with control=Feedback(), which acts in time")
+
+
+def _most(_job: Job) -> int:
+    return MOST
+
+
+def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
+    """Find gains with the first tip, and what the harmonics of the lever do with each."""
+    control = job.control
+    assert isinstance(control, Feedback)
+    materials = survey.sample if survey.materials is None else survey.materials
+    work = job.work(materials[np.lexsort(materials.T[::-1])])  # whatever the order of the pixels
+    if before is not None:
+        control, engine, notes = before.control, before.engine, before.notes
+    else:
+        linear = LinearLoop(control, job.scope, work)
+        engine = _engine_of(job, linear)
+        if control.integral_gain is None:
+            control = quietened(linear.tuned(), job, work, engine)
+        notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
+    return Plan(control, engine, bulges_of(job, work) if engine == col.AVERAGING else None, notes)
+
+
+def _engine_of(job: Job, linear: LinearLoop) -> int:
+    """Code of the solver that moves the tip: the averaged lever, or the equation of motion."""
     name = job.solver.name
     if name == "auto":
         slow = job.scope.cantilever.quality_factor >= LOWEST_Q and linear.fastest <= FASTEST
         return col.AVERAGING if slow else col.MARCH
-    if name in ("averaging", "march"):
-        return col.AVERAGING if name == "averaging" else col.MARCH
-    raise InputError("solver", name, "'averaging', 'march' or 'auto' with control=Feedback(), which acts in time")
+    return col.AVERAGING if name == "averaging" else col.MARCH
 
 
-def paint(job: Job, canvas: Canvas) -> int:
-    """Fill the canvas, and return how many distinct materials the surface has."""
-    control = job.control
-    assert isinstance(control, Feedback)
-    ny, nx = job.surface.shape
-    check(control, job.scope, nx)
+def _paint(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
+    """Fill the canvas of some lines, to which the tip comes in a state, and return that in which it leaves."""
     materials, numbers = job.surface.unique()
-    work = job.work(materials)
-    linear = LinearLoop(control, job.scope, work)
-    engine = engine_of(job, linear)
-    if control.integral_gain is None:
-        control = quietened(linear.tuned(), job, work, engine)
-    canvas.notes.update(_notes(control, job.scope, linear.margin(control), nx))
-    tip = Tip(engine)
-    for rows, scope in scopes_by_row(job.realism, job.scope, ny):  # a tip that changes
-        part = replace(job, scope=scope)
-        lines = Lines(part, control, part.work(materials), numbers, engine, canvas)
-        anew = control.engage == "line"
-        scan = partial(_engaged_anew, lines, engine) if anew else partial(_carried, lines, tip)
-        bounds = range(rows.start, rows.stop + 1)
-        spread(scan, bounds, job.workers if anew else 1, _counted(job, rows.start))
-        canvas.notes["ringing_lines"] = canvas.notes.get("ringing_lines", 0) + int((~lines.calm).sum())
-    return len(materials)
+    lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.bulges, canvas)
+    bounds = range(len(numbers) + 1)
+    tip = None
+    if plan.control.engage == "line":
+        spread(partial(_engaged_anew, lines), bounds, job.workers, _counted(job))
+    else:
+        tip = Tip(plan.engine) if state is None else state.copy()
+        spread(partial(_carried, lines, tip), bounds, 1, _counted(job))
+    canvas.notes.update(plan.notes)
+    canvas.notes["ringing_lines"] = canvas.notes.get("ringing_lines", 0) + int((~lines.calm).sum())
+    return tip
 
 
-def _engaged_anew(lines: Lines, engine: int, first: int, last: int) -> None:
+def _engaged_anew(lines: Lines, first: int, last: int) -> None:
     for row in range(first, last):
-        lines.scan(row, Tip(engine))
+        lines.scan(row, Tip(lines.engine))
 
 
 def _carried(lines: Lines, tip: Tip, first: int, last: int) -> None:
@@ -74,11 +117,11 @@ def _carried(lines: Lines, tip: Tip, first: int, last: int) -> None:
         lines.scan(row, tip)
 
 
-def _counted(job: Job, start: int) -> Progress | None:
+def _counted(job: Job) -> Progress | None:
     """Progress in lines of the whole image, of a part that begins at a line."""
     if job.progress is None:
         return None
-    report, total = job.progress, job.surface.shape[0]
+    report, start, total = job.progress, job.place.row, job.place.image[0]
     return lambda done, _: report(start + done, total)
 
 
@@ -91,3 +134,15 @@ def _notes(control: Feedback, scope: Microscope, margin: float, pixels: int) -> 
         "periods_per_pixel": dwell * drive_frequency(scope),
     }  # fmt: skip
     return {name: float(f"{value:.6g}") for name, value in notes.items()}
+
+
+NOTES = {
+    "proportional_gain": "proportional gain [1]",
+    "integral_gain_per_second": "integral gain [1/s]",
+    "gain_margin": "factor on both gains at which the loop rings [1]",
+    "dwell_seconds": "time over a pixel [s]",
+    "periods_per_pixel": "periods of the drive over a pixel [1]",
+    "ringing_lines": "lines before which the feedback did not come to rest [1]",
+}
+
+PAINTER = Painter(_check, _most, _plan, _paint, NOTES)

@@ -10,9 +10,10 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import engage_in_time
 from phasemap.control import Feedback
-from phasemap.feedback.lines import ENGAGED, Tip, with_bulges
+from phasemap.feedback.bulges import bulges_of
+from phasemap.feedback.lines import ENGAGED, Tip
 from phasemap.feedback.loop import loop_of
-from phasemap.paint import Job
+from phasemap.job import Job
 from phasemap.realism import generator
 from phasemap.solvers import by_name
 from phasemap.work import Work
@@ -47,7 +48,7 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
     some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
     work = Work(work.law, work.rows[some], work.lever, work.amplitudes[some])
     orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
-    rows = with_bulges(job, work) if engine == col.AVERAGING else work.rows
+    rows = bulges_of(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
     held = np.flatnonzero(status == col.GOOD)
     for _ in range(HALVINGS):
         if all(_is_quiet(control, job, work, engine, rows[i], orbits[i]) for i in held):

@@ -1,0 +1,156 @@
+"""What there is to be done for an image or a part of one, and who does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.accuracy import Accuracy
+from phasemap.canvas import Canvas, values_of
+from phasemap.control import Control
+from phasemap.microscope import Microscope
+from phasemap.realism import Realism
+from phasemap.solvers import Solver
+from phasemap.surface import Surface
+from phasemap.survey import Place, Survey
+from phasemap.work import Work, properties, work_of
+from phasemap.workers import Progress, run
+
+Array = NDArray[np.float64]
+Values = dict[str, Any]
+"""An array for each variable."""
+
+CHUNK = 1 << 15  # distinct materials that are solved together
+KEPT_CHUNK = 1 << 9  # where what is solved is kept on disk
+
+
+class Memo(Protocol):
+    """Where results of a long run are kept, so that it can go on after an end that was not expected."""
+
+    def recall(self, name: str) -> Values:
+        """What was kept under this name, empty if nothing was."""
+        ...
+
+    def remember(self, name: str, values: Values) -> None:
+        """Keep it, if it is worth the time since the last."""
+        ...
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be done.
+
+    Parameters
+    ----------
+    surface : Surface
+        Of the image, or of the part that is to be painted.
+    place : Place
+        Where it lies in the image.
+    scope : Microscope
+    amplitude : float
+        At the setpoint [m].
+    control : Control
+    solver : Solver
+    accuracy : Accuracy
+    realism : Realism
+        Its drift is in the surface already; what comes after the scan is no concern of a painter.
+    names : tuple of str
+        Image variables, `status` among them.
+    workers : int
+        Threads.
+    progress : callable, optional
+    memo : Memo, optional
+    """
+
+    surface: Surface
+    place: Place
+    scope: Microscope
+    amplitude: float
+    control: Control
+    solver: Solver
+    accuracy: Accuracy
+    realism: Realism
+    names: tuple[str, ...]
+    workers: int
+    progress: Progress | None = None
+    memo: Memo | None = None
+
+    @property
+    def pixels(self) -> int:
+        """How many there are."""
+        return self.surface.shape[0] * self.surface.shape[1]
+
+    def properties(self, materials: Array) -> tuple[Array, Array, Array]:
+        """See `phasemap.work.properties`."""
+        return properties(materials, self.surface.viscosity is not None, self.scope)
+
+    def work(self, materials: Array) -> Work:
+        """Work of these materials."""
+        return work_of(*self.properties(materials), self.scope, self.amplitude)
+
+    def solve(self, materials: Array, progress: Progress | None = None) -> Values:
+        """Variables of distinct materials, one entry a material."""
+
+        def solve(some: Array, later: Progress | None) -> Values:
+            found = run(self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later)
+            return values_of(self.names, *found)
+
+        return self.in_chunks(materials, solve, progress)
+
+    def in_chunks(
+        self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None
+    ) -> Values:
+        """Variables of materials, which are the last axis, from those of so many at a time."""
+        name, memo = f"materials-{self.place.row}", self.memo
+        kept = {} if memo is None else memo.recall(name)
+        parts = [kept] if kept else []
+        done = next(iter(kept.values())).shape[-1] if kept else 0
+        size = CHUNK if memo is None else KEPT_CHUNK
+        for first in range(done, max(len(materials), 1), size):
+            later = None if progress is None else _shifted(progress, first, len(materials))
+            parts.append(solve(materials[first : first + size], later))
+            if memo is not None:
+                parts = [_joined(parts)]
+                memo.remember(name, parts[0])
+        return _joined(parts)
+
+
+def _shifted(progress: Progress, start: int, total: int) -> Progress:
+    return lambda done, _: progress(start + done, total)
+
+
+def _joined(parts: list[Values]) -> Values:
+    if len(parts) == 1:
+        return parts[0]
+    return {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
+
+
+class Painter(NamedTuple):
+    """How the images of one control come about: a plan for all of it, then part by part.
+
+    Attributes
+    ----------
+    check : callable
+        ``check(job)`` raises `InputError` where the control cannot work with the rest.
+    most : callable
+        ``most(job)``: distinct materials up to which the plan wants to know them all.
+    plan : callable
+        ``plan(job, survey, before)``: what all parts share, of a job for the whole image or for the lines of one tip;
+        `before` is the plan of the tip before, or None. It can be pickled.
+    paint : callable
+        ``paint(job, plan, canvas, state)``: fills the canvas of a part, to which the tip comes in a state, and returns
+        that in which it leaves; None is a tip that is far away. A control that carries no state takes and returns None.
+    notes : dict
+        What it finds out for the attributes of an image, and long names.
+    """
+
+    check: Callable[[Job], None]
+    most: Callable[[Job], int]
+    plan: Callable[[Job, Survey, Any], Any]
+    paint: Callable[[Job, Any, Canvas, Any], Any]
+    notes: Mapping[str, str] = MappingProxyType({})

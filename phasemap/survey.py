@@ -1,0 +1,153 @@
+"""What the parts of an image must know of the whole surface, found part by part and in bounded memory.
+
+Surveys of parts are joined in any order, and those of the parts of an image say the same as that of the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.distinct import BLOCK, Distinct, digests_of
+from phasemap.surface import Surface
+
+Array = NDArray[np.float64]
+Digests = NDArray[np.uint64]
+
+SAMPLE = 1 << 16  # pixels that are drawn from an image
+KEPT = 1 << 20  # digests from which the number of distinct materials is estimated, to 0.1 %
+
+
+class Place(NamedTuple):
+    """Where a part lies in an image.
+
+    Attributes
+    ----------
+    row, column : int
+        Of its first pixel.
+    image : (int, int)
+        Rows and columns of the whole.
+    """
+
+    row: int
+    column: int
+    image: tuple[int, int]
+
+    def drawn(self, shape: tuple[int, int]) -> NDArray[np.intp]:
+        """Which pixels of a part of this shape are among those drawn from the whole image, each once."""
+        (ny, nx), (height, width) = self.image, shape
+        rows, columns = np.divmod(np.unique(np.random.default_rng(0).integers(0, ny * nx, SAMPLE)), nx)
+        rows, columns = rows - self.row, columns - self.column
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        return np.asarray(rows[inside] * width + columns[inside], np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Materials of a surface, or of a part of it.
+
+    Parameters
+    ----------
+    materials : ndarray, shape (n, 4), or None
+        The distinct ones, as `Surface.unique` gives them; None if there are more than were asked for.
+    sample : ndarray, shape (m, 4)
+        Those of the drawn pixels that have one, each once and in order.
+    smallest : ndarray of uint64
+        The smallest digests of the distinct materials, in order, at most KEPT; of no interest where `materials` are
+        known.
+    """
+
+    materials: Array | None
+    sample: Array
+    smallest: Digests
+
+    @property
+    def count(self) -> int:
+        """How many distinct materials there are; above a million to 0.1 %.
+
+        The k-th smallest of n random numbers below 1 is near k / n.
+        """
+        if self.materials is not None:
+            return len(self.materials)
+        if len(self.smallest) < KEPT:
+            return len(self.smallest)
+        return round((KEPT - 1) / (float(self.smallest[-1]) / 2.0**64))
+
+    def joined(self, other: Survey, most: int) -> Survey:
+        """The survey of both parts together, with at most so many distinct materials."""
+        sample = _each_once(np.concatenate([self.sample, other.sample]))
+        if self.materials is not None and other.materials is not None:
+            known = Distinct(most)
+            both = np.concatenate([self.materials, other.materials])
+            if known.add(both) == len(both):
+                return Survey(known.materials.copy(), sample, self.smallest)
+        return Survey(None, sample, _smallest(self._digests(), other._digests()))
+
+    def _digests(self) -> Digests:
+        return self.smallest if self.materials is None else digests_of(self.materials)
+
+
+def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
+    """Look at the materials of a surface, or of a part of one.
+
+    Parameters
+    ----------
+    surface : Surface
+    most : int
+        Distinct materials up to which all of them are wanted.
+    place : Place, optional
+        Where the part lies; without it the surface is the whole.
+
+    Returns
+    -------
+    Survey
+
+    Examples
+    --------
+    >>> two = Surface(modulus=[[1e9, 3e9]], pixel_size=1e-9)
+    >>> survey(two, most=10).count, survey(two, most=1).materials is None
+    (2, True)
+    """
+    place = place or Place(0, 0, surface.shape)
+    sample = _each_once(surface.materials(place.drawn(surface.shape)))
+    nothing = np.empty(0, np.uint64)
+    if surface.found is not None and len(surface.found[0]) <= most:
+        return Survey(surface.found[0], sample, nothing)
+    pixels = surface.shape[0] * surface.shape[1]
+    known = Distinct(min(most, pixels))
+    for part in _parts(pixels):
+        some = surface.materials(part)
+        if known.add(some) < len(some):
+            break
+    else:
+        return Survey(known.materials.copy(), sample, nothing)
+    del known
+    return Survey(None, sample, _smallest_of(surface, pixels))
+
+
+def _parts(pixels: int) -> list[slice]:
+    return [slice(first, min(first + BLOCK, pixels)) for first in range(0, pixels, BLOCK)]
+
+
+def _smallest_of(surface: Surface, pixels: int) -> Digests:
+    """The smallest digests of all materials, gathered until there are twice as many as are kept."""
+    kept = np.empty(0, np.uint64)
+    held: list[Digests] = []
+    for part in _parts(pixels):
+        digests = digests_of(surface.materials(part))
+        held.append(digests[digests < kept[-1]] if len(kept) == KEPT else digests)
+        if sum(map(len, held)) >= KEPT:
+            kept, held = _smallest(kept, *held), []
+    return _smallest(kept, *held)
+
+
+def _smallest(*digests: Digests) -> Digests:
+    return np.unique(np.concatenate(digests))[:KEPT]
+
+
+def _each_once(materials: Array) -> Array:
+    """Finite rows in order, each once."""
+    return np.unique(materials[np.isfinite(materials).all(axis=1)] + 0.0, axis=0)  # -0 is 0
