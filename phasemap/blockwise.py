@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.canvas import Canvas, image_of
+from phasemap.canvas import Canvas, image_of, joined_notes
 from phasemap.dataset import FLAGS
 from phasemap.errors import InputError, Word
 from phasemap.job import Job
@@ -31,11 +31,10 @@ Chunks = tuple[tuple[int, ...], tuple[int, ...]]
 Blocks = list[tuple[Place, list[Any]]]  # where each lies, and its maps, rows of blocks one after the other
 
 LINES = 1 << 20  # pixels of a block where blocks are whole lines, at least one line
-COUNTS = {"ringing_lines"}  # notes that add up
 FAN = 16  # surveys that are joined at a time
 
 
-def check_lazy(realism: Realism, strict: bool, progress: object) -> None:
+def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: object) -> None:
     """Refuse what needs the whole image at once.
 
     Raises
@@ -49,6 +48,9 @@ def check_lazy(realism: Realism, strict: bool, progress: object) -> None:
     if progress is not None:
         hint = "Dask has progress bars: dask.diagnostics.ProgressBar."
         raise InputError("progress", Word("given"), "None for a surface in Dask arrays", hint)
+    if checkpoint is not None:
+        hint = "Write the image with to_zarr, some of its rows at a time."
+        raise InputError("checkpoint", checkpoint, "None for a surface in Dask arrays", hint)
     for name, none in (("drift", (0.0, 0.0, 0.0)), ("bits", None)):
         if (value := getattr(realism, name)) != none:
             hint = "It needs the whole image at once: take surface.compute()."
@@ -208,8 +210,4 @@ def _notes(job: Job, notes: list[Any]) -> dict[str, Any]:
 
 
 def _joined_notes(notes: list[dict[str, float]]) -> dict[str, Array]:
-    """Those of the image: a count is the sum over its parts, the others are the same in all."""
-    joined = dict(notes[0])
-    for name in COUNTS & set(joined):
-        joined[name] = sum(note[name] for note in notes)
-    return {name: np.array(value, np.float64) for name, value in joined.items()}
+    return {name: np.array(value, np.float64) for name, value in joined_notes(*notes).items()}

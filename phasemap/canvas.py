@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Pixels = slice | NDArray[np.intp]
 
+COUNTS = ("ringing_lines",)  # notes that add up
 PENDING = -1  # status of a pixel that is not filled yet
 
 
@@ -25,6 +26,18 @@ def values_of(names: tuple[str, ...], rows: Array, status: Array, used: Array) -
     """Variables of result rows, shape (..., COLUMNS), with their codes, on a flat surface."""
     flags = {"status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows)}
     return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in names}
+
+
+def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
+    """What a control found out in parts of an image: a count adds up, the rest is the same in all parts."""
+    joined: dict[str, float] = {}
+    for one in notes:
+        joined = {
+            **joined,
+            **one,
+            **{name: joined[name] + one[name] for name in COUNTS if name in joined and name in one},
+        }
+    return joined
 
 
 class Canvas:
@@ -59,14 +72,23 @@ class Canvas:
                 value = value + self._surface.topography.reshape(-1)[pixels]
             self._arrays[name][direction, pixels] = value
 
+    def note(self, notes: Mapping[str, float]) -> None:
+        """Add what the control found out in a part of the image."""
+        self.notes = joined_notes(self.notes, notes)
+
     def part(self, surface: Surface, rows: slice) -> Canvas:
-        """Rows of this canvas, to be filled as an image of their own; `surface` has just these rows."""
+        """Rows of this canvas, to be filled as an image with notes of its own; `surface` has just these rows."""
         part = Canvas(surface, (), self._directions)
         first, last, _ = rows.indices(self._surface.shape[0])
         pixels = slice(first * surface.shape[1], last * surface.shape[1])
-        part.names, part.notes = self.names, self.notes
+        part.names = self.names
         part._arrays = {name: array[:, pixels] for name, array in self._arrays.items()}
         return part
+
+    def restore(self, arrays: Mapping[str, Array]) -> None:
+        """Fill in what `arrays` gave earlier, for the same pixels."""
+        for name, values in arrays.items():
+            self._arrays[name][:] = values.reshape(self._arrays[name].shape)
 
     def arrays(self) -> dict[str, Array]:
         """The variables, shape (ny, nx), or (directions, ny, nx)."""

@@ -6,6 +6,7 @@ Everything heavy is imported by the command that needs it, so that ``--help`` an
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from phasemap import cli_compare, cli_contrast, cli_ensemble, cli_measured, cli_sweep
-from phasemap._console import patience
+from phasemap._console import Abandoned, interruptible, patience
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -94,7 +95,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _complain("not enough memory; simulate fewer pixels.")
     except KeyboardInterrupt as stopped:
-        print(f"phasemap: interrupted; {str(stopped) or 'nothing was written'}.", file=sys.stderr)
+        print(f"phasemap: interrupted; {str(stopped) or 'nothing was written'}.", file=sys.stderr, flush=True)
+        if isinstance(stopped, Abandoned):
+            os._exit(INTERRUPTED)  # or Python would wait for threads that run compiled code
         return INTERRUPTED
     return 0
 
@@ -242,6 +245,7 @@ def _positive(text: str) -> int:
 
 def _run(arguments: argparse.Namespace) -> None:
     """Simulate a scene into a file."""
+    from phasemap.checkpoint import discard
     from phasemap.io.netcdf import check_target, save
     from phasemap.scene import load_scene
 
@@ -254,12 +258,19 @@ def _run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     scene = load_scene(arguments.scene, arguments.overrides)
     output = check_target(_output_of(arguments, scene), arguments.overwrite)
-    if arguments.quiet:
-        image = scene.simulate(strict=arguments.strict, threads=arguments.threads)
-    else:
-        with patience() as done:
-            image = _with_progress(scene, arguments, done)
+    parts = output.with_name(f"{output.name}.parts")
+    options = {"strict": arguments.strict, "threads": arguments.threads, "checkpoint": parts}
+    try:
+        if arguments.quiet:
+            image = interruptible(lambda: scene.simulate(**options))
+        else:
+            with patience() as done:
+                image = interruptible(lambda: _with_progress(scene, options, done))
+    except KeyboardInterrupt as stopped:
+        kept = f"what is done is kept in {parts}; run the same command again to go on"
+        raise type(stopped)(kept if parts.exists() else "") from None
     save(image, output, arguments.overwrite)
+    discard(parts)
     if not arguments.quiet:
         _print_summary(scene, image)
         print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
@@ -325,7 +336,7 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
     return scene.output
 
 
-def _with_progress(scene: Scene, arguments: argparse.Namespace, started: Callable[[], None]) -> xr.Dataset:
+def _with_progress(scene: Scene, options: dict[str, Any], started: Callable[[], None]) -> xr.Dataset:
     """Simulate, with a bar on stderr if it takes more than a second; calls `started` at the first result."""
     from tqdm import tqdm
 
@@ -338,7 +349,7 @@ def _with_progress(scene: Scene, arguments: argparse.Namespace, started: Callabl
             bar.total = total
             bar.update(done - bar.n)
 
-        return scene.simulate(strict=arguments.strict, threads=arguments.threads, progress=progress)
+        return scene.simulate(**options, progress=progress)
 
 
 def _print_scene(scene: Scene, modelled: str) -> None:

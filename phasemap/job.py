@@ -85,6 +85,12 @@ class Job:
         """How many there are."""
         return self.surface.shape[0] * self.surface.shape[1]
 
+    def report(self, done: int) -> None:
+        """Say how many pixels of the part are done, in those of the image."""
+        if self.progress is not None:
+            ny, nx = self.place.image
+            self.progress(self.place.row * nx + done, ny * nx)
+
     def properties(self, materials: Array) -> tuple[Array, Array, Array]:
         """See `phasemap.work.properties`."""
         return properties(materials, self.surface.viscosity is not None, self.scope)
@@ -145,8 +151,10 @@ class Painter(NamedTuple):
     paint : callable
         ``paint(job, plan, canvas, state)``: fills the canvas of a part, to which the tip comes in a state, and returns
         that in which it leaves; None is a tip that is far away. A control that carries no state takes and returns None.
-    notes : dict
-        What it finds out for the attributes of an image, and long names.
+    notes : mapping
+        Names of what it finds out for the attributes of an image, with long names.
+    freeze, thaw : callable
+        From a state to arrays that can be kept in a file, and back.
     """
 
     check: Callable[[Job], None]
@@ -154,3 +162,5 @@ class Painter(NamedTuple):
     plan: Callable[[Job, Survey, Any], Any]
     paint: Callable[[Job, Any, Canvas, Any], Any]
     notes: Mapping[str, str] = MappingProxyType({})
+    freeze: Callable[[Any], Values] = lambda state: {}
+    thaw: Callable[[Values], Any] = lambda arrays: None

@@ -132,8 +132,7 @@ def _paint_segments(job: Job, canvas: Canvas) -> None:
         taken = collect(job, known, first)
         values = job.solve(known.materials)
         _put(job, canvas, values, numbers_in(job, known), first, taken)
-        if job.progress is not None:
-            job.progress(taken, job.pixels)
+        job.report(taken)
         first = taken
 
 
@@ -157,8 +156,7 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
         painted.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:
-        if job.progress is not None:
-            job.progress(sum(painted), job.pixels)
+        job.report(sum(painted))
 
     if atlas.pieces:
         spread(paint, [*range(0, job.pixels, BLOCK), job.pixels], job.workers, report)
@@ -223,8 +221,7 @@ def _paint_rest(job: Job, canvas: Canvas) -> None:
         values = job.solve(known.materials)
         canvas.put(pixels, {name: value[numbers] for name, value in values.items()})
         done += len(pixels)
-        if job.progress is not None:
-            job.progress(done, job.pixels)
+        job.report(done)
 
 
 PAINTER = Painter(_check, _most, _plan, _paint)

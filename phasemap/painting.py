@@ -12,7 +12,7 @@ from phasemap.errors import InputError
 from phasemap.job import Job, Painter
 from phasemap.microscope import Microscope
 from phasemap.paint import PAINTER
-from phasemap.realism import rows_of, scopes_by_row
+from phasemap.realism import scopes_by_row
 from phasemap.survey import Survey
 
 
@@ -96,7 +96,9 @@ def paint_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = 
         if first == stretch.first and not job.control.in_time:
             state = None
         rows = slice(first - top, last - top)
-        surface = job.surface if last - first == job.surface.shape[0] else rows_of(job.surface, rows)
+        surface = job.surface if last - first == job.surface.shape[0] else job.surface.rows(rows)
         part = replace(job, surface=surface, scope=stretch.scope, place=job.place._replace(row=first), memo=None)
-        state = painter.paint(part, stretch.plan, canvas.part(surface, rows), state)
+        mine = canvas.part(surface, rows)
+        state = painter.paint(part, stretch.plan, mine, state)
+        canvas.note(mine.notes)
     return state

@@ -6,8 +6,10 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from phasemap._console import interruptible
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -53,7 +55,8 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     [1, 2]
     """
     if workers == 1:
-        yield from map(task, items)
+        for item in items:
+            yield interruptible(partial(task, item))
         return
     from multiprocessing.connection import wait
 

@@ -91,13 +91,11 @@ def _paint(job: Job, plan: Table | None, canvas: Canvas, state: int | None) -> i
     return branch
 
 
-def _progress_of(job: Job, block: Block) -> Progress | None:
+def _progress_of(job: Job, block: Block) -> Progress:
     """Progress in pixels of the image, from that in materials of a block."""
-    report, pixels = job.progress, job.surface.shape[1]
-    if report is None:
-        return None
+    pixels = job.surface.shape[1]
     start, size = block.first * pixels, (block.last - block.first) * pixels
-    return lambda done, total: report(start + done * size // total, job.pixels)
+    return lambda done, total: job.report(start + done * size // total)
 
 
 def _blocks(job: Job) -> Iterator[Block]:
@@ -138,4 +136,12 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: Table, branch: int) -> 
     return int(branch)
 
 
-PAINTER = Painter(_check, _most, _plan, _paint)
+def _freeze(branch: int) -> Values:
+    return {"branch": np.array(branch)}
+
+
+def _thaw(arrays: Values) -> int:
+    return int(arrays["branch"])
+
+
+PAINTER = Painter(_check, _most, _plan, _paint, freeze=_freeze, thaw=_thaw)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from phasemap.surface import Surface
 
 __all__ = [
-    "Realism", "TipChange", "check_realism", "drifted", "finish", "generator", "rows_of", "scopes_by_row",
+    "Realism", "TipChange", "check_realism", "drifted", "finish", "generator", "scopes_by_row",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -217,13 +217,6 @@ def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple
         return [(slice(0, lines), scope)]
     changed = replace(scope, tip=replace(scope.tip, radius=change.radius))
     return [(slice(0, change.line), scope), (slice(change.line, lines), changed)]
-
-
-def rows_of(surface: Surface, rows: slice) -> Surface:
-    """Some rows of a surface, as a surface that shares its maps."""
-    names = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
-    maps: dict[str, Any] = {name: None if (m := getattr(surface, name)) is None else m[rows] for name in names}
-    return replace(surface, **maps, shape=maps["modulus"].shape)
 
 
 def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:

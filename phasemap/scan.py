@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -13,6 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.blockwise import check_lazy, paint_lazily
 from phasemap.canvas import Canvas
+from phasemap.checkpoint import Checkpoint, paint_kept
 from phasemap.control import Control, Engage
 from phasemap.dataset import check_variables, describe, provenance, variables_of
 from phasemap.errors import InputError, SolveError
@@ -23,7 +25,7 @@ from phasemap.realism import Realism, check_realism, drifted, finish
 from phasemap.solvers import by_name
 from phasemap.status import Status
 from phasemap.surface import Surface
-from phasemap.survey import Place, survey
+from phasemap.survey import Place, Survey, survey
 from phasemap.work import Work, check_setpoint, make_work
 from phasemap.workers import Progress, run, workers_of
 
@@ -48,6 +50,7 @@ def simulate(
     strict: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
 ) -> xr.Dataset:
     """Simulate the image that the microscope takes of a surface.
 
@@ -78,7 +81,10 @@ def simulate(
         Called as ``progress(done, total)`` from the calling thread, in distinct materials, in pixels where materials
         are interpolated or too many to be kept, or in lines of a feedback.
     threads : int, optional
-        All cores by default. The numbers do not depend on it.
+        All cores by default, one for each block of a surface in Dask arrays. The numbers do not depend on it.
+    checkpoint : path-like, optional
+        A folder where what is done is kept every few seconds. If this process is killed, the same call goes on from
+        there; once the image is safe, the folder may be deleted. Not for a surface in Dask arrays.
 
     Returns
     -------
@@ -106,6 +112,11 @@ def simulate(
     itself, and the rest is solved one by one. `solver` says "interpolated" there. `Raster` asks for the orbits of both
     branches, which are solved for every material.
 
+    Of a surface whose maps are Dask arrays the image has Dask arrays too, of the same numbers: to compute them, or to
+    write them with ``to_zarr`` or ``to_netcdf``, simulates block by block, on a cluster if there is one. What is only
+    known then is missing among the attributes, and the gains of a feedback are variables. All variables that are wanted
+    should be computed at once.
+
     Beside the maps and what is returned, this takes less than 256 MiB for images of up to 4096 x 4096 pixels.
 
     Examples
@@ -127,18 +138,24 @@ def simulate(
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     names = check_variables(variables, variables_of(control))
     if surface.lazy:
-        check_lazy(realism, strict, progress)
+        check_lazy(realism, strict, progress, checkpoint)
     surface = drifted(surface, realism.drift)
     method = by_name(solver)
     place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.free_amplitude, workers_of(threads)
     job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
     painter.check(job)
+    configuration = {
+        "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
+        "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
+        "pixel_size": list(surface.pixel_size),
+    }  # fmt: skip
     if surface.lazy:
         image = paint_lazily(replace(job, workers=threads or 1))
     else:
-        found = survey(surface, painter.most(job))
-        canvas = Canvas(surface, names, control.directions)
-        paint_part(job, plan_image(job, found), canvas)
+        kept = None
+        if checkpoint is not None:
+            kept = Checkpoint(checkpoint, surface, scope.interaction.law, {**configuration, "variables": names})
+        canvas, found = _painted(replace(job, memo=kept), kept)
         if strict:
             _refuse_failures(canvas.status.reshape(-1, *surface.shape))
         image = canvas.image().assign_attrs(
@@ -146,13 +163,20 @@ def simulate(
             distinct_materials=found.count,
             seconds=round(time.perf_counter() - started, 6),
         )
-    configuration = {
-        "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
-        "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
-        "pixel_size": list(surface.pixel_size),
-    }  # fmt: skip
     image.attrs.update(provenance(configuration, "simulated"))
     return finish(image, realism)
+
+
+def _painted(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
+    """The image of a surface in memory, and what was found out about its materials."""
+    found = survey(job.surface, painter_of(job.control).most(job))
+    canvas = Canvas(job.surface, job.names, job.control.directions)
+    stretches = plan_image(job, found)
+    if checkpoint is None:
+        paint_part(job, stretches, canvas)
+    else:
+        paint_kept(job, stretches, canvas, checkpoint)
+    return canvas, found
 
 
 def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:

@@ -90,12 +90,13 @@ class Scene:
         strict: bool = False,
         progress: Callable[[int, int], None] | None = None,
         threads: int | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
     ) -> xr.Dataset:
         """Simulate the scene's image.
 
         Parameters
         ----------
-        strict, progress, threads
+        strict, progress, threads, checkpoint
             As in `phasemap.simulate`; they do not change the numbers.
 
         Returns
@@ -106,8 +107,9 @@ class Scene:
         from phasemap.scan import simulate
 
         image = simulate(
-            self.surface, self.microscope, **self.options, strict=strict, progress=progress, threads=threads
-        )
+            self.surface, self.microscope, **self.options, strict=strict, progress=progress, threads=threads,
+            checkpoint=checkpoint,
+        )  # fmt: skip
         return image.assign_attrs(scene=self.to_json())
 
 

@@ -5,6 +5,7 @@ Row 0 is the top of the image and y increases with the row index; everything is 
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -385,6 +386,33 @@ class Surface:
         fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
         columns = [column.reshape(-1)[pixels] for column in fields if column is not None]
         return np.column_stack(columns)
+
+    def rows(self, rows: slice) -> Surface:
+        """Some rows of it, as a surface that shares its maps.
+
+        Parameters
+        ----------
+        rows : slice
+            At least one row.
+
+        Returns
+        -------
+        Surface
+            It remembers what `unique` found here; some of these materials may be in no pixel of it.
+
+        Examples
+        --------
+        >>> Surface(modulus=[[1e9], [3e9]], pixel_size=4e-9).rows(slice(1, 2)).modulus.tolist()
+        [[3000000000.0]]
+        """
+        part = copy.copy(self)
+        for name in QUANTITIES:
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(part, name, value[rows])
+        object.__setattr__(part, "shape", part.modulus.shape)
+        if self._unique is not None:
+            object.__setattr__(part, "_unique", (self._unique[0], self._unique[1][rows]))
+        return part
 
     def dilated(self, tip: Tip, half_angle: float | None = None) -> Surface:
         """Return the surface as a tip of finite size meets it: steps and particles look wider, pits narrower.

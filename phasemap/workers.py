@@ -49,16 +49,14 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
         for part in parts:
             report(solve(part))
         return
-    with ThreadPoolExecutor(workers) as pool:
+    pool = ThreadPoolExecutor(workers)
+    try:
         waiting = {pool.submit(solve, part) for part in parts}
-        try:
-            while waiting:
-                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                report(sum(future.result() for future in finished))
-        except BaseException:
-            for future in waiting:
-                future.cancel()
-            raise
+        while waiting:
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            report(sum(future.result() for future in finished))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)  # an interrupt does not wait for what cannot be interrupted
 
 
 def run(

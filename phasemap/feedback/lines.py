@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -34,8 +35,22 @@ class Tip:
     """The state that goes from pixel to pixel: the lever's, and the loop's with the range that engaging gave it."""
 
     def __init__(self, engine: int) -> None:
+        self._engine = engine
         self.state = new_flow() if engine == col.AVERAGING else new_beat(ETA)
         self.loop: Array | None = None  # as long as it is not engaged
+
+    def freeze(self) -> dict[str, Array]:
+        """Arrays that say all about it."""
+        arrays = {"engine": np.array(self._engine), **self.state._asdict()}
+        return arrays if self.loop is None else {**arrays, "loop": self.loop}
+
+    @classmethod
+    def thaw(cls, arrays: Mapping[str, Array]) -> Tip:
+        """From what `freeze` gave."""
+        tip = cls(int(arrays["engine"]))
+        tip.state = tip.state._replace(**{name: arrays[name] for name in tip.state._fields})
+        tip.loop = arrays.get("loop")
+        return tip
 
     def copy(self) -> Tip:
         """One that moves on by itself."""

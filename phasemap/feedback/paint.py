@@ -16,7 +16,7 @@ from phasemap.feedback.lines import Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
 from phasemap.feedback.settling import quietened
 from phasemap.feedback.tuning import LinearLoop
-from phasemap.job import Job, Painter
+from phasemap.job import Job, Painter, Values
 from phasemap.microscope import Microscope
 from phasemap.survey import Survey
 from phasemap.workers import Progress, spread
@@ -102,8 +102,7 @@ def _paint(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | Non
     else:
         tip = Tip(plan.engine) if state is None else state.copy()
         spread(partial(_carried, lines, tip), bounds, 1, _counted(job))
-    canvas.notes.update(plan.notes)
-    canvas.notes["ringing_lines"] = canvas.notes.get("ringing_lines", 0) + int((~lines.calm).sum())
+    canvas.note({**plan.notes, "ringing_lines": int((~lines.calm).sum())})
     return tip
 
 
@@ -145,4 +144,13 @@ NOTES = {
     "ringing_lines": "lines before which the feedback did not come to rest [1]",
 }
 
-PAINTER = Painter(_check, _most, _plan, _paint, NOTES)
+
+def _freeze(tip: Tip | None) -> Values:
+    return {} if tip is None else tip.freeze()
+
+
+def _thaw(arrays: Values) -> Tip | None:
+    return Tip.thaw(arrays) if arrays else None
+
+
+PAINTER = Painter(_check, _most, _plan, _paint, NOTES, _freeze, _thaw)
