@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -10,6 +12,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
+INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
 PATIENCE = 3.0  # seconds without a first result after which a word is due
 STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
 
@@ -56,3 +59,22 @@ def interruptible(task: Callable[[], T]) -> T:
     if failed:
         raise failed[0]
     return done[0]
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """Let Ctrl-C end the process at once while nothing is done yet: in an import, libraries make other errors of it."""
+
+    def end(*_: object) -> None:
+        print("phasemap: interrupted; nothing was written.", file=sys.stderr, flush=True)
+        os._exit(INTERRUPTED)
+
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -110,7 +110,7 @@ class Checkpoint:
             found = _read(self.folder / self._lines(first, last))
             if not found:
                 return
-            notes = {name: float(value) for name, value in _under("note", found).items()}
+            notes = {name: value.item() for name, value in _under("note", found).items()}
             yield Lines(first, last, _under("variable", found), notes, _under("state", found))
             first = last
 
@@ -172,7 +172,7 @@ def _identity(surface: Surface, law: object, configuration: Mapping[str, Any]) -
 def _read(file: Path) -> Values:
     """The arrays in a file; empty if there is none, or it is damaged."""
     try:
-        with np.load(file, allow_pickle=False) as found:
+        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as found:
             return dict(found)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return {}

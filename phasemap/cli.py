@@ -8,25 +8,20 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-from phasemap import cli_compare, cli_contrast, cli_ensemble, cli_measured, cli_sweep
-from phasemap._console import Abandoned, interruptible, patience
+from phasemap import cli_compare, cli_contrast, cli_measured, cli_run, cli_sweep
+from phasemap._console import INTERRUPTED, Abandoned, starting
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.ensemble import Ensemble
-    from phasemap.scene import Scene
+    pass
 
 __all__ = ["main"]
 
-INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
@@ -79,8 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code: 0, 2 for input that cannot be used, 130 after an interrupt.
     """
-    parser = _parser()
-    arguments, rest = parser.parse_known_args(argv)
+    with starting():
+        parser = _parser()
+        arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if not _belongs(word, arguments)]
     if strange:
         parser.error(f"unknown argument {strange[0]!r}")
@@ -147,8 +143,8 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(command=do)
         return sub
 
-    run = command("run", _run, "simulate the image of a scene and write it as netCDF", RUN_EXAMPLES)
-    _add_scene(run)
+    run = command("run", cli_run.run, "simulate the image of a scene and write it as netCDF", RUN_EXAMPLES)
+    cli_run.add_scene(run)
     run.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write; default: [output] file")
     run.add_argument("--overwrite", action="store_true", help="replace the output if it exists")
     run.add_argument("--quiet", action="store_true", help="no progress and no summary")
@@ -209,8 +205,8 @@ def _parser() -> argparse.ArgumentParser:
     about = "write an image for Gwyddion, as .gwy or .gsf"
     cli_measured.add_export(command("export", cli_measured.export, about, cli_measured.EXPORT_EXAMPLES))
 
-    validate = command("validate", _validate, "check a scene and say what would be simulated")
-    _add_scene(validate)
+    validate = command("validate", cli_run.validate, "check a scene and say what would be simulated")
+    cli_run.add_scene(validate)
 
     bench = command("bench", _bench, "measure time against error of every solver, and of general tools", BENCH_EXAMPLES)
     bench.add_argument("--quick", action="store_true", help="few cases, in under a minute")
@@ -228,52 +224,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_scene(parser: argparse.ArgumentParser) -> None:
-    """The arguments that name a scene; overrides may stand anywhere, `main` collects them."""
-    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file")
-    parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as scan.setpoint=0.6"
-    )
-
-
 def _positive(text: str) -> int:
     """A whole number of at least 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
     return int(text)
-
-
-def _run(arguments: argparse.Namespace) -> None:
-    """Simulate a scene into a file."""
-    from phasemap.checkpoint import discard
-    from phasemap.io.netcdf import check_target, save
-    from phasemap.scene import load_scene
-
-    ensemble = _ensemble_of(arguments)
-    if ensemble is not None:
-        cli_ensemble.run(arguments, ensemble, _output_of(arguments, ensemble))
-        return
-    if arguments.workers:
-        raise PhasemapError("--workers is for an ensemble; one image takes --threads.")
-    started = time.perf_counter()
-    scene = load_scene(arguments.scene, arguments.overrides)
-    output = check_target(_output_of(arguments, scene), arguments.overwrite)
-    parts = output.with_name(f"{output.name}.parts")
-    options = {"strict": arguments.strict, "threads": arguments.threads, "checkpoint": parts}
-    try:
-        if arguments.quiet:
-            image = interruptible(lambda: scene.simulate(**options))
-        else:
-            with patience() as done:
-                image = interruptible(lambda: _with_progress(scene, options, done))
-    except KeyboardInterrupt as stopped:
-        kept = f"what is done is kept in {parts}; run the same command again to go on"
-        raise type(stopped)(kept if parts.exists() else "") from None
-    save(image, output, arguments.overwrite)
-    discard(parts)
-    if not arguments.quiet:
-        _print_summary(scene, image)
-        print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
 
 
 def _plot(arguments: argparse.Namespace) -> None:
@@ -291,110 +246,6 @@ def _plot(arguments: argparse.Namespace) -> None:
     else:
         plot(ds, output, arguments.overwrite)
     print(f"written to  {output}")
-
-
-def _validate(arguments: argparse.Namespace) -> None:
-    """Say what a scene would simulate."""
-    import numpy as np
-
-    from phasemap.scan import modelled
-    from phasemap.scene import load_scene
-    from phasemap.work import make_work
-
-    ensemble = _ensemble_of(arguments)
-    if ensemble is None:
-        scene = load_scene(arguments.scene, arguments.overrides)
-    else:
-        ensemble.check()
-        cli_ensemble.print_ensemble(ensemble)
-        print("the first sample:")
-        scene = ensemble.scene(0)
-    surface, scope = scene.surface, scene.microscope
-    materials = surface.unique()[0]
-    amplitude = scene.options["setpoint"] * scope.free_amplitude
-    work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
-    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
-    print(f"output      {scene.output or 'to be named with -o'}")
-    print("The scene is valid.")
-
-
-def _ensemble_of(arguments: argparse.Namespace) -> Ensemble | None:
-    """The ensemble that a scene file is; None if it is one scene."""
-    from phasemap.ensemble import is_ensemble, load_ensemble
-
-    if not is_ensemble(arguments.scene, arguments.overrides):
-        return None
-    return load_ensemble(arguments.scene, arguments.overrides)
-
-
-def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
-    """The file to write: what the command says before what the scene says."""
-    if arguments.output is not None:
-        return Path(arguments.output)
-    if scene.output is None:
-        raise PhasemapError("the output has no name: give -o OUT.nc, or file under [output] in the scene.")
-    return scene.output
-
-
-def _with_progress(scene: Scene, options: dict[str, Any], started: Callable[[], None]) -> xr.Dataset:
-    """Simulate, with a bar on stderr if it takes more than a second; calls `started` at the first result."""
-    from tqdm import tqdm
-
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    unit = " lines" if scene.options["control"].in_time else " materials"
-    with tqdm(delay=1.0, mininterval=interval, unit=unit, file=sys.stderr, leave=False) as bar:
-
-        def progress(done: int, total: int) -> None:
-            started()
-            bar.total = total
-            bar.update(done - bar.n)
-
-        return scene.simulate(**options, progress=progress)
-
-
-def _print_scene(scene: Scene, modelled: str) -> None:
-    """Size, materials, and what acts between them and the tip."""
-    (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
-    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
-    print(f"materials   {len(scene.surface.unique()[0])} distinct")
-    print(f"modelled    {modelled}")
-    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
-    print(f"solver      {scene.options['solver']}")
-    if control := str(scene.options["control"]):
-        print(f"control     {control}")
-    if realism := str(scene.options["realism"]):
-        print(f"realism     {realism}")
-
-
-def _in_words(notes: Mapping[str, Any]) -> str:
-    """Gains of a feedback, and what they are worth."""
-    gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
-    factor = notes["gain_margin"]
-    rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
-    if factor != factor:
-        rings = "nothing is known of when it rings"
-    if notes["ringing_lines"]:
-        rings = f"it did not come to rest before {notes['ringing_lines']} lines: lower the gains"
-    return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
-
-
-def _print_summary(scene: Scene, image: xr.Dataset) -> None:
-    """What was simulated, and what came of it."""
-    import numpy as np
-
-    from phasemap.plot import describe_failures, describe_flags
-
-    _print_scene(scene, image.attrs["modelled"])
-    if "gain_margin" in image.attrs:
-        print(f"feedback    {_in_words(image.attrs)}")
-    if "solver" in image:
-        print(f"used        {describe_flags(image['solver'])}")
-    for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):
-        if name in image:
-            values: Any = image[name].values[np.isfinite(image[name].values)] * factor
-            print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
-    for line in describe_failures(image) or ["none"]:
-        print(f"failed      {line}")
 
 
 def _complain(sentence: str) -> int:

@@ -1,0 +1,173 @@
+"""``phasemap run`` and ``phasemap validate``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap import cli_ensemble
+from phasemap._console import interruptible, patience, starting
+from phasemap.errors import PhasemapError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.ensemble import Ensemble
+    from phasemap.scene import Scene
+
+__all__ = ["add_scene", "run", "validate"]
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """The arguments that name a scene; overrides may stand anywhere, `main` collects them."""
+    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file")
+    parser.add_argument(
+        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as scan.setpoint=0.6"
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Simulate a scene into a file."""
+    started = time.perf_counter()
+    with starting():
+        from phasemap.checkpoint import discard
+        from phasemap.io.netcdf import check_target, save
+        from phasemap.scene import load_scene
+
+        ensemble = _ensemble_of(arguments)
+        if ensemble is None:
+            if arguments.workers:
+                raise PhasemapError("--workers is for an ensemble; one image takes --threads.")
+            scene = load_scene(arguments.scene, arguments.overrides)
+            output = check_target(_output_of(arguments, scene), arguments.overwrite)
+    if ensemble is not None:
+        cli_ensemble.run(arguments, ensemble, _output_of(arguments, ensemble))
+        return
+    parts = output.with_name(f"{output.name}.parts")
+    try:
+        image = _simulated(scene, arguments, parts)
+        save(image, output, arguments.overwrite)
+    except KeyboardInterrupt as stopped:
+        kept = f"what is done is kept in {parts}; run the same command again to go on"
+        raise type(stopped)(kept if parts.exists() else "") from None
+    discard(parts)
+    if not arguments.quiet:
+        _print_summary(scene, image)
+        print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
+
+
+def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.Dataset:
+    """The image, with a word on what is being done unless it is not wanted."""
+    options = {"strict": arguments.strict, "threads": arguments.threads, "checkpoint": parts}
+    if arguments.quiet:
+        return interruptible(lambda: scene.simulate(**options))
+    with patience() as first_result:
+        return interruptible(lambda: _with_progress(scene, options, first_result))
+
+
+def validate(arguments: argparse.Namespace) -> None:
+    """Say what a scene would simulate."""
+    import numpy as np
+
+    from phasemap.scan import modelled
+    from phasemap.scene import load_scene
+    from phasemap.work import make_work
+
+    ensemble = _ensemble_of(arguments)
+    if ensemble is None:
+        scene = load_scene(arguments.scene, arguments.overrides)
+    else:
+        ensemble.check()
+        cli_ensemble.print_ensemble(ensemble)
+        print("the first sample:")
+        scene = ensemble.scene(0)
+    surface, scope = scene.surface, scene.microscope
+    materials = surface.unique()[0]
+    amplitude = scene.options["setpoint"] * scope.free_amplitude
+    work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
+    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
+    print(f"output      {scene.output or 'to be named with -o'}")
+    print("The scene is valid.")
+
+
+def _ensemble_of(arguments: argparse.Namespace) -> Ensemble | None:
+    """The ensemble that a scene file is; None if it is one scene."""
+    from phasemap.ensemble import is_ensemble, load_ensemble
+
+    if not is_ensemble(arguments.scene, arguments.overrides):
+        return None
+    return load_ensemble(arguments.scene, arguments.overrides)
+
+
+def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
+    """The file to write: what the command says before what the scene says."""
+    if arguments.output is not None:
+        return Path(arguments.output)
+    if scene.output is None:
+        raise PhasemapError("the output has no name: give -o OUT.nc, or file under [output] in the scene.")
+    return scene.output
+
+
+def _with_progress(scene: Scene, options: dict[str, Any], started: Callable[[], None]) -> xr.Dataset:
+    """Simulate, with a bar on stderr if it takes more than a second; calls `started` at the first result."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    unit = " lines" if scene.options["control"].in_time else " materials"
+    with tqdm(delay=1.0, mininterval=interval, unit=unit, file=sys.stderr, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            started()
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return scene.simulate(**options, progress=progress)
+
+
+def _print_scene(scene: Scene, modelled: str) -> None:
+    """Size, materials, and what acts between them and the tip."""
+    (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
+    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    print(f"materials   {len(scene.surface.unique()[0])} distinct")
+    print(f"modelled    {modelled}")
+    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
+    print(f"solver      {scene.options['solver']}")
+    if control := str(scene.options["control"]):
+        print(f"control     {control}")
+    if realism := str(scene.options["realism"]):
+        print(f"realism     {realism}")
+
+
+def _in_words(notes: Mapping[str, Any]) -> str:
+    """Gains of a feedback, and what they are worth."""
+    gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
+    factor = notes["gain_margin"]
+    rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
+    if factor != factor:
+        rings = "nothing is known of when it rings"
+    if notes["ringing_lines"]:
+        rings = f"it did not come to rest before {notes['ringing_lines']} lines: lower the gains"
+    return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
+
+
+def _print_summary(scene: Scene, image: xr.Dataset) -> None:
+    """What was simulated, and what came of it."""
+    import numpy as np
+
+    from phasemap.plot import describe_failures, describe_flags
+
+    _print_scene(scene, image.attrs["modelled"])
+    if "gain_margin" in image.attrs:
+        print(f"feedback    {_in_words(image.attrs)}")
+    if "solver" in image:
+        print(f"used        {describe_flags(image['solver'])}")
+    for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):
+        if name in image:
+            values: Any = image[name].values[np.isfinite(image[name].values)] * factor
+            print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
+    for line in describe_failures(image) or ["none"]:
+        print(f"failed      {line}")
