@@ -13,7 +13,6 @@ from phasemap.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-NETCDF = (".nc", ".nc4", ".cdf")
 WIDTH = 100  # letters on a line of the summary
 EXAMPLES = """examples:
   phasemap compare measured.nid simulated.nc --plot page.png
@@ -73,6 +72,8 @@ def compare(arguments: argparse.Namespace) -> None:
             check_target(path, arguments.overwrite)
     if arguments.plot is not None:
         check_format(arguments.plot)
+        if arguments.plot == arguments.output:
+            raise InputError("--plot", str(arguments.plot), "another file than that of -o")
     elif arguments.row is not None:
         raise InputError("--row", arguments.row, "with --plot only")
     direction = _parts("--direction", arguments.direction)
@@ -84,7 +85,8 @@ def compare(arguments: argparse.Namespace) -> None:
         "direction": direction[0] if direction and len(direction) == 1 else direction,
         "names": _parts("--names", arguments.names, exactly=2) or NAMES,
     }
-    found = compare_images(_load(arguments.measured), _load(arguments.simulated), **options)
+    images = [_load(path) for path in (arguments.measured, arguments.simulated)]
+    found = compare_images(*images, **options)
     if arguments.output is not None:
         save(found, arguments.output, arguments.overwrite)
     if arguments.plot is not None:
@@ -123,12 +125,14 @@ def summary(found: xr.Dataset) -> list[str]:
 
 
 def _load(path: Path) -> xr.Dataset:
-    """An image of a netCDF file, or of an instrument's."""
+    """An image of a netCDF file, or of an instrument's, of which it is said what it has if a channel is missing."""
     from phasemap.io.measured import one_scan
     from phasemap.io.read import read_image
 
     image = read_image(path)
-    return image if path.suffix.lower() in NETCDF else one_scan(image)
+    if "channels" in image.attrs:
+        one_scan(image)
+    return image
 
 
 def _offset(text: str) -> str | float:

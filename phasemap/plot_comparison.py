@@ -22,8 +22,11 @@ __all__ = ["comparison", "is_comparison"]
 COLOURS = ("0.15", "#D55E00")  # of the two images: black and Okabe and Ito's vermilion
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 LEAST_SPAN = 0.1  # degrees
+FLAT, TALL = 0.25, 1.6  # height over width of the maps on the page, at least and at most
+SHORT, LONG = 12, 50  # letters of a name that have room over a map, and of a file in the head
 
 # Sizes on the page [inch].
+ROOM = 1.2  # of the name of a colour bar
 MAP, GAP, BAR_GAP, BAR, BAR_LABELS, MARGIN = 2.75, 0.14, 0.07, 0.11, 0.62, 0.25
 HEAD, TITLE, PANEL, LABELS, AXIS, LINE, KEY = 0.52, 0.24, 1.9, 0.45, 0.55, 0.185, 1.1
 WIDTH = 2 * MARGIN + 3 * MAP + GAP + 2 * (BAR_GAP + BAR + BAR_LABELS)
@@ -47,7 +50,7 @@ def comparison(
     overwrite : bool
         Whether an existing file may be replaced.
     row : int, optional
-        Along which row lines are drawn, from 0 at the top; default: the middle.
+        Along which row lines are drawn, from 0 at the top; default: the middle, or the nearest with compared pixels.
 
     Returns
     -------
@@ -75,12 +78,12 @@ def comparison(
     if not is_comparison(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.compare returned")
     if row is None:
-        row = ds.sizes["y"] // 2
+        row = _middle(ds)
     elif not 0 <= row < ds.sizes["y"]:
         raise InputError("row", row, f"from 0 to {ds.sizes['y'] - 1}")
     lines = [(word, wrapped) for word, said in lines_of(ds) for wrapped, word in _wrapped(word, said, 128)]
     verdict = textwrap.wrap(verdict_of(ds), 105)
-    tall = MAP * min(max(_sides(ds)[1] / _sides(ds)[0], 0.25), 1.6)
+    tall = MAP * min(max(_sides(ds)[1] / _sides(ds)[0], FLAT), TALL)
     top = HEAD + TITLE + LINE * (len(verdict) - 1)
     below = top + tall + 0.38
     height = below + PANEL + AXIS + LINE * (len(lines) + 1)
@@ -90,13 +93,13 @@ def comparison(
     def axes_at(left: float, down: float, wide: float, high: float, **options: Any) -> Axes:
         return figure.add_axes((left / WIDTH, 1 - (down + high) / height, wide / WIDTH, high / height), **options)
 
-    first, second = names_of(ds)
+    first, second = (_short(name, SHORT) for name in names_of(ds))
     lefts = [MARGIN, MARGIN + MAP + GAP, MARGIN + 2 * MAP + GAP + BAR_GAP + BAR + BAR_LABELS]
     pictures = [axes_at(left, top, MAP, tall) for left in lefts]
     bars = [axes_at(left + MAP + BAR_GAP, top, BAR, tall) for left in lefts[1:]]
     titles = (f"{first} phase", f"{second} phase", f"residual: {first} less {second}")
     _draw_maps(pictures, bars, ds, titles, row)
-    _draw_histograms(axes_at(MARGIN + LABELS, below, MAP - LABELS, PANEL), ds)
+    _draw_histograms(axes_at(MARGIN + LABELS, below, MAP - LABELS, PANEL), ds, (first, second))
     left = MARGIN + MAP + GAP + 0.5
     wide, share = WIDTH - left - MARGIN - 0.1, 0.6 * PANEL
     profile = axes_at(left, below, wide, share)
@@ -136,6 +139,17 @@ def _wrapped(word: str, said: str, most: int) -> list[tuple[str, str]]:
     return [(line, word if i == 0 else "") for i, line in enumerate(textwrap.wrap(said, most))]
 
 
+def _short(text: str, most: int) -> str:
+    """A text, or its begin where there is no room for all of it."""
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def _middle(ds: xr.Dataset) -> int:
+    """The row nearest to the middle in which anything is compared."""
+    rows = np.flatnonzero((ds["label"].values >= 0).any(axis=1))
+    return int(rows[np.abs(rows - ds.sizes["y"] // 2).argmin()])
+
+
 def _sides(ds: xr.Dataset) -> tuple[float, float]:
     """Width and height of the maps [m], to the outer edges of the pixels."""
     width, height = (float(ds[dim][-1] - ds[dim][0]) * ds.sizes[dim] / (ds.sizes[dim] - 1) for dim in ("x", "y"))
@@ -160,6 +174,7 @@ def _draw_maps(pictures: list[Axes], bars: list[Axes], ds: xr.Dataset, titles: t
     phase, rest = Normalize(low, high), Normalize(-(high - low) / 2, (high - low) / 2)
     styles = (("measured", "cividis", phase), ("simulated", "cividis", phase), ("residual", "coolwarm", rest))
     at = (row + 0.5) / ds.sizes["y"] * tall
+    roomy = bars[0].get_window_extent().height > ROOM * bars[0].figure.dpi
     for axes, (name, colours, norm), title in zip(pictures, styles, titles, strict=True):
         cmap = matplotlib.colormaps[colours].with_extremes(bad=FAILED)
         image = axes.imshow(
@@ -173,14 +188,15 @@ def _draw_maps(pictures: list[Axes], bars: list[Axes], ds: xr.Dataset, titles: t
         draw_scale_bar(axes, width)
         if name != "measured":
             bar = Colorbar(bars[name == "residual"], image)
-            bar.set_label(("phase" if name == "simulated" else "residual") + " (degrees)", fontsize=8.5)
+            what = "phase (degrees)" if name == "simulated" else "residual (degrees)"
+            bar.set_label(what if roomy else "degrees", fontsize=8.5)
             bar.ax.tick_params(labelsize=8)
 
 
-def _draw_histograms(axes: Axes, ds: xr.Dataset) -> None:
+def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None:
     """How often each phase occurs in either image."""
     edges = np.linspace(*_limits(ds["measured"], ds["simulated"]), 90)
-    for name, called, colour in zip(("measured", "simulated"), names_of(ds), COLOURS, strict=True):
+    for name, called, colour in zip(("measured", "simulated"), names, COLOURS, strict=True):
         values = ds[name].values[np.isfinite(ds[name].values)]
         counts = 100 * np.histogram(values, edges)[0] / len(values)
         axes.stairs(counts, edges, color=colour, linewidth=1.2, label=called)
@@ -198,8 +214,9 @@ def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
     """Phase and height along one row of either image."""
     unit, size = length_unit(_sides(ds)[0])
     line = ds.isel(y=row)
-    heights = [line[f"{name}_height"].values for name in ("measured", "simulated")]
-    height_unit, height_size = length_unit(float(np.nanmax(heights) - np.nanmin(heights)))
+    heights = np.array([line[f"{name}_height"].values for name in ("measured", "simulated")])
+    known = heights[np.isfinite(heights)]
+    height_unit, height_size = length_unit(float(np.ptp(known)) if known.size else 0.0)
     x = line["x"].values / size
     for i, (name, colour) in enumerate(zip(("measured", "simulated"), COLOURS, strict=True)):
         phase.plot(x, line[name].values, color=colour, linewidth=0.9)
@@ -220,9 +237,10 @@ def _source(ds: xr.Dataset) -> str:
     width, tall = _sides(ds)
     unit, size = length_unit(max(width, tall))
     said = [
-        f"{ds.attrs[f'{name}_name']}: {ds.attrs[f'{name}_source']}"
+        _short(f"{ds.attrs[f'{name}_name']}: {ds.attrs[f'{name}_source']}", LONG)
         for name in ("measured", "simulated")
         if f"{name}_source" in ds.attrs
     ]
-    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels, {width / size:.3g} × {tall / size:.3g} {unit}")
+    scale = "" if FLAT <= tall / width <= TALL else ", not drawn to scale"
+    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels, {width / size:.3g} × {tall / size:.3g} {unit}{scale}")
     return "   ·   ".join(said)

@@ -9,13 +9,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shlex
 import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._check import whole
-from phasemap.errors import PhasemapError
+from phasemap.errors import InputError, PhasemapError
 from phasemap.io.measured import level_height, one_scan, segment_phase
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
@@ -48,7 +49,14 @@ RECORDED = {
     "drive.frequency": "drive_frequency",
 }
 """Keys of a scene, and the attributes of an image that say them."""
-UNITS = {"stiffness": "N/m", "adhesion": "J/m2", "modulus": "Pa", "radius": "m", "free_amplitude": "m, at resonance"}
+UNITS_OF = {"height": "m", "phase": "degree"}  # in the image ...
+UNITS = {
+    "stiffness": "N/m",
+    "adhesion": "J/m2",
+    "modulus": "Pa",
+    "radius": "m",
+    "free_amplitude": "m, at resonance",
+}  # ... and in the scene
 
 
 def scene_from(
@@ -108,12 +116,19 @@ def scene_from(
     """
     whole("phases", phases, 1, 4)
     path = Path(path)
+    if path.suffix.lower() != ".toml":
+        raise InputError("the suffix of the scene", path.suffix, ".toml")
     maps_path = path.with_name(f"{path.stem}_maps.nc")
     for target in (path, maps_path):
         check_target(target, overwrite)
     if isinstance(image, str | os.PathLike):
         image = read_image(image)
-    scan = one_scan(image, ["height", "phase"] if phases > 1 else ["height"], direction)
+    if not hasattr(image, "data_vars"):
+        raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
+    scan = one_scan(image, UNITS_OF if phases > 1 else ["height"], direction)
+    for name, units in UNITS_OF.items():
+        if name in scan and scan[name].attrs.get("units", units) != units:
+            raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)
     tables, notes = _microscope(scan.attrs, list(overrides))
     maps = _maps(scan, phases)
     shares = _shares(maps["labels"].values, scan)
@@ -143,8 +158,15 @@ def scene_from(
 
 def _pitch(scan: xr.Dataset, dim: str) -> float:
     """Side of a pixel [m], of a part of an image too."""
+    import numpy as np
+
+    if dim not in scan.coords:
+        raise InputError(f"coordinate {dim} of the image", None, "places of the pixels in m, from the top left corner")
     centres = scan[dim].values
-    return float(centres[1] - centres[0]) if len(centres) > 1 else 2 * float(centres[0])
+    steps = np.diff(centres) if len(centres) > 1 else np.array([2 * centres[0]])
+    if steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
+        raise InputError(f"coordinate {dim} of the image", "uneven or falling", "rising in equal steps")
+    return float(steps[0])
 
 
 def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, dict[str, str]]:
@@ -244,7 +266,7 @@ def _heading(scan: xr.Dataset, path: Path) -> list[str]:
     return [
         f"The surface and the microscope of {source}, by phasemap scene.",
         "",
-        f"  phasemap run {path.name} -o {path.stem}.nc",
+        f"  phasemap run {shlex.quote(path.name)} -o {shlex.quote(path.stem + '.nc')}",
         "",
         "The materials are PLACEHOLDERS, all the same polymer, unless given: an image does not say what it is of. "
         "Change them until the simulated contrast is the measured one; the zero of a measured phase is arbitrary.",

@@ -71,16 +71,31 @@ def same(output: Path, expected: xr.Dataset) -> bool:
         )
 
 
-def is_a_sentence(said: str) -> bool:
-    """Whether the last line is phasemap's and there is no traceback."""
-    return "Traceback" not in said and said.strip().splitlines()[-1].startswith("phasemap: ")
+def complaint(code: int, expected: int, said: str) -> str:
+    """What is wrong with the end of a command that should have said one sentence."""
+    if code != expected:
+        return f"exit code {code}, not {expected}, {said!r}. "
+    last = said.strip().splitlines()[-1:]
+    if "Traceback" in said or not last or not last[0].startswith("phasemap: "):
+        return f"no sentence: {said!r}. "
+    return ""
 
 
-def interrupted(
-    scene: list[str], stop: signal.Signals, folder: Path, draw: random.Random, expected: xr.Dataset
-) -> bool:
+def finished(scene: list[str], output: Path, expected: xr.Dataset) -> str:
+    """What is wrong with the output after the command was called once more, if it is not there yet."""
+    if not output.exists():
+        code, said = run("run", *scene, "-o", output, "--quiet")
+        if code != 0:
+            return f"it did not go on: {said!r}. "
+    if not same(output, expected):
+        return "other data. "
+    left = sorted(file.name for file in output.parent.iterdir() if file != output)
+    return f"{left} left behind. " if left else ""
+
+
+def interrupted(scene: list[str], stop: signal.Signals, folder: Path, draw: random.Random, expected: xr.Dataset) -> str:
     """Stop a run at a random moment, twice, and let it go on."""
-    output, fine = folder / "out.nc", True
+    output, wrong = folder / "out.nc", ""
     for _ in range(2):
         with command("run", *scene, "-o", output, "--quiet") as process:
             assert process.stdout is not None and process.stdout.readline() == "up\n"  # before that it is Python's own
@@ -88,22 +103,20 @@ def interrupted(
             os.killpg(process.pid, stop)
             said = process.communicate()[1]
         if stop == signal.SIGINT and process.returncode != 0:
-            fine &= process.returncode == 130 and is_a_sentence(said)
+            wrong += complaint(process.returncode, 130, said)
         if output.exists():
             break
-    if not output.exists():
-        fine &= run("run", *scene, "-o", output, "--quiet")[0] == 0
-    return fine and same(output, expected) and os.listdir(folder) == ["out.nc"]
+    return wrong + finished(scene, output, expected)
 
 
-def full_disk(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool:
+def full_disk(folder: Path, draw: random.Random, expected: xr.Dataset) -> str:
     """A file cannot grow beyond some size: the run ends in one sentence or, where only its parts fail, goes on."""
     output, scene = folder / "out.nc", draw.choice([IMAGE, ENSEMBLE])
     code, said = run("run", *scene, "-o", output, "--quiet", limit=draw.choice([0, 100, 5_000, 20_000]))
-    return code == 2 and is_a_sentence(said) and not output.exists()
+    return complaint(code, 2, said) + ("there is an output" if output.exists() else "")
 
 
-def unwritable(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool:
+def unwritable(folder: Path, draw: random.Random, expected: xr.Dataset) -> str:
     """A place where nothing can be written is refused before anything is simulated."""
     (folder / "file").touch()
     (folder / "taken.nc").mkdir()
@@ -115,10 +128,10 @@ def unwritable(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool:
         "/proc/out.nc",
     ]
     code, said = run("run", *IMAGE, "-o", draw.choice(places), "--quiet")
-    return code == 2 and is_a_sentence(said)
+    return complaint(code, 2, said)
 
 
-def truncated(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool:
+def truncated(folder: Path, draw: random.Random, expected: xr.Dataset) -> str:
     """A file that is cut short, or has a byte that is wrong, is refused in one sentence, or read if it can be."""
     whole = folder / "whole.nc"
     expected.to_netcdf(whole)
@@ -129,10 +142,10 @@ def truncated(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool:
         content[draw.randrange(len(content))] ^= 1 << draw.randrange(8)
     (folder / "damaged.nc").write_bytes(content)
     code, said = run("plot", folder / "damaged.nc", "-o", folder / "out.png")
-    return code == 0 or (code == 2 and is_a_sentence(said))
+    return "" if code == 0 else complaint(code, 2, said)
 
 
-def lost_worker(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool:
+def lost_worker(folder: Path, draw: random.Random, expected: xr.Dataset) -> str:
     """A worker process of an ensemble is killed: one sentence, what is done is kept, and the next call goes on."""
     output, parts = folder / "out.nc", folder / "out.nc.parts"
     with command("run", *ENSEMBLE, "-o", output, "--quiet", "--workers=2") as process:
@@ -143,10 +156,8 @@ def lost_worker(folder: Path, draw: random.Random, expected: xr.Dataset) -> bool
             with suppress(ProcessLookupError):  # it was just done
                 os.kill(int(draw.choice(children)), signal.SIGKILL)
         said = process.communicate()[1]
-    fine = output.exists() or (process.returncode == 2 and is_a_sentence(said))
-    if not output.exists():
-        fine &= run("run", *ENSEMBLE, "-o", output, "--quiet")[0] == 0
-    return fine and same(output, expected)
+    wrong = "" if output.exists() else complaint(process.returncode, 2, said)
+    return wrong + finished(ENSEMBLE, output, expected)
 
 
 def main() -> int:
@@ -154,6 +165,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=int, default=30, metavar="N", help="how often each; default: 30")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", metavar="WORD", help="faults whose names have this in them")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         expected = {}
@@ -162,7 +174,7 @@ def main() -> int:
             code, said = run("run", *scene, "-o", output, "--quiet")
             assert code == 0, said
             expected[name] = xr.load_dataset(output)
-    faults: dict[str, tuple[Callable[[Path, random.Random, xr.Dataset], bool], str]] = {
+    faults: dict[str, tuple[Callable[[Path, random.Random, xr.Dataset], str], str]] = {
         "kill -9 of an image's run": (partial(interrupted, IMAGE, signal.SIGKILL), "image"),
         "kill -9 of an ensemble's run": (partial(interrupted, ENSEMBLE, signal.SIGKILL), "ensemble"),
         "Ctrl-C of an image's run": (partial(interrupted, IMAGE, signal.SIGINT), "image"),
@@ -175,14 +187,16 @@ def main() -> int:
     print("| fault | tried | survived |\n| --- | ---: | ---: |")
     all_survived = True
     for name, (fault, which) in faults.items():
+        if arguments.only not in name:
+            continue
         survived = 0
         for time_of in range(arguments.times):
             draw = random.Random(f"{arguments.seed} {name} {time_of}")
             with tempfile.TemporaryDirectory() as folder:
-                fine = fault(Path(folder), draw, expected[which])
-            if not fine:
-                print(f"not survived: {name}, number {time_of} of seed {arguments.seed}", file=sys.stderr)
-            survived += fine
+                wrong = fault(Path(folder), draw, expected[which])
+            if wrong:
+                print(f"{name}, number {time_of} of seed {arguments.seed}: {wrong}", file=sys.stderr)
+            survived += not wrong
         all_survived &= survived == arguments.times
         print(f"| {name} | {arguments.times} | {survived} |", flush=True)
     return 0 if all_survived else 1

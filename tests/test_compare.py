@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ import xarray as xr
 import phasemap as pm
 from phasemap.cli import main
 from phasemap.comparison.pair import common_grid
-from phasemap.comparison.scores import distance_of
+from phasemap.comparison.scores import correlation_of, distance_of
+from phasemap.comparison.words import lines_of, verdict_of
 from phasemap.errors import InputError, PhasemapError
 from phasemap.io.netcdf import load, save
 from phasemap.io.read import read_image
@@ -197,6 +199,28 @@ def test_trace_and_retrace_of_a_real_grating_are_left_where_they_are() -> None:
     assert not near.accepted and "phase contradicts" in near.reason and near.phase_after < 0.5 < 0.99 < near.after
 
 
+@needs_skimage
+@pytest.mark.parametrize("shift", [(0.0, 3.4), (-2.7, 1.6)])
+def test_a_shift_of_parts_of_a_pixel_is_found(shift: tuple[float, float]) -> None:
+    from scipy.ndimage import fourier_shift
+
+    rough = blobs(96, 100)  # periodic, so that moving it by its Fourier transform is exact
+    spread = np.fft.ifft2(fourier_shift(np.fft.fft2(rough), shift)).real
+    fixed, moving = (image(1e-9 * one, one)[{"y": slice(10, 80), "x": slice(10, 80)}] for one in (rough, spread))
+    found = pm.register(fixed, moving)
+    assert found.accepted
+    # found to a tenth of a pixel; medians of rows, which each window has its own, pull it by as much again
+    assert np.array(found.shift) / PITCH == pytest.approx(-np.array(shift), abs=0.25)
+
+
+@needs_skimage
+def test_a_shift_that_would_leave_hardly_anything_is_refused_in_words() -> None:
+    rough = blobs(40, 40)
+    one = image(1e-9 * rough, rough)
+    found = pm.register(one.isel(y=slice(5, 13)), one.isel(y=slice(6, 14)))  # 8 rows, of which 7 are common
+    assert not found.accepted and found.reason.endswith("leaves hardly anything that both images show")
+
+
 # One grid
 
 
@@ -328,6 +352,92 @@ def test_directions_are_compared_each_with_its_own_or_with_one_another() -> None
     assert value(pm.compare(both, both, direction=("trace", "retrace")), "correlation") < 0.5
 
 
+@needs_skimage
+def test_scores_are_those_of_the_libraries_by_their_own_formulas() -> None:
+    from scipy.stats import linregress, wasserstein_distance
+    from skimage.metrics import structural_similarity
+
+    one, other = grains(), grains(seed=4)
+    found = pm.compare(one, other, limit=0, sign=1, regions=None)
+    a, b = one["phase"].values, other["phase"].values
+    b = b + (a.mean() - b.mean())
+    low, high = np.percentile([a, b], [0.5, 99.5])
+    each = structural_similarity(a - low, b - low, win_size=7, data_range=high - low, full=True)[1]
+    assert value(found, "ssim") == pytest.approx(each[3:-3, 3:-3].mean())
+    elsewhere = other.assign(phase=other["phase"] + 80)  # another zero is no other image
+    assert value(pm.compare(one, elsewhere, limit=0, sign=1), "ssim") == pytest.approx(value(found, "ssim"))
+    assert value(found, "wasserstein") == pytest.approx(wasserstein_distance(a.ravel(), b.ravel()))
+    assert value(found, "rmse") == pytest.approx(math.sqrt(np.mean((a - b) ** 2)))
+    slope = np.gradient(pm.level(one)["height"].values, PITCH, axis=1)
+    r = linregress(slope.ravel(), a.ravel()).rvalue
+    assert float(found["crosstalk"].sel(map="measured", cause="slope")) == pytest.approx(r**2)
+    for nearby in (-0.5, 0.5):
+        moved_offset = value(found, "offset") + nearby
+        assert value(pm.compare(one, other, limit=0, sign=1, offset=moved_offset), "rmse") > value(found, "rmse")
+
+
+@needs_skimage
+@pytest.mark.parametrize(("low", "offset"), [(-180.0, 180.0), (0.0, 360.0)])
+def test_a_phase_that_runs_over_the_end_of_its_range_is_compared_as_if_it_did_not(low: float, offset: float) -> None:
+    one = grains()
+    recorded = one.assign(phase=(one["phase"] + offset + 20 - low) % 360 + low)
+    assert np.ptp(recorded["phase"].values) > 300
+    found = pm.compare(recorded, one)
+    assert value(found, "rmse") < 1e-10 and value(found, "sign") == 1
+    assert np.ptp(pm.level(recorded)["phase"].values) == pytest.approx(np.ptp(one["phase"].values))
+
+
+@needs_skimage
+def test_a_recorded_zero_means_the_same_a_turn_away() -> None:
+    one = grains()
+    recorded = one.assign(phase=one["phase"] + 350).assign_attrs(phase_zero=-10.0)
+    found = pm.compare(recorded, one, offset="fixed")
+    assert (value(found, "offset"), value(found, "sign")) == (350.0, 1) and value(found, "rmse") < 1e-10
+
+
+@needs_skimage
+def test_the_zero_of_a_simulation_off_resonance_is_known_from_memory_as_from_a_file(tmp_path: Path) -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9, 299.7e3))
+    rough = 0.2e-9 * blobs(16, 16)
+    soft = {n: pm.Material(1e9 * n, adhesion=0.05) for n in (1, 2)}
+    surface = pm.Surface.from_labels(1 + (rough > 0), soft, pixel_size=PITCH, topography=rough)
+    simulated = pm.simulate(surface, scope, setpoint=0.7, solver="averaging")
+    assert "phase_zero" not in simulated.attrs
+    # 90 degrees less the lag of the free lever at 299.7 kHz
+    zero = 90 - math.degrees(math.atan2(0.999 / 400, 1 - 0.999**2))
+    recorded = (
+        simulated.drop_attrs(deep=False).assign(phase=simulated["phase"] + 25 - zero).assign_attrs(phase_zero=25.0)
+    )
+    save(simulated, tmp_path / "simulated.nc")
+    for known in (simulated, read_image(tmp_path / "simulated.nc")):
+        found = pm.compare(recorded, known, offset="fixed", limit=0, regions=None)
+        assert value(found, "offset") == pytest.approx(25 - zero) and value(found, "rmse") < 1e-9
+    save(pm.level(simulated), tmp_path / "levelled.nc")
+    assert "phase_zero" not in read_image(tmp_path / "levelled.nc").attrs  # of the phase before it was levelled
+
+
+@needs_skimage
+def test_a_phase_that_does_not_vary_has_no_correlation_and_the_words_say_so() -> None:
+    for number in (0.1, 0.3, -17.3, 61.7):  # of which means are off by rounding
+        for size in (100, 1001, 9600):
+            assert math.isnan(correlation_of(np.full(size, number), np.full(size, 1.1 * number)))
+    flat = grains().assign(phase=0.3 + 0 * grains()["phase"])
+    found = pm.compare(flat, flat, regions=None)
+    assert all(math.isnan(value(found, name)) for name in ("correlation", "ssim", "explained"))
+    said = dict(lines_of(found))
+    assert said["phases"] == "no correlation, for one does not vary, no SSIM"
+    assert "nan" not in " ".join(said.values()) + verdict_of(found)
+
+
+@needs_skimage
+def test_infinite_pixels_are_missing_ones() -> None:
+    one, other = grains(), grains()
+    other["phase"][20, 30:34] = np.inf
+    other["phase"][21, 30] = -np.inf
+    found = pm.compare(other, one)
+    assert (found["label"] < 0).sum() == 5 and value(found, "failed_lines") == 0 and value(found, "rmse") < 1e-12
+
+
 # Bad inputs
 
 
@@ -359,6 +469,21 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "height is 'rowwise'; allowed: 'rows' or 'plane'": lambda: pm.level(one, height="rowwise"),
         "shape of mask is ": lambda: pm.level(one, mask=np.zeros((3, 3), bool)),
         "number of pixels to level by is 0": lambda: pm.level(one, mask=np.ones((40, 48), bool)),
+        "coordinate x of measured is 'uneven or falling'": lambda: pm.compare(
+            one.assign_coords(x=one["x"] ** 1.5), one
+        ),
+        "coordinate y of measured is None; allowed: places of": lambda: pm.compare(one.drop_vars("y"), one),
+        "number of pixels along x of simulated is 7; allowed: 8": lambda: pm.compare(one, one.isel(x=slice(7))),
+        "units of phase of simulated is 'rad'; allowed: degree": lambda: pm.compare(
+            one, one.assign(phase=one["phase"].assign_attrs(units="rad"))
+        ),
+        "direction is 3; allowed: one name, or one for each": lambda: pm.compare(one, one, direction=3),
+        "names is ('a',); allowed: two names": lambda: pm.compare(one, one, names=("a",)),
+        "names is 'ab'; allowed: two names": lambda: pm.compare(one, one, names="ab"),
+        "sign is True; allowed: 'free', 1 or -1": lambda: pm.compare(one, one, sign=True),
+        "number of different phases is 1; allowed: enough to tell 2 materials apart": lambda: pm.compare(
+            one.assign(phase=0 * one["phase"]), one
+        ),
         "allowed: what phasemap.compare returned": lambda: pm.plot.comparison(one),
     }.items():
         with pytest.raises(InputError) as raised:
@@ -404,6 +529,38 @@ def test_the_page_shows_both_phases_on_one_scale_and_a_degree_as_wide_in_the_res
 
 
 @needs_skimage
+@pytest.mark.parametrize("shape", [(16, 200), (200, 16)])
+def test_a_page_of_a_narrow_image_with_long_names_and_missing_rows_has_room_for_all(shape: tuple[int, int]) -> None:
+    one = grains(*shape)
+    rows = slice(shape[0] // 2, shape[0] // 2 + 2)  # the middle, of which the page shows lines
+    one["phase"][rows] = one["height"][rows] = np.nan
+    long = "a name that somebody gave with much love for detail"
+    one.attrs["title"] = f"{long}, also of the file from which it was read.nid"
+    figure = pm.plot.plot(pm.compare(one, one, names=(long, long)))
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for axes in figure.axes[:3] for text in (axes.title, axes._left_title)]
+    boxes = sorted((box for box in boxes if box.width), key=lambda box: box.x0)
+    assert len(boxes) == 3 and all(a.x1 < b.x0 for a, b in pairwise(boxes))
+    assert all(figure.bbox.padded(1).fully_containsx(box.x1) for box in boxes)
+    assert "not drawn to scale" in figure.texts[1].get_text()
+    assert figure.bbox.padded(1).fully_containsx(figure.texts[1].get_window_extent().x1)
+    lines = next(axes for axes in figure.axes if axes.get_ylabel() == "phase (degrees)" and axes.lines).lines
+    assert np.isfinite(lines[0].get_ydata()).any()
+
+
+@needs_reader
+def test_the_command_compares_both_directions_of_a_vendors_file(capsys: pytest.CaptureFixture[str]) -> None:
+    spec = find_spec("NSFopen")
+    assert spec is not None and spec.submodule_search_locations is not None
+    path = str(Path(spec.submodule_search_locations[0], "example", "Plane_Removal/grid.nid"))
+    assert main(["compare", path, path, "--direction", "trace,retrace"]) == 0
+    assert "correlation 0.872" in capsys.readouterr().out
+    without = path.replace("grid", "circles")
+    assert main(["compare", without, path]) == 2
+    assert "there is no phase channel; it holds 'Topography forward'" in capsys.readouterr().err
+
+
+@needs_skimage
 def test_the_command_compares_writes_draws_and_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = grains()
     recorded = one.assign(phase=62.0 - one["phase"]).assign_attrs(phase_zero=62.0)
@@ -420,6 +577,8 @@ def test_the_command_compares_writes_draws_and_says(tmp_path: Path, capsys: pyte
     xr.testing.assert_identical(found.drop_attrs(), direct.drop_attrs())
     assert found.attrs["measured_source"] == "m.nc"
     assert main(["compare", *files, "--plot", str(page)]) == 2 and "exists already" in capsys.readouterr().err
+    both = ["-o", str(tmp_path / "one.png"), "--plot", str(tmp_path / "one.png")]
+    assert main(["compare", *files, *both]) == 2 and "another file than that of -o" in capsys.readouterr().err
     for bad, why in {"--offset=none": "fixed, or a number", "--names=a": "two names", "--row=3": "--plot only"}.items():
         assert main(["compare", *files, bad]) == 2
         assert why in capsys.readouterr().err

@@ -29,7 +29,7 @@ KNOWN = {"drive_frequency": 299.5e3, "free_amplitude": 20e-9, "setpoint": 0.7, "
 def two_scans() -> xr.Dataset:
     """Trace and retrace of 4 x 6 pixels that are not square, one of them without a solution."""
     rng = np.random.default_rng(7)
-    height, phase = 1e-8 * rng.normal(size=(2, 4, 6)), 90 * rng.normal(size=(2, 4, 6))
+    height, phase = 1e-8 * rng.normal(size=(2, 4, 6)), 30 * rng.normal(size=(2, 4, 6))
     status = np.zeros(phase.shape, np.int8)
     height[HOLE] = phase[HOLE] = np.nan
     status[HOLE] = 1
@@ -118,6 +118,21 @@ def test_the_suffix_chooses_the_format(tmp_path: Path) -> None:
         export(image.isel(x=[0, 1, 3]), tmp_path / "uneven.gwy")
     with pytest.raises(InputError, match=r"variables of the image is 'status'; allowed: a real one"):
         export(image[["status"]], tmp_path / "flags.gwy")
+
+
+def test_gwyddion_gets_metres_and_degrees_whatever_units_and_order_an_image_has(tmp_path: Path) -> None:
+    image = two_scans().isel(direction=0)[["height", "phase"]]
+    other = image.assign(height=1e9 * image["height"], phase=image["phase"].drop_attrs()).transpose("x", "y")
+    other["height"].attrs["units"] = "nm"
+    held = gwy(write_gwy(other, tmp_path / "image.gwy"))
+    assert held["/0/data"].data == pytest.approx(image["height"].values, rel=1e-12)
+    assert [held[f"/{n}/data"]["si_unit_z"]["unitstr"] for n in (0, 1)] == ["m", "deg"]
+    read = read_image(write_gsf(other, tmp_path / "height.gsf", "height"))
+    assert read["height"].values == pytest.approx(image["height"].values, rel=1e-6)
+    with pytest.raises(InputError, match=r"the image is 'DataArray'; allowed: an xarray\.Dataset"):
+        export(image["phase"], tmp_path / "phase.gwy")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="variable is 'phase'; allowed: a real one over"):
+        export(image.astype(int), tmp_path / "phase.gsf", "phase")
 
 
 def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,12 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from vendor_files import jpk_file, nanoscope_file, park_file
 
 import phasemap as pm
 from phasemap.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import Channel
-from phasemap.io.metadata import mode_of, off_resonance, scan_data
+from phasemap.io.kinds import KINDS
+from phasemap.io.metadata import off_resonance
 from phasemap.io.read import read_image
+from phasemap.io.vendors import mode_of, scan_data
 
 needs_reader = pytest.mark.skipif(
     any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "gwyfile", "NSFopen")),
@@ -102,8 +105,11 @@ def test_channels_can_be_named_with_their_direction_or_without() -> None:
         ("PhaseRetrace", {}, "Phase", "retrace"),
         ("Lock-In Phase [Retrace]", {}, "Lock-In Phase", "retrace"),  # JPK
         ("Phase backward", {}, "Phase", "retrace"),  # Nanosurf
-        ("NCM Phase", {"Line direction": "Forward"}, "NCM Phase", "trace"),  # Park
+        ("NCM Phase", {"Line direction": "Left to right"}, "NCM Phase", "trace"),  # Park
+        ("Z Height", {"Line direction": "Right to left"}, "Z Height", "retrace"),
+        ("Topography", {"General Info::X scanning direction": "Backward"}, "Topography", "retrace"),  # WSxM
         ("Topography", {}, "Topography", ""),
+        ("Phase1Trace", {}, "Phase1", "trace"),
     ],
 )
 def test_the_vendors_names_of_channels_and_directions(
@@ -111,6 +117,20 @@ def test_the_vendors_names_of_channels_and_directions(
 ) -> None:
     channel = Channel(name, np.zeros((1, 1)), "deg", "m", (1.0, 1.0), metadata)
     assert (channel.base, channel.direction) == (base, direction)
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "others"),
+    [
+        ("phase", ("Phase", "Phase1", "NCM Phase", "Lock-In Phase"), ("Phase2", "Phase 2", "Phase Error", "Potential")),
+        ("height", ("Height Sensor", "ZSensor", "Z-Axis", "Z Height", "Z Detector", "Topography"), ("Error", "Zoom")),
+    ],
+)
+def test_channels_are_known_by_what_vendors_call_them(
+    kind: str, names: tuple[str, ...], others: tuple[str, ...]
+) -> None:
+    assert all(KINDS[kind].pattern.match(name) for name in names)
+    assert not any(KINDS[kind].pattern.match(name) for name in others)
 
 
 @needs_reader
@@ -130,6 +150,48 @@ def test_a_wsxm_file_is_read_the_right_way_up(tmp_path: Path) -> None:
     assert image["height"].values == pytest.approx(1e-9 * height, rel=1e-9)
     assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([25e-9, 50e-9])
     assert image.attrs["warnings"] == "There is no phase channel."
+
+
+@needs_reader
+@pytest.mark.parametrize(
+    ("sensitivity", "unit", "of_a_millivolt"), [("1.000000 ", "V", 1e-3), ("62.00000 nm/V", "m", 62e-12)]
+)
+def test_the_amplitude_error_of_nanoscope_is_in_volts_or_metres(
+    sensitivity: str, unit: str, of_a_millivolt: float, tmp_path: Path
+) -> None:
+    counts = nanoscope_file(tmp_path / "scan.001", sensitivity)
+    image = read_image(tmp_path / "scan.001")
+    assert image["amplitude_error"].attrs["units"] == unit
+    assert image["amplitude_error"].values == pytest.approx(0.06103516 * counts * of_a_millivolt, rel=1e-4)
+    assert image["height"].values == pytest.approx(20e-9 * 1e-3 * counts, rel=1e-4)
+
+
+@needs_reader
+def test_a_jpk_file_is_read_the_right_way_up_in_both_directions(tmp_path: Path) -> None:
+    pytest.importorskip("tifffile")
+    held = jpk_file(tmp_path / "scan.jpk")
+    image = read_image(tmp_path / "scan.jpk")
+    assert image["direction"].values.tolist() == ["trace", "retrace"]  # only the latter is marked in the file
+    for (name, direction), values in held.items():
+        assert image[name].sel(direction=direction).values == pytest.approx(values, rel=1e-9, abs=0)
+    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([1e-7, 5e-8])
+    known = {"drive_frequency": 88400.0, "setpoint": 0.8, "free_amplitude_voltage": 2.0, "setpoint_voltage": 1.6}
+    assert {name: image.attrs[name] for name in known} == known
+    assert "The free amplitude is 2 V, without a sensitivity" in image.attrs["warnings"]
+
+
+@needs_reader
+def test_a_park_file_is_read_the_right_way_up(tmp_path: Path) -> None:
+    pytest.importorskip("tifffile")
+    held = park_file(tmp_path / "phase.tiff", "NCM Phase", "NCM", forward=False)
+    image = read_image(tmp_path / "phase.tiff")
+    assert image["phase"].values == pytest.approx(held, rel=1e-9)
+    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([1e-7, 5e-8])
+    assert (image.attrs["direction"], image.attrs["operating_mode"]) == ("retrace", "NCM")
+    assert (image.attrs["line_rate"], image.attrs["setpoint_amplitude"]) == pytest.approx((0.5, 12.5e-9))
+    park_file(tmp_path / "lateral.tiff", "LFM", "LFM")
+    with pytest.raises(FileError, match="recorded in the mode 'LFM', whose phase is not a tapping phase"):
+        read_image(tmp_path / "lateral.tiff")
 
 
 # What is wrong with a file.
@@ -183,15 +245,74 @@ def test_a_file_that_is_cut_short_or_foreign_is_refused_in_one_sentence(tmp_path
     }
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(FileError, match=f"^cannot read [^\n]*{name}: [^\n]+\\.$"):
+        why = "it is empty" if not content else "it is damaged, cut short, or of no format that Gwyddion reads"
+        with pytest.raises(FileError, match=f"^cannot read [^\n]*{name}: {why}\\.$"):
             read_image(tmp_path / name)
+    with pytest.raises(FileError, match="it is a folder"):
+        read_image(tmp_path)
     with pytest.raises(FileError, match="there is no such file"):
         read_image(tmp_path / "nowhere.nid")
 
 
+def gwy_file(path: Path, *channels: tuple[str, np.ndarray, str, tuple[float, float], dict[str, str]]) -> Path:
+    """A file of Gwyddion's: title, values, unit, height and width [m] and metadata of each channel."""
+    objects = importlib.import_module("gwyfile").objects
+    container = objects.GwyContainer()
+    for n, (title, values, unit, (yreal, xreal), meta) in enumerate(channels):
+        units = {"si_unit_xy": objects.GwySIUnit(unitstr="m"), "si_unit_z": objects.GwySIUnit(unitstr=unit)}
+        container[f"/{n}/data"] = objects.GwyDataField(values, xreal=xreal, yreal=yreal, **units)
+        container[f"/{n}/data/title"] = title
+        container[f"/{n}/meta"] = objects.GwyContainer(meta, dict.fromkeys(meta, "s"))
+    container.tofile(str(path))
+    return path
+
+
+@needs_reader
+def test_channels_of_another_size_are_not_laid_on_each_other(tmp_path: Path) -> None:
+    values = np.arange(20.0).reshape(4, 5)
+    height = ("Height", 1e-9 * values, "m", (4e-7, 5e-7), {})
+    cut = gwy_file(tmp_path / "cut.gwy", height, ("Phase", values, "deg", (2e-7, 2.5e-7), {}))
+    with pytest.raises(FileError, match=r"'Height' has 4e-07 x 5e-07 m but 'Phase' has 2e-07 x 2\.5e-07; name two"):
+        read_image(cut)
+    fewer = gwy_file(tmp_path / "fewer.gwy", height, ("Phase", values[:2], "deg", (4e-7, 5e-7), {}))
+    with pytest.raises(FileError, match="'Height' has 4 x 5 pixels but 'Phase' has 2 x 5; name two"):
+        read_image(fewer)
+
+
+@needs_reader
+def test_an_asylum_image_has_the_size_of_its_scan_unless_it_was_cut_in_gwyddion(tmp_path: Path) -> None:
+    values, meta = np.zeros((4, 5)), {"ImagingMode": "AC Mode", "SlowScanSize": "8e-07", "FastScanSize": "1e-06"}
+    whole = gwy_file(tmp_path / "whole.gwy", ("PhaseTrace", values, "deg", (8e-7 * 4 / 3, 1e-6 * 5 / 4), meta))
+    assert [float(read_image(whole)[dim][0]) for dim in ("y", "x")] == pytest.approx([1e-7, 1e-7])
+    cut = gwy_file(tmp_path / "cut.gwy", ("PhaseTrace", values, "deg", (2e-7, 3e-7), meta))
+    assert [float(read_image(cut)[dim][0]) for dim in ("y", "x")] == pytest.approx([2.5e-8, 3e-8])
+
+
+@needs_reader
+def test_the_scan_is_that_of_the_channels_which_were_chosen(tmp_path: Path) -> None:
+    values, size = np.zeros((4, 5)), (4e-7, 5e-7)
+    first = {"Op. mode": "Phase Contrast", "Setpoint": "50 %"}
+    path = gwy_file(
+        tmp_path / "two.gwy", ("Phase", values, "deg", size, first),
+        ("Phase", values + 1, "deg", size, first | {"Setpoint": "80 %"}),
+    )  # fmt: skip
+    assert read_image(path).attrs["setpoint"] == 0.5
+    second = read_image(path, phase="Phase (2)")
+    assert (second.attrs["setpoint"], float(second["phase"][0, 0])) == (0.8, 1.0)
+
+
+@needs_reader
+def test_a_phase_that_ran_over_the_end_of_its_range_is_brought_together(tmp_path: Path) -> None:
+    truth = 170 + np.linspace(0.0, 40.0, 20).reshape(4, 5)
+    wrapped = (truth + 180) % 360 - 180
+    image = read_image(gwy_file(tmp_path / "scan.gwy", ("Phase", wrapped, "deg", (4e-7, 5e-7), {})))
+    assert np.ptp(image["phase"].values) == pytest.approx(40)  # and not 358
+    assert image["phase"].values == pytest.approx(truth - 360)  # where most of it was
+
+
 def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gwyddionpy", None)
-    (tmp_path / "scan.nid").touch()
+    (tmp_path / "scan.nid").write_text("something")
     with pytest.raises(
         PhasemapError, match=r"measured files needs 'gwyddionpy': run pip install \"afm-phasemap\[read\]"
     ):
@@ -280,6 +401,32 @@ def test_jpk_and_park_tell_what_gwyddion_says_of_them() -> None:
     assert scan_data(NOWHERE, {"Image mode": "NC-AFM", "Scan rate": "0.5 s<sup>-1</sup>"}).values == {"line_rate": 0.5}
 
 
+def test_a_setpoint_that_is_no_percentage_is_no_ratio() -> None:
+    nanosurf = {"Op. mode": "Dynamic Force", "Vibration freq.": "170 kHz"}
+    assert "setpoint" not in scan_data(NOWHERE, nanosurf | {"Setpoint": "0.25 V"}).values
+    assert scan_data(NOWHERE, nanosurf | {"Set point": "61 %"}).values["setpoint"] == 0.61
+
+
+def test_a_wsxm_file_tells_its_scan_in_si() -> None:
+    metadata = {  # of a file of the AFMReader project
+        "General Info::Head type": "AFM", "General Info::Force constant": "21 N/m", "Control::X-Frequency": "1.085 Hz",
+        "Dynamic settings::Resonance frequency": "291799 Hz", "Dynamic settings::Quality factor (Q)": "508.711",
+        "Feedback settings::Input channel": "Amplitude", "Feedback settings::Integral": "9.4976",
+    }  # fmt: skip
+    scan = scan_data(NOWHERE, metadata)
+    expected = {"stiffness": 21.0, "resonance_frequency": 291799.0, "quality_factor": 508.711, "line_rate": 1.085}
+    assert {name: scan.values[name] for name in expected} == expected and scan.nominal == ["stiffness"]
+    assert mode_of(NOWHERE, metadata) == "Amplitude"
+    with pytest.raises(FileError, match="in the mode 'Normal force'"):
+        mode_of(NOWHERE, metadata | {"Feedback settings::Input channel": "Normal force"})
+
+
+def test_older_asylum_files_number_their_modes() -> None:
+    assert mode_of(NOWHERE, {"ImagingMode": "1"}) == "AC Mode"
+    with pytest.raises(FileError, match="in the mode 'Contact'"):
+        mode_of(NOWHERE, {"ImagingMode": "0"})
+
+
 # Simulated images.
 
 
@@ -303,6 +450,44 @@ def test_a_netcdf_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
     xr.Dataset({"phase": ("time", [1.0])}).to_netcdf(tmp_path / "curve.nc")
     with pytest.raises(FileError, match=r"no height or phase over \('y', 'x'\); it holds phase over \('time',\)"):
         read_image(tmp_path / "curve.nc")
+
+
+def foreign(**attrs: str) -> xr.Dataset:
+    """An image as other programs keep it: in nm and radian, y counted upwards, x before y."""
+    values = np.arange(12.0).reshape(3, 4)
+    image = xr.Dataset(
+        {"height": (("y", "x"), values, {"units": "nm"}), "phase": (("y", "x"), 0.1 * values, {"units": "rad"})},
+        {"y": ("y", [50.0, 30.0, 10.0], {"units": "nm"}), "x": ("x", [5.0, 15.0, 25.0, 35.0], {"units": "nm"})},
+        attrs,
+    )
+    return image.transpose("x", "y")
+
+
+def test_an_image_of_another_program_is_brought_to_metres_and_degrees(tmp_path: Path) -> None:
+    foreign(configuration="theirs").to_netcdf(tmp_path / "image.nc")
+    image = read_image(tmp_path / "image.nc")
+    values = np.arange(12.0).reshape(3, 4)
+    assert image["height"].values == pytest.approx(1e-9 * values) and image["height"].dims == ("y", "x")
+    assert image["phase"].values == pytest.approx(np.degrees(0.1 * values))
+    assert [image[name].attrs["units"] for name in ("height", "phase", "y", "x")] == ["m", "degree", "m", "m"]
+    assert image["y"].values == pytest.approx([1e-8, 3e-8, 5e-8])  # row 0 is the top as before
+    assert image["x"].values == pytest.approx([5e-9, 15e-9, 25e-9, 35e-9])
+    mirrored = foreign().assign_coords(x=foreign()["x"].values[::-1])
+    mirrored.to_netcdf(tmp_path / "mirrored.nc")
+    assert read_image(tmp_path / "mirrored.nc")["height"].values == pytest.approx(1e-9 * values[:, ::-1])
+
+
+def test_an_image_without_units_or_places_is_not_taken_in_silence(tmp_path: Path) -> None:
+    image = foreign()
+    image["phase"].attrs["units"] = "V"
+    image.to_netcdf(tmp_path / "volts.nc")
+    with pytest.raises(FileError, match=r"volts.nc: phase is in 'V', not an angle\.$"):
+        read_image(tmp_path / "volts.nc")
+    foreign().drop_vars("y").to_netcdf(tmp_path / "nowhere.nc")
+    with pytest.raises(FileError, match="there is no coordinate y, the places of pixels in m"):
+        read_image(tmp_path / "nowhere.nc")
+    foreign()[["height"]].drop_attrs().to_netcdf(tmp_path / "numbers.nc")
+    assert "no units of height: taken as m" in read_image(tmp_path / "numbers.nc").attrs["warnings"]
 
 
 # Through xarray.

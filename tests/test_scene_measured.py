@@ -40,7 +40,7 @@ def measured(**attrs: Any) -> xr.Dataset:
     height = topography + 2e-9 * x - 1e-9 * y + rng.normal(0, 1e-9, (24, 1))
     phase = np.where(labels, -8.0, -27.0) + rng.normal(0, 0.4, labels.shape)
     return xr.Dataset(
-        {"height": (("y", "x"), height), "phase": (("y", "x"), phase)},
+        {"height": (("y", "x"), height, {"units": "m"}), "phase": (("y", "x"), phase, {"units": "degree"})},
         {"y": (np.arange(24) + 0.5) * 4e-9, "x": (np.arange(32) + 0.5) * 3e-9},
         RECORDED | attrs,
     )
@@ -99,7 +99,9 @@ def test_placeholders_and_the_origin_of_each_value_are_said(tmp_path: Path) -> N
     assert "stiffness = 40.0  # N/m, nominal, of levers of this type" in lines
     assert "setpoint = 0.6  # as recorded" in lines and "radius = 1e-08  # m, given" in lines
     assert "modulus = 2.0e9  # Pa, placeholder" in lines and "damping = 0.03  # given" in lines
-    assert any("PLACEHOLDERS" in line for line in lines)
+    assert any("PLACEHOLDERS" in line for line in lines) and "#   phasemap run scene.toml -o scene.nc" in lines
+    scene_from(image, tmp_path / "my scene.toml", 1, [TIP])
+    assert "#   phasemap run 'my scene.toml' -o 'my scene.nc'" in (tmp_path / "my scene.toml").read_text().splitlines()
 
 
 def test_a_free_amplitude_recorded_off_resonance_is_brought_to_resonance(tmp_path: Path) -> None:
@@ -129,6 +131,19 @@ def test_bad_values_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
         scene_from(measured(), path, 1, ["tip.radius=-1"])
     with pytest.raises(InputError, match=r"\[materials.material_0\] modulis is unknown"):
         scene_from(measured(), path, 1, [TIP, "materials.material_0.modulis=1e9"])
+    for image, why in (
+        (measured().drop_vars("x"), "coordinate x of the image is None; allowed: places of the pixels in m"),
+        (measured().isel(x=[0, 1, 3]), "coordinate x of the image is 'uneven or falling'"),
+        (
+            measured().assign(height=measured()["height"].assign_attrs(units="nm")),
+            "units of height of the image is 'nm'",
+        ),
+        (measured()["height"], "the image is 'DataArray'; allowed: an xarray.Dataset or a file"),
+    ):
+        with pytest.raises(InputError, match=why):
+            scene_from(image, path, 1, [TIP])
+    with pytest.raises(InputError, match=r"the suffix of the scene is '\.txt'; allowed: \.toml"):
+        scene_from(measured(), tmp_path / "scene.txt", 1, [TIP])
     with pytest.raises(InputError, match="phases is 5; allowed: a whole number from 1 to 4"):
         scene_from(measured(), path, 5, [TIP])
     with pytest.raises(FileError, match=r"cannot use blend\.nid: there is no phase channel; it holds 'height'"):

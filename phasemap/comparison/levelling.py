@@ -8,6 +8,7 @@ import numpy as np
 
 from phasemap.comparison.pair import CHANNELS, channels_of
 from phasemap.errors import InputError
+from phasemap.io.measured import level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,7 +51,8 @@ def level(
     Returns
     -------
     xarray.Dataset
-        As `image`, and ``outlier_line`` over "y" (0 or 1). Medians of what counts are 0.
+        As `image`, and ``outlier_line`` over "y" (0 or 1). Medians of what counts are 0. The attribute ``levelled``
+        says how, and ``phase_zero`` is gone.
 
     Raises
     ------
@@ -105,15 +107,13 @@ def level(
         (*leading, "y"), flagged.astype(np.int8).reshape(*(done.sizes[dim] for dim in leading), shape[0]), about,
     )  # fmt: skip
     done.attrs.pop("phase_zero", None)  # of the phase as it was recorded
+    done.attrs["levelled"] = f"height by {height}, phase by {phase}"
     done.attrs["history"] = "\n".join(filter(None, [image.attrs.get("history"), provenance({}, "levelled")["history"]]))
     return done
 
 
 def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     """Take the tilt, and offsets of rows, out of a height map.
-
-    The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
-    the rows hold the tilt.
 
     Parameters
     ----------
@@ -137,37 +137,24 @@ def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     counts = np.isfinite(height) & ~mask
     if counts.sum() < 3:
         raise InputError("number of pixels to level by", int(counts.sum()), "at least 3")
-    y, x = np.indices(height.shape, float)
-    known = np.where(counts, height, 0.0)
     if rows:
-        share = np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        along = np.where(counts, x - (x * counts).sum(axis=1, keepdims=True) / share, 0.0)
-        slope = (along * known).sum() / ((along * along).sum() or 1.0)
-        flat: Array = height - slope * x
-        flat -= _row_medians(flat, counts)
-        return flat
+        return level_rows(height, counts)
+    y, x = np.indices(height.shape, float)
     plane = np.stack([np.ones(height.shape), x - x.mean(), y - y.mean()], axis=-1)
-    flat = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
+    flat: Array = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
     flat -= np.median(flat[counts])
     return flat
 
 
 def _level_phase(phase: Array, mask: Array, *, rows: bool) -> Array:
     """Take a constant, or one for each row, out of a phase map."""
+    phase = on_one_turn(phase)
     counts = np.isfinite(phase) & ~mask
     if not counts.any():
         raise InputError("number of pixels to level by", 0, "at least 1")
-    offsets: Array = _row_medians(phase, counts) if rows else np.median(phase[counts])
+    offsets: Array = row_medians(phase, counts) if rows else np.median(phase[counts])
     levelled: Array = phase - offsets
     return levelled
-
-
-def _row_medians(values: Array, counts: Array) -> Array:
-    """Median of what counts in each row, as a column; rows without any take it from their neighbours."""
-    rows = np.flatnonzero(counts.any(axis=1))
-    medians = [np.median(values[row, counts[row]]) for row in rows]
-    column: Array = np.interp(np.arange(len(values)), rows, medians)[:, None]
-    return column
 
 
 def outlier_lines(values: Array) -> Array:

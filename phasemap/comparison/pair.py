@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap.errors import InputError
+from phasemap.io.measured import on_one_turn
 from phasemap.units import readable
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["channels_of", "common_grid", "pair_of", "pitch_of"]
 
 CHANNELS = ("height", "phase", "amplitude", "amplitude_error")
+UNITS = {"height": "m", "phase": "degree"}
+UNEVEN = 1e-3  # relative difference of steps from pixel to pixel; coordinates may be in single precision
 FEWEST = 8  # rows and columns: a window of the structural similarity takes 7
 SAME_SIZE = 0.05  # by which sides may differ: files of N pixels often say the length of N - 1 of them
 
@@ -64,7 +67,7 @@ def _each(direction: Directions, images: tuple[xr.Dataset, xr.Dataset]) -> tuple
     if direction is None:
         return None, None
     if not isinstance(direction, str):
-        if len(direction) != 2:
+        if not isinstance(direction, tuple | list) or len(direction) != 2:
             raise InputError("direction", direction, "one name, or one for each of the two images")
         return direction[0], direction[1]
     has = ["direction" in getattr(ds, "dims", ()) or _direction(ds) for ds in images]
@@ -103,11 +106,12 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
         if channel not in getattr(ds, "data_vars", ()):
             held = ", ".join(map(str, getattr(ds, "data_vars", ()))) or type(ds).__name__
             raise InputError(f"what {name} holds", held, f"an image with {' and '.join(needed)}")
+    for channel in needed:
+        units = ds[channel].attrs.get("units", UNITS[channel])
+        if units != UNITS[channel]:
+            raise InputError(f"units of {channel} of {name}", units, UNITS[channel])
     for dim in ("y", "x"):
-        if dim not in ds.coords or ds.sizes.get(dim, 0) < FEWEST or not np.all(np.diff(ds[dim].values) > 0):
-            raise InputError(
-                name, f"without a rising {dim}", f"an image with coordinates y and x [m], {FEWEST} or more"
-            )
+        _check_places(name, ds, dim)
     if "direction" in ds.dims:
         there = [str(one) for one in ds["direction"].values]
         wanted = direction or ("trace" if "trace" in there else there[0])
@@ -118,12 +122,26 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
         known = _direction(ds) or "None, for the image has no directions"
         raise InputError(f"direction of {name}", direction, known)
     image = ds[[channel for channel in CHANNELS if channel in ds]]
+    image = image.where(np.isfinite(image))
     for channel in needed:
         if set(image[channel].dims) != {"y", "x"}:
             raise InputError(f"dims of {channel} of {name}", ds[channel].dims, "('y', 'x') or ('direction', 'y', 'x')")
         if not np.isfinite(image[channel].values).any():
             raise InputError(f"{channel} of {name}", "NaN everywhere", "an image with finite values")
+    if "phase" in image:
+        image["phase"] = image["phase"].copy(data=on_one_turn(image["phase"].values))
     return image.transpose("y", "x").reset_coords(drop=True)
+
+
+def _check_places(name: str, ds: xr.Dataset, dim: str) -> None:
+    """Refuse an image without evenly spaced places of pixels."""
+    if dim not in ds.coords:
+        raise InputError(f"coordinate {dim} of {name}", None, "places of the pixels in m, from the top left corner")
+    if ds[dim].size < FEWEST:
+        raise InputError(f"number of pixels along {dim} of {name}", ds[dim].size, f"{FEWEST} or more")
+    steps = np.diff(ds[dim].values)
+    if steps.min() <= 0 or np.ptp(steps) > UNEVEN * steps.mean():
+        raise InputError(f"coordinate {dim} of {name}", "uneven or falling", "rising in equal steps")
 
 
 def pitch_of(ds: xr.Dataset, dim: str) -> float:

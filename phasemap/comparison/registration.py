@@ -13,6 +13,7 @@ from phasemap.comparison.levelling import level_map
 from phasemap.comparison.library import skimage
 from phasemap.comparison.pair import common_grid, pair_of, pitch_of
 from phasemap.comparison.scores import correlation_of
+from phasemap.errors import InputError
 from phasemap.units import say
 
 if TYPE_CHECKING:
@@ -149,7 +150,11 @@ def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) 
     if length > limit:
         said = f"the best shift, {say(length, 'm', 3)}, is longer than the limit of {say(limit, 'm', 3)}"
         return Registration(shift, before, before, phase_before, phase_before, False, said)
-    after, phase_after = _correlations(*common_grid(fixed, _shifted(moving, shift)))
+    both = _overlap(fixed, moving, shift)
+    if both is None:
+        said = f"the best shift, {say(length, 'm', 3)}, leaves hardly anything that both images show"
+        return Registration(shift, before, before, phase_before, phase_before, False, said)
+    after, phase_after = _correlations(*both)
     period = _period(first, limit)
     reason = ""
     if period is not None:
@@ -168,7 +173,9 @@ def _shift(fixed: xr.Dataset, moving: xr.Dataset, limit: float) -> tuple[float, 
     find = skimage("registration", "registering images").phase_cross_correlation
     shift = 0.0, 0.0
     for _ in range(PASSES):
-        both = common_grid(fixed, _shifted(moving, shift))
+        both = _overlap(fixed, moving, shift)
+        if both is None:
+            break
         heights = [np.nan_to_num(one["height"].values) for one in both]
         pixels = find(*heights, normalization=None, upsample_factor=UPSAMPLING)[0]
         step = [float(n) * pitch_of(fixed, dim) for n, dim in zip(pixels, ("y", "x"), strict=True)]
@@ -176,6 +183,14 @@ def _shift(fixed: xr.Dataset, moving: xr.Dataset, limit: float) -> tuple[float, 
         if np.abs(pixels).max() <= 1 / UPSAMPLING or math.hypot(*shift) > limit:
             break
     return shift
+
+
+def _overlap(fixed: xr.Dataset, moving: xr.Dataset, shift: tuple[float, float]) -> tuple[xr.Dataset, xr.Dataset] | None:
+    """Both images on the pixels that both show after a shift; None where these are too few."""
+    try:
+        return common_grid(fixed, _shifted(moving, shift))
+    except InputError:
+        return None
 
 
 def _shifted(moving: xr.Dataset, shift: tuple[float, float]) -> xr.Dataset:

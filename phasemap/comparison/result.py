@@ -13,9 +13,10 @@ from phasemap._check import number
 from phasemap.comparison.levelling import outlier_lines
 from phasemap.comparison.pair import common_grid, pair_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
-from phasemap.comparison.scores import correlation_of, distance_of, share_explained, similarity_of
+from phasemap.comparison.scores import correlation_of, distance_of, is_varied, share_explained, similarity_of
 from phasemap.dataset import provenance
 from phasemap.errors import InputError
+from phasemap.io.metadata import of_simulation
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,7 +73,7 @@ def compare(
         ``amplitude_error`` or ``amplitude`` [m] is used where it is there.
     offset : "free", "fixed" or float
         Recorded phase at which the simulation's is 0 [degree]: the one that makes the RMSE least, the attribute
-        ``phase_zero`` of `measured` (less that of `simulated`, if it has one), or a number.
+        ``phase_zero`` of `measured` (less that of `simulated`, which phasemap knows of its own images), or a number.
     sign : "free", 1 or -1
         -1 if the instrument counts lag positive; "free" takes what fits better, and 1 unless -1 leaves a mean square
         residual lower by a tenth.
@@ -122,10 +123,12 @@ def compare(
     >>> [round(float(found[name]), 6) for name in ("offset", "sign", "correlation")]
     [-10.0, -1.0, 1.0]
     """
-    if sign != "free" and (isinstance(sign, str) or sign not in (1, -1)):
+    if sign != "free" and (isinstance(sign, str | bool) or sign not in (1, -1)):
         raise InputError("sign", sign, "'free', 1 or -1")
-    zero = _zero(offset, measured, simulated)
+    if not isinstance(names, tuple | list) or len(names) != 2 or not all(isinstance(name, str) for name in names):
+        raise InputError("names", names, "two names, of the measured and of the simulated image")
     first, second = pair_of(measured, simulated, direction, NAMES, ("height", "phase"))
+    zero = _zero(offset, measured, simulated)
     if not (regions is None or isinstance(regions, int)):
         first = first.assign(label=(("y", "x"), _labels(regions, first["phase"].shape)))
     first, second = levelled(first), levelled(second)
@@ -162,12 +165,13 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
         return None
     if offset != "fixed":
         raise InputError("offset", offset, "'free', 'fixed' or a number of degrees")
-    if "phase_zero" not in measured.attrs:
+    zeros = [of_simulation(ds.attrs) | ds.attrs for ds in (measured, simulated)]
+    if "phase_zero" not in zeros[0]:
         hint = "Give the phase recorded in free air as a number, or leave the offset free."
         raise InputError("phase_zero of measured", "not recorded", "an attribute in degrees for offset='fixed'", hint)
     return (
-        number("phase_zero of measured", measured.attrs["phase_zero"], "degree"),
-        number("phase_zero of simulated", simulated.attrs.get("phase_zero", 0.0), "degree"),
+        number("phase_zero of measured", zeros[0]["phase_zero"], "degree"),
+        number("phase_zero of simulated", zeros[1].get("phase_zero", 0.0), "degree"),
     )
 
 
@@ -177,7 +181,9 @@ def _frame(measured: Array, simulated: Array, zero: tuple[float, float] | None, 
     def best(s: int) -> _Frame:
         if zero is None:
             return _Frame(float(measured.mean() - s * simulated.mean()), s)
-        return _Frame(zero[0] - s * zero[1], s)
+        recorded = zero[0] - s * zero[1]
+        turns = round((measured.mean() - s * simulated.mean() - recorded) / 360)  # 350 degrees may be said as -10
+        return _Frame(recorded + 360 * turns, s)
 
     if sign != "free":
         return best(int(sign))
@@ -226,7 +232,7 @@ def _record(
     means, medians = (
         np.array([[of(maps[name][part]) for part in parts] for name in MAPS]) for of in (np.mean, np.median)
     )
-    spread = measured.var()
+    spread, varies = measured.var(), is_varied(measured)
     between = float(shares @ (means[0] - shares @ means[0]) ** 2)
     stage = {"before": (moved.before, moved.phase_before), "after": (moved.after, moved.phase_after)}
     if not moved.accepted:
@@ -247,7 +253,7 @@ def _record(
         "correlation": one(correlation_of(measured, simulated), "correlation of the phases"),
         "rmse": one(math.sqrt(np.square(residual).mean()), "root mean square of the residual", "degree"),
         "explained": one(
-            1 - residual.var() / spread if spread > 0 else math.nan, "share of the measured variance explained"
+            1 - residual.var() / spread if varies else math.nan, "share of the measured variance explained"
         ),
         "ssim": one(similarity_of(maps["measured"], maps["simulated"], known), "structural similarity"),
         "wasserstein": one(distance_of(measured, simulated), "Wasserstein distance of the histograms", "degree"),
@@ -260,7 +266,7 @@ def _record(
             {"long_name": "median phase less that of region 0", **DEGREE},
         ),
         "region_share_of_variance": one(
-            between / spread if spread > 0 else math.nan, "share of the measured variance between regions"
+            between / spread if varies else math.nan, "share of the measured variance between regions"
         ),
         "crosstalk": (("map", "cause"), _crosstalk(first, second, maps), {"long_name": "crosstalk R2", "units": "1"}),
         "shift_y": one(moved.shift[0] if moved.accepted else 0.0, "shift applied to the simulated image, down", "m"),

@@ -11,7 +11,28 @@ from phasemap.comparison.library import skimage
 Array = np.ndarray
 
 WINDOW = 7  # pixels, of the structural similarity
+ROUNDING = 1e-12  # relative difference of values that are the same
 RANGE = (0.5, 99.5)  # percentiles that its dynamic range spans
+
+
+def is_varied(values: Array) -> bool:
+    """Whether values differ by more than rounding.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Finite.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> is_varied(np.full(1001, 0.3)), bool(np.full(1001, 0.3).var() > 0)
+    (False, True)
+    """
+    return bool(np.ptp(values) > ROUNDING * np.abs(values).max())
 
 
 def correlation_of(first: Array, second: Array) -> float:
@@ -35,13 +56,17 @@ def correlation_of(first: Array, second: Array) -> float:
     known = np.isfinite(first) & np.isfinite(second)
     if not known.any():
         return math.nan
+    if not (is_varied(first[known]) and is_varied(second[known])):
+        return math.nan
     a, b = (values[known] - values[known].mean() for values in (first, second))
-    spread = math.sqrt((a @ a) * (b @ b))
-    return float(np.clip((a @ b) / spread, -1, 1)) if spread > 0 else math.nan
+    return float(np.clip((a @ b) / math.sqrt((a @ a) * (b @ b)), -1, 1))
 
 
 def similarity_of(first: Array, second: Array, known: Array) -> float:
     """Structural similarity, over pixels whose whole window is known.
+
+    Values count from the low end of their range, as those of pictures do: the similarity depends on where 0 is, and
+    that of a phase is arbitrary.
 
     Parameters
     ----------
@@ -57,11 +82,12 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
     from scipy.ndimage import binary_erosion
 
     whole = binary_erosion(known, np.ones((WINDOW, WINDOW)))
-    low, high = np.percentile(np.concatenate([first[known], second[known]]), RANGE)
-    if not whole.any() or high == low:
+    both = np.concatenate([first[known], second[known]])
+    low, high = np.percentile(both, RANGE)
+    if not whole.any() or high == low or not is_varied(both):
         return math.nan
     structural_similarity = skimage("metrics", "structural similarity").structural_similarity
-    maps = (np.where(known, values, low) for values in (first, second))
+    maps = (np.where(known, values - low, 0.0) for values in (first, second))
     each = structural_similarity(*maps, win_size=WINDOW, data_range=high - low, full=True)[1]
     return float(each[whole].mean())
 
@@ -114,8 +140,7 @@ def share_explained(values: Array, causes: list[Array]) -> float:
     y = values[known] - values[known].mean()
     spread = np.array([cause[known].std() or 1.0 for cause in causes])
     x = np.stack([cause[known] - cause[known].mean() for cause in causes], axis=-1) / spread
-    total = y @ y
-    if total <= 1e-24 * (values[known] @ values[known]):
+    if not is_varied(values[known]):
         return math.nan
     left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-    return float(np.clip(1 - (left @ left) / total, 0, 1))
+    return float(np.clip(1 - (left @ left) / (y @ y), 0, 1))

@@ -49,7 +49,7 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     left_out = int((found["label"] < 0).sum())
     counts = "the same sign" if value["sign"] > 0 else "the other sign"
     lines = [
-        ("phases", f"correlation {value['correlation']:.3f}, SSIM {value['ssim']:.3f}"),
+        ("phases", _alike(value["correlation"], value["ssim"])),
         ("residual", f"{value['rmse']:.3g}° rms; histograms {value['wasserstein']:.3g}° apart (Wasserstein)"),
         ("offset, sign", f"the {first} 0° is {value['offset']:.2f}° as recorded, with {counts}"),
         ("registration", _shift(found)),
@@ -107,6 +107,12 @@ def verdict_of(found: xr.Dataset) -> str:
     if share > WORTH_SAYING:
         said.append(f"{what} {100 * share:.0f} % of what is left.")
     return " ".join(said)
+
+
+def _alike(correlation: float, ssim: float) -> str:
+    """Correlation and structural similarity, or why there are none."""
+    said = f"correlation {correlation:.3f}" if math.isfinite(correlation) else "no correlation, for one does not vary"
+    return said + (f", SSIM {ssim:.3f}" if math.isfinite(ssim) else ", no SSIM")
 
 
 def _failed(lines: int) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap.errors import InputError
 from phasemap.io.gwyddion import MASKED, extra
+from phasemap.io.kinds import METRES
 from phasemap.io.measured import one_scan
 from phasemap.io.metadata import CANONICAL
 from phasemap.io.netcdf import replacing
@@ -22,6 +23,7 @@ __all__ = ["export", "write_gsf", "write_gwy"]
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
 OTHER_PALETTE = "Warm"
 UNITS = {"degree": "deg", "1": "", "N m-1": "N/m", "J m-2": "J/m^2"}  # as Gwyddion writes them
+DEFAULT_UNITS = {"height": "m", "phase": "degree"}
 NOTES = (
     "source",
     "source_sha256",
@@ -82,6 +84,7 @@ def export(
         raise InputError("the suffix", suffix, ".gwy or .gsf")
     if suffix == ".gsf":
         return write_gsf(ds, path, variable, direction, overwrite=overwrite)
+    ds = _checked(ds)
     if direction is not None:
         ds = one_scan(ds, (), direction)
     if variable is not None:
@@ -132,6 +135,7 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
 
     gwyfile = extra("gwyfile", "writing .gwy files", "gwy")
     objects = gwyfile.objects
+    ds = _checked(ds)
     size = _size(ds)
     notes = _notes(ds)
     container = objects.GwyContainer()
@@ -144,7 +148,7 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
                 data, xreal=size[1], yreal=size[0], si_unit_xy=_unit(objects, "m"), si_unit_z=_unit(objects, unit)
             )
 
-        container[f"/{number}/data"] = field(filled, str(ds[name].attrs.get("units", "1")))
+        container[f"/{number}/data"] = field(filled, _units(ds, name))
         container[f"/{number}/data/title"] = title
         container[f"/{number}/base/palette"] = PALETTES.get(name, OTHER_PALETTE)
         container[f"/{number}/data/visible"] = name in ("height", "phase")
@@ -204,16 +208,17 @@ def write_gsf(
     """
     import numpy as np
 
-    if Path(path).suffix != ".gsf":
+    if Path(path).suffix != ".gsf":  # gsffile knows no other
         raise InputError("the suffix", Path(path).suffix, ".gsf")
     gsffile = extra("gsffile", "writing .gsf files", "gwy")
+    ds = _checked(ds)
     name = _known(ds, variable)
     _, title, values, bad = next(_fields(one_scan(ds[[name, *_status(ds)]], [name], direction)))
     yreal, xreal = _size(ds)
     texts = {key: text.replace("=", ":").replace("\n", " ") for key, text in _notes(ds).items()}
     header = {
         "XReal": repr(xreal), "YReal": repr(yreal), "Title": title, "XYUnits": "m",
-        "ZUnits": _written(str(ds[name].attrs.get("units", "1"))), **texts,
+        "ZUnits": _written(_units(ds, name)), **texts,
     }  # fmt: skip
     with replacing(path, overwrite) as temporary:
         gsffile.write_gsf(temporary, np.where(bad, np.nan, values).astype(np.float32), header)
@@ -233,7 +238,7 @@ def _fields(ds: xr.Dataset) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]
             one = ds if direction is None else ds.sel(direction=direction)
             told = direction or ds.attrs.get("direction", "")
             title = f"{name.replace('_', ' ').capitalize()} {told}".strip()
-            values = one[name].values.astype(float)
+            values = one[name].values.astype(float) * METRES.get(str(ds[name].attrs.get("units")), (1.0,))[0]
             bad = one["status"].values != 0 if "status" in one else np.zeros(values.shape, bool)
             yield name, title, values, bad
 
@@ -242,6 +247,19 @@ def _real(ds: xr.Dataset) -> list[str]:
     """Names of the variables that Gwyddion can show: real maps, flags aside."""
     maps = (("y", "x"), ("direction", "y", "x"))
     return [str(name) for name, values in ds.data_vars.items() if values.dims in maps and values.dtype.kind == "f"]
+
+
+def _checked(ds: xr.Dataset) -> xr.Dataset:
+    """The image, rows before columns."""
+    if not hasattr(ds, "data_vars"):
+        raise InputError("the image", type(ds).__name__, "an xarray.Dataset")
+    return ds.transpose(..., "y", "x", missing_dims="ignore")
+
+
+def _units(ds: xr.Dataset, name: str) -> str:
+    """Units of what is written; Gwyddion knows no prefixes within its files."""
+    units = str(ds[name].attrs.get("units", DEFAULT_UNITS.get(name, "1")))
+    return METRES[units][1] if units in METRES else units
 
 
 def _status(ds: xr.Dataset) -> list[str]:
@@ -254,7 +272,7 @@ def _known(ds: xr.Dataset, variable: str | None) -> str:
     if variable is None and len(known) == 1:
         return known[0]
     if variable not in known:
-        raise InputError("variable", variable, "one of " + ", ".join(known))
+        raise InputError("variable", variable, "one of " + ", ".join(known) if known else "a real one over ('y', 'x')")
     return variable
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -25,8 +25,14 @@ MASKED = "masked pixels have no value"
 """Said by the metadata of a .gwy file whose masks hide pixels, rather than mark some that the user chose."""
 
 _NUMBERED = re.compile(r"\s*\(\d+\)$")  # as Gwyddion tells equal names apart
-_DIRECTION = re.compile(r"[\s_]*[\[(]?(retrace|trace|backward|forward)[\])]?", re.IGNORECASE)
-_DIRECTIONS = {"trace": "trace", "forward": "trace", "retrace": "retrace", "backward": "retrace"}
+_DIRECTION = re.compile(
+    r"[\s_]*[\[(]?(retrace|trace|backward|forward|left to right|right to left)[\])]?", re.IGNORECASE
+)
+_DIRECTIONS = {"trace": "trace", "forward": "trace", "retrace": "retrace", "backward": "retrace",
+               "left to right": "trace", "right to left": "retrace"}  # fmt: skip
+_DIRECTION_KEYS = ("Line Direction", "Line direction", "General Info::X scanning direction")  # Bruker, Park, WSxM
+_SAID = (r"cannot load '.*': (.+)", r"file \((.+?)\)\. Possible")  # within what the reader says of a file
+_NO_REASON = re.compile(r"unknown error|No module can load|[A-Za-z_.]*Error\b")
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class Channel:
     @property
     def direction(self) -> str:
         """Return "trace" or "retrace", or "" where the file does not say."""
-        said = self.metadata.get("Line Direction") or self.metadata.get("Line direction") or ""
+        said = next((self.metadata[key] for key in _DIRECTION_KEYS if self.metadata.get(key)), "")
         found = _DIRECTION.search(said) or _DIRECTION.search(self.name)
         return _DIRECTIONS[found[1].lower()] if found else ""
 
@@ -93,8 +99,12 @@ def load_channels(path: Path) -> list[Channel]:
     ...
     phasemap.errors.FileError: cannot read nowhere.nid: there is no such file.
     """
+    if path.is_dir():
+        raise FileError(f"cannot read {path}: it is a folder.")
     if not path.is_file():
         raise FileError(f"cannot read {path}: there is no such file.")
+    if not path.stat().st_size:
+        raise FileError(f"cannot read {path}: it is empty.")
     reader = extra("gwyddionpy", "reading measured files", "read")
     native = path.suffix.lower() == ".gwy"
     try:
@@ -109,12 +119,11 @@ def load_channels(path: Path) -> list[Channel]:
             'reading measured files needs the package "gwyddionpy-converter": run pip install "afm-phasemap[read]".'
         ) from error
     except (reader.GwyddionPyError, OSError, ValueError) as error:
-        said = re.search(r"cannot load '.*': (.+)", str(error)) or re.search(r"file \((.+?)\)\. Possible", str(error))
-        raise FileError(f"cannot read {path}: {said[1].rstrip('.') if said else error}.") from error
+        raise FileError(f"cannot read {path}: {_reason(str(error))}.") from error
     channels = [
         Channel(
             one.name,
-            _without(one.data, mask),
+            _without(one.data, mask) * _volts(one),
             one.si_unit_z,
             one.si_unit_xy,
             (one.yreal, one.xreal),
@@ -128,10 +137,10 @@ def load_channels(path: Path) -> list[Channel]:
     return channels
 
 
-def merged(channels: list[Channel]) -> dict[str, str]:
+def merged(channels: Iterable[Channel]) -> dict[str, str]:
     """Metadata of all channels; the first that has a key says it."""
     every: dict[str, str] = {}
-    for channel in reversed(channels):
+    for channel in reversed(list(channels)):
         every.update(channel.metadata)
     return every
 
@@ -169,6 +178,21 @@ def extra(module: str, purpose: str, name: str) -> Any:
     except ImportError as error:
         package = module.split(".")[0]
         raise PhasemapError(f'{purpose} needs {package!r}: run pip install "afm-phasemap[{name}]".') from error
+
+
+def _reason(error: str) -> str:
+    """Why a file cannot be read, in words for its user."""
+    said = next((found[1].rstrip(".") for found in (re.search(form, error) for form in _SAID) if found), "")
+    if not said or _NO_REASON.match(said):
+        return "it is damaged, cut short, or of no format that Gwyddion reads"
+    return said
+
+
+def _volts(channel: Any) -> float:
+    """What makes volts of a NanoScope channel that Gwyddion, where there is no sensitivity, leaves in millivolts."""
+    sensitivity = channel.meta.get("Sens. " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", channel.name), "")
+    scale = channel.meta.get("2:Z scale", "")
+    return 1e-3 if channel.si_unit_z == "V" and scale.endswith("mV") and "/" not in sensitivity else 1.0
 
 
 def _masks(path: Path, native: bool) -> list[Any]:

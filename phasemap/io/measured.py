@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["align_rows", "level_height", "one_scan", "segment_phase"]
+__all__ = ["align_rows", "level_height", "level_rows", "on_one_turn", "one_scan", "row_medians", "segment_phase"]
 
 
 def one_scan(
@@ -164,14 +164,103 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
             (reference.shape, int(reference.sum())),
             f"{height.shape}, at least 3",
         )
-    y, x = np.indices(height.shape)
-    plane = np.stack([np.ones(height.shape), x, y], axis=-1)
-    coefficients = np.linalg.lstsq(plane[reference], height[reference], rcond=None)[0]
-    levelled: np.ndarray = height - plane @ coefficients
-    rows = np.flatnonzero(reference.any(axis=1))
-    offsets = [np.median(levelled[row, reference[row]]) for row in rows]
-    levelled -= np.interp(np.arange(len(height)), rows, offsets)[:, None]
-    return levelled
+    return level_rows(height, reference)
+
+
+def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Take out the tilt along rows and the median of every row.
+
+    The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
+    the rows hold the tilt.
+
+    Parameters
+    ----------
+    height : ndarray, shape (rows, columns)
+        [m]; may hold NaN where pixels do not count.
+    counts : ndarray of bool
+        Pixels that count, at least one; rows that have none take their offset from their neighbours.
+
+    Returns
+    -------
+    ndarray
+        [m]
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> level_rows(np.array([[1.0, 2.0, 3.0], [7.0, 8.0, 99.0]]), np.array([[1, 1, 1], [1, 1, 0]], bool))[1]
+    array([ 0.,  0., 90.])
+    """
+    import numpy as np
+
+    x = np.indices(height.shape, float)[1]
+    share = np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    along = np.where(counts, x - (x * counts).sum(axis=1, keepdims=True) / share, 0.0)
+    slope = (along * np.where(counts, height, 0.0)).sum() / ((along * along).sum() or 1.0)
+    flat: np.ndarray = height - slope * x
+    flat -= row_medians(flat, counts)
+    return flat
+
+
+def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Median of what counts in each row, as a column; rows without any take it from their neighbours.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, columns)
+    counts : ndarray of bool
+        Pixels that count, at least one.
+
+    Returns
+    -------
+    ndarray, shape (rows, 1)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> row_medians(np.array([[1.0, 3.0], [9.0, 9.0], [5.0, 7.0]]), np.array([[1, 1], [0, 0], [1, 1]], bool))[:, 0]
+    array([2., 4., 6.])
+    """
+    import numpy as np
+
+    rows = np.flatnonzero(counts.any(axis=1))
+    medians = [np.median(values[row, counts[row]]) for row in rows]
+    column: np.ndarray = np.interp(np.arange(len(values)), rows, medians)[:, None]
+    return column
+
+
+def on_one_turn(phase: np.ndarray) -> np.ndarray:
+    """Bring together a phase that ran over the end of its range, such as from 179 to -179 degrees.
+
+    Parameters
+    ----------
+    phase : ndarray
+        [degree]; may hold NaN.
+
+    Returns
+    -------
+    ndarray
+        [degree]; as it was where it spans half a turn or less, which is all that a tapping lever does. Else whole turns
+        are added so that all lies within half a turn of the mean direction, on the turn where most of it was.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> on_one_turn(np.array([178.0, 179.0, -179.0])), on_one_turn(np.array([-80.0, 95.0]))
+    (array([178., 179., 181.]), array([-80.,  95.]))
+    """
+    import numpy as np
+
+    finite = np.isfinite(phase)
+    known = phase[finite]
+    if not known.size or np.ptp(known) <= 180:
+        return phase
+    mean = np.degrees(np.angle(np.exp(1j * np.radians(known)).mean()))
+    turns = np.round((known - mean) / 360)
+    different, pixels = np.unique(turns, return_counts=True)
+    together = phase.copy()
+    together[finite] -= 360 * (turns - different[pixels.argmax()])
+    return together
 
 
 def _channels(image: xr.Dataset) -> list[str]:
@@ -225,7 +314,9 @@ def _thresholds(otsu: Callable[..., np.ndarray], phase: np.ndarray, n: int) -> n
         return _between(clipped, otsu(clipped, classes=n))
     except ValueError as error:
         values = len(np.unique(phase))
-        raise InputError("number of different phases", values, f"enough to tell {n} materials apart") from error
+        raise InputError(
+            "number of different phases", values, f"enough to tell {n} materials apart", "Ask for fewer."
+        ) from error
 
 
 def _between(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:

@@ -1,20 +1,15 @@
-"""How an image was scanned: the vendors' words in canonical names and SI units.
-
-A value that a vendor fills in before anybody measured it is not taken over; a sentence says so.
-"""
+"""How an image was scanned: canonical names, their units, and numbers as vendors write them."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Any
 
-from phasemap.errors import FileError
-
-__all__ = ["CANONICAL", "ScanData", "mode_of", "of_simulation", "scan_data"]
+__all__ = ["CANONICAL", "ScanData", "of_simulation", "off_resonance", "quantity"]
 
 CANONICAL = {
     "drive_frequency": "Hz",
@@ -34,16 +29,9 @@ CANONICAL = {
 }
 """Names of attributes and their units."""
 
-MODE_KEYS = ("Op. mode", "ImagingMode", "MicroscopeList")  # Nanosurf, Asylum Research, Bruker
-TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "tapping", "tapping mode")
-OTHER_MODE_KEYS = ("Feedback Mode", "Image mode")  # JPK, Park, of whose words only these are known
-OTHER_MODES = ("contact", "c-afm", "contact mode", "pfm", "fm-afm")
-SAME_LEVER = 0.05  # a resonance farther from the drive frequency than this part is a catalogue's
-
 _PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "n": 1e-9, "p": 1e-12}
-_UNITS = ("V", "m", "Hz", "s", "m/V", "")
+_UNITS = ("V", "m", "Hz", "s", "m/V", "N/m", "")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)", re.IGNORECASE)
-_ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency": 75e3, "AmpInvOLS": 1.09e-7}
 
 
 @dataclass
@@ -72,88 +60,42 @@ class ScanData:
         self.values |= {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
 
 
-def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
-    """Say in canonical names what the metadata of a file say.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for what Gwyddion leaves out of its header.
-    metadata : mapping of str to str
-        The vendor's own.
-
-    Returns
-    -------
-    ScanData
-
-    Examples
-    --------
-    >>> nanosurf = {"Op. mode": "Phase Contrast", "Vibration freq.": "172.823kHz", "Setpoint": "50 %"}
-    >>> scan_data(Path("scan.nid"), nanosurf).values
-    {'drive_frequency': 172823.0, 'setpoint': 0.5}
-    """
-    scan = ScanData()
-    for mark, vendor in _VENDORS.items():
-        if mark in metadata:
-            vendor(scan, metadata, path)
-            break
-    own = {name: _quantity(metadata.get(name)) for name in CANONICAL}  # of a file that phasemap wrote
-    scan.take(**own)
-    scan.warnings += metadata.get("warnings", "").splitlines()
-    scan.nominal += metadata.get("nominal", "").split()
-    known = scan.values
-    if "setpoint" not in known and {"setpoint_amplitude", "free_amplitude"} <= set(known):
-        scan.take(setpoint=known["setpoint_amplitude"] / known["free_amplitude"])
-    return scan
-
-
-def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
-    """The operating mode as the instrument wrote it.
-
-    Raises
-    ------
-    FileError
-        If it is not tapping.
-    """
-    mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
-    other = next((metadata[key].strip() for key in OTHER_MODE_KEYS if metadata.get(key, "").strip()), "")
-    if (mode and mode.lower() not in TAPPING_MODES) or other.lower() in OTHER_MODES:
-        wrong = mode or other
-        raise FileError(
-            f"cannot use {path}: it was recorded in the mode {wrong!r}, whose phase is not a tapping phase."
-        )
-    return mode or other or metadata.get("operating_mode", "not recorded")
-
-
-def of_simulation(configuration: str) -> dict[str, float]:
+def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """The canonical values of an image that phasemap simulated.
 
     Parameters
     ----------
-    configuration : str
-        Its attribute of that name.
+    attrs : mapping
+        Attributes of the image.
 
     Returns
     -------
     dict
+        Empty for other images; without the zero of a phase that was levelled.
     """
-    told = json.loads(configuration)
-    lever, drive = told["microscope"]["cantilever"], told["microscope"]["drive"]
+    try:
+        told = json.loads(attrs["configuration"])
+        lever, drive = told["microscope"]["cantilever"], told["microscope"]["drive"]
+        setpoint, control = told["setpoint"], told["control"]
+    except (KeyError, TypeError, ValueError):
+        return {}  # the attribute may be there and be somebody else's
     resonance, quality = lever["resonance_frequency"], lever["quality_factor"]
     frequency = drive["frequency"] or resonance
     scan = ScanData()
     scan.take(
         drive_frequency=frequency,
         free_amplitude=drive["free_amplitude"] / off_resonance(frequency / resonance, quality),
-        setpoint=told["setpoint"],
+        setpoint=setpoint,
         stiffness=lever["stiffness"],
         resonance_frequency=resonance,
         quality_factor=quality,
-        line_rate=told["control"].get("line_rate"),
-        proportional_gain=told["control"].get("proportional_gain"),
-        integral_gain=told["control"].get("integral_gain"),
+        line_rate=control.get("line_rate"),
+        proportional_gain=control.get("proportional_gain"),
+        integral_gain=control.get("integral_gain"),
         phase_zero=math.degrees(math.atan2(quality * (resonance / frequency - frequency / resonance), 1.0)),
     )
+    if "levelled" in attrs:
+        del scan.values["phase_zero"]
     return scan.values
 
 
@@ -168,8 +110,14 @@ def off_resonance(ratio: float, quality: float) -> float:
     return quality * math.hypot(1 - ratio**2, ratio / quality)
 
 
-def _quantity(text: str | None) -> float | None:
-    """A number with its unit in SI units, a percentage as a fraction; None where there is none."""
+def quantity(text: str | None) -> float | None:
+    """A number with its unit in SI units, a percentage as a fraction; None where there is none.
+
+    Examples
+    --------
+    >>> quantity("172.823kHz"), quantity("50 %"), quantity("none")
+    (172823.0, 0.5, None)
+    """
     found = _NUMBER.match(text or "")
     if not found:
         return None
@@ -179,152 +127,3 @@ def _quantity(text: str | None) -> float | None:
     if unit in _UNITS or unit[:1] not in _PREFIXES or unit[1:] not in _UNITS:
         return number
     return number * _PREFIXES[unit[0]]
-
-
-def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
-    """Nanosurf .nid; the lever's properties are in its header, in a part that Gwyddion passes over."""
-
-    def value(*keys: str) -> float | None:
-        return next((_quantity(metadata[key]) for key in keys if key in metadata), None)
-
-    time = value("Time/Line")  # of a line in one direction
-    scan.take(
-        drive_frequency=value("Vibration freq."),
-        free_amplitude_voltage=value("Vibration ampl."),
-        setpoint=value("Setpoint", "Set point"),
-        line_rate=1 / (2 * time) if time else None,
-        proportional_gain=value("P-Gain"),
-        integral_gain=value("I-Gain"),
-    )
-    inputs = _section(
-        path, rb"\[DataSet\\Calibration\\Scanhead\](.*?)\n\[", rb"=\d+,(TipSignalDC1?),Deflection,[mV],([^,]+),"
-    )
-    if "free_amplitude_voltage" in scan.values:
-        volts = scan.values["free_amplitude_voltage"]
-        said = f"The free amplitude is {volts:g} V, without a sensitivity that makes metres of it"
-        if len(inputs) == 2:
-            nanometres = inputs["TipSignalDC"] / inputs["TipSignalDC1"] * 1e9
-            said += f"; that of the deflection, {nanometres:.4g} nm/V, would make it {volts * nanometres:.4g} nm"
-        scan.warnings.append(said + ".")
-    lever = _section(path, rb"\[DataSet\\Calibration\\Cantilever\](.*?)\n\[", rb"(Prop[014])=D\[([^\]]+)\]")
-    if len(lever) == 3:
-        scan.take(stiffness=lever["Prop0"], quality_factor=lever["Prop4"])
-        if _near(lever["Prop1"], scan.values.get("drive_frequency")):
-            scan.take(resonance_frequency=lever["Prop1"])
-        else:
-            scan.nominal = ["stiffness", "quality_factor"]
-            kind = metadata.get("Cantilever type", "this type")
-            scan.warnings.append(
-                f"The stiffness {lever['Prop0']:g} N/m and the quality factor {lever['Prop4']:g} are nominal values of "
-                f"levers of type {kind}, whose {lever['Prop1'] / 1e3:g} kHz is not the resonance of this one."
-            )
-
-
-def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
-    """Asylum Research .ibw; Gwyddion passes over the note's keys that begin with "Amplitude"."""
-
-    def value(key: str) -> float | None:
-        number = _quantity(metadata.get(key))
-        default = _ASYLUM_DEFAULTS.get(key)
-        if number is not None and default is not None and math.isclose(number, default, rel_tol=1e-6):
-            scan.warnings.append(f"{key} = {number:g} is the vendor's default, not a calibration; it is left out.")
-            return None
-        return number
-
-    frequency, free = value("DriveFrequency"), value("FreeAirAmplitude")
-    note = _section(path, rb"(.*)", rb"[\r\n](AmplitudeSetpointVolts): *([^\r\n]+)")
-    volts = note.get("AmplitudeSetpointVolts")
-    sensitivity = value("AmpInvOLS")
-    scan.take(
-        drive_frequency=frequency,
-        line_rate=value("ScanRate"),
-        proportional_gain=value("ProportionalGain"),
-        integral_gain=value("IntegralGain"),
-        phase_zero=value("FreeAirPhase"),
-        free_amplitude_voltage=free,
-        setpoint_voltage=volts,
-        setpoint=volts / free if volts and free else None,
-        stiffness=value("SpringConstant"),
-        amplitude_sensitivity=sensitivity,
-    )
-    if sensitivity:
-        scan.take(
-            free_amplitude=free * sensitivity if free else None,
-            setpoint_amplitude=volts * sensitivity if volts else None,
-        )
-    else:
-        scan.warnings.append("Recorded amplitudes in metres rest on that default sensitivity AmpInvOLS.")
-    thermal = value("ThermalFrequency"), value("ThermalQ")
-    for resonance, quality in (thermal, (value("TuneFreqResult"), value("TuneQResult"))):
-        if resonance and quality and _near(resonance, frequency):
-            scan.take(resonance_frequency=resonance, quality_factor=quality)
-            break
-    sides = value("SlowScanSize"), value("FastScanSize")
-    if sides[0] and sides[1]:  # Gwyddion's is a pixel longer: the wave's step is the size over N - 1
-        scan.size = (sides[0], sides[1])
-
-
-def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
-    """Bruker, Veeco and Digital Instruments NanoScope; "2:" is the main scan, "3:" the interleave."""
-
-    def value(*keys: str) -> float | None:
-        return next((_quantity(metadata[k]) for key in keys for k in (f"2:{key}", key) if k in metadata), None)
-
-    volts = value("TMSetAmplitude")
-    calibrated = "/V" in metadata.get("Sens. AmplSens", "")
-    sensitivity = value("Sens. AmplSens") if calibrated else None
-    scan.take(
-        drive_frequency=value("CantFrequency", "Drive frequency", "Drive Frequency"),
-        line_rate=value("Scan Rate", "Scan rate"),
-        proportional_gain=value("TMFbPgain"),
-        integral_gain=value("TMFbIgain"),
-        setpoint_voltage=volts,
-        amplitude_sensitivity=sensitivity,
-        setpoint_amplitude=volts * sensitivity if volts and sensitivity else None,
-    )
-    if volts:
-        scan.warnings.append(
-            f"The setpoint is {volts:g} V of a free amplitude that NanoScope files do not keep"
-            + ("." if sensitivity else ", without a sensitivity that makes metres of it.")
-        )
-
-
-def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
-    """JPK, as Gwyddion's module names things."""
-    scan.take(
-        drive_frequency=_quantity(metadata.get("Feedback Frequency")),
-        line_rate=_quantity(metadata.get("Scan Rate")),
-        proportional_gain=_quantity(metadata.get("Feedback PGain")),
-        integral_gain=_quantity(metadata.get("Feedback IGain")),
-        setpoint_voltage=_quantity(metadata.get("Feedback Setpoint")),
-    )
-
-
-def _park(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
-    """Park Systems, as Gwyddion's module names things."""
-    scan.take(line_rate=_quantity(metadata.get("Scan rate")))
-
-
-_VENDORS: dict[str, Callable[[ScanData, Mapping[str, str], Path], None]] = {
-    "Op. mode": _nanosurf,
-    "ImagingMode": _asylum,
-    "MicroscopeList": _nanoscope,
-    "Feedback Mode": _jpk,
-    "Image mode": _park,
-}
-"""By a key that only this vendor's files have."""
-
-
-def _near(resonance: float, frequency: float | None) -> bool:
-    """Whether a lever with this resonance may have been driven at this frequency."""
-    return bool(frequency) and abs(resonance / (frequency or math.nan) - 1) < SAME_LEVER
-
-
-def _section(path: Path, section: bytes, entry: bytes) -> dict[str, float]:
-    """Numbers by their keys, from the text in a file that has a section and entries of this form."""
-    if not path.is_file():
-        return {}
-    found = re.search(section, path.read_bytes(), re.DOTALL)
-    pairs = re.findall(entry, found[1]) if found else []
-    numbers = {key.decode("ascii"): _quantity(text.decode("latin-1")) for key, text in pairs}
-    return {key: number for key, number in numbers.items() if number is not None}

@@ -4,59 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
-import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from phasemap.errors import FileError
 from phasemap.io.gwyddion import Channel, load_channels, merged
-from phasemap.io.metadata import CANONICAL, mode_of, of_simulation, scan_data
+from phasemap.io.kinds import KINDS, Kind
+from phasemap.io.measured import on_one_turn
+from phasemap.io.netcdf_image import NETCDF, read_netcdf
+from phasemap.io.vendors import mode_of, scan_data
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["read_image"]
 
-NETCDF = (".nc", ".nc4", ".cdf")
 DIRECTIONS = ("trace", "retrace")
-
-
-class Kind(NamedTuple):
-    """A quantity that microscopes record: how its channels are called, its units and its long name."""
-
-    pattern: re.Pattern[str]
-    units: dict[str, tuple[float, str]]  # SI unit in the file: factor to the unit of the Dataset, that unit
-    what: str
-    long_name: str
-
-
-def _called(words: str) -> re.Pattern[str]:
-    return re.compile(rf"(?:{words})(?![\s_]*(?:error|sens|offset|\d))", re.IGNORECASE)
-
-
-_METRES = {"m": (1.0, "m")}
-_AMPLITUDE = {"m": (1.0, "m"), "V": (1.0, "V")}
-KINDS = {
-    "height": Kind(
-        re.compile("height|z[- ]?axis|z[- ]?sensor|z[- ]?height|topography", re.IGNORECASE),
-        _METRES, "a length", "recorded height",
-    ),
-    "phase": Kind(
-        _called("phase|lock-?in phase|ncm phase|tapping phase"),
-        {"deg": (1.0, "degree"), "rad": (57.29577951308232, "degree")},
-        "an angle", "recorded phase, zero and sign as the instrument has them",
-    ),
-    "amplitude": Kind(
-        _called("amplitude|lock-?in amplitude|ncm amplitude"), _AMPLITUDE, "a length or a voltage", "recorded amplitude"
-    ),
-    "amplitude_error": Kind(
-        re.compile(r"amplitude[\s_]*error", re.IGNORECASE),
-        _AMPLITUDE, "a length or a voltage", "recorded amplitude less setpoint",
-    ),
-}  # fmt: skip
-"""By the variable of the Dataset."""
+SAME_SIZE = 1e-3  # by which channels of one scan may differ
+SAME_STEP = 5e-5  # as many digits has the size of a scan in the files
 
 
 def read_image(
@@ -80,9 +48,10 @@ def read_image(
     Returns
     -------
     xarray.Dataset
-        ``height`` [m], ``phase`` [degree, zero and sign as recorded], ``amplitude`` and ``amplitude_error`` [m, or V
-        where the file has no sensitivity] where there, over ("y", "x"), or over ("direction", "y", "x") where trace and
-        retrace have them all; row 0 at the top, cell-centre coordinates [m], pixels need not be square.
+        ``height`` [m], ``phase`` [degree, zero and sign as recorded, on one turn where it ran over the end of its
+        range], ``amplitude`` and ``amplitude_error`` [m, or V where the file has no sensitivity] where there, over
+        ("y", "x"), or over ("direction", "y", "x") where trace and retrace have them all; row 0 at the top, cell-centre
+        coordinates [m], pixels need not be square. An image in netCDF without units is taken as in m and degrees.
 
         What is known about the scan is in the attributes, each absent where the file does not have it:
         drive_frequency, resonance_frequency, line_rate [Hz], free_amplitude (at the drive frequency),
@@ -113,17 +82,18 @@ def read_image(
     """
     path = Path(path)
     if path.suffix.lower() in NETCDF:
-        return _simulated(path)
+        return read_netcdf(path)
     channels = load_channels(path)
-    metadata = merged(channels)
-    mode = mode_of(path, metadata)
-    scan = scan_data(path, metadata)
+    mode = mode_of(path, merged(channels))
     wanted = {"height": height, "phase": phase, "amplitude": amplitude}
     groups = {kind: _groups(path, channels, kind, wanted.get(kind)) for kind in KINDS}
     chosen, directions = _choose(path, groups, channels)
+    own = [one for group in chosen.values() for one in group.values()]
+    metadata = merged([*own, *channels])  # a file of Gwyddion's may hold several measurements
+    scan = scan_data(path, metadata)
     ds = _assemble(path, chosen, directions, scan.size)
-    scan.warnings += _remarks(ds, groups, chosen)
-    every = {one.name for group in chosen.values() for one in group.values()}
+    scan.warnings += _remarks(ds, chosen)
+    every = {one.name for one in own}
     ds.attrs = {
         "source": path.name,
         "source_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -151,6 +121,9 @@ def _groups(path: Path, channels: list[Channel], kind: str, wanted: str | None) 
     for channel in channels:
         if wanted in (channel.name, channel.base) or (wanted is None and KINDS[kind].pattern.match(channel.base)):
             groups.setdefault(channel.base, {}).setdefault(channel.direction, channel)
+    for group in groups.values():
+        if set(group) == {"", "retrace"}:  # JPK marks the retrace only
+            group["trace"] = group.pop("")
     if wanted is not None and not groups:
         raise FileError(f"cannot use {path}: there is no channel {wanted!r}; it holds {_listed(channels)}.")
     return list(groups.values())
@@ -196,13 +169,18 @@ def _assemble(
     import numpy as np
     import xarray as xr
 
-    first = next(iter(next(iter(chosen.values())).values()))
-    for channel in (one for group in chosen.values() for one in group.values()):
-        if channel.data.shape != first.data.shape:
-            raise FileError(
-                f"cannot use {path}: {first.name!r} has {first.data.shape} pixels "
-                f"but {channel.name!r} has {channel.data.shape}."
-            )
+    first, *others = [one for group in chosen.values() for one in group.values()]
+    if not all(0 < side < math.inf for side in first.size):
+        raise FileError(f"cannot use {path}: {first.name!r} is {_sides(first.size)} m in size.")
+    for channel in others:
+        for of_channel, of_first, what in (
+            (channel.data.shape, first.data.shape, "pixels"), (channel.size, first.size, "m"),
+        ):  # fmt: skip
+            if not np.allclose(of_channel, of_first, rtol=SAME_SIZE, atol=0):
+                raise FileError(
+                    f"cannot use {path}: {first.name!r} has {_sides(of_first)} {what} "
+                    f"but {channel.name!r} has {_sides(of_channel)}; name two that belong together."
+                )
     dims = ("y", "x") if len(directions) == 1 else ("direction", "y", "x")
     variables = {}
     for kind, group in chosen.items():
@@ -210,10 +188,14 @@ def _assemble(
             _check_unit(path, channel, KINDS[kind])
         factor, unit = KINDS[kind].units[next(iter(group.values())).unit]
         data = np.stack([channel.data * factor for channel in group.values()])
+        if kind == "phase":
+            data = on_one_turn(data)
         attrs = {"long_name": KINDS[kind].long_name, "units": unit}
         variables[kind] = (dims, data if len(directions) > 1 else data[0], attrs)
     coords: dict[str, Any] = {} if len(directions) == 1 else {"direction": list(directions)}
-    for dim, pixels, length in zip(("y", "x"), first.data.shape, size or first.size, strict=True):
+    for dim, pixels, length, exact in zip(("y", "x"), first.data.shape, first.size, size or first.size, strict=True):
+        if math.isclose(length * (pixels - 1), exact * pixels, rel_tol=SAME_STEP):  # else cut in Gwyddion
+            length = exact
         coords[dim] = (dim, (np.arange(pixels) + 0.5) * (length / pixels), {"units": "m"})
     return xr.Dataset(variables, coords)
 
@@ -226,7 +208,7 @@ def _check_unit(path: Path, channel: Channel, kind: Kind) -> None:
     raise FileError(f"cannot use {path}: channel {channel.name!r} is in {found}, not {kind.what} over metres.")
 
 
-def _remarks(ds: xr.Dataset, groups: dict[str, list[Group]], chosen: dict[str, Group]) -> list[str]:
+def _remarks(ds: xr.Dataset, chosen: dict[str, Group]) -> list[str]:
     """Sentences on channels that are missing or not what they seem."""
     remarks = []
     for kind in ("height", "phase"):
@@ -243,21 +225,9 @@ def _remarks(ds: xr.Dataset, groups: dict[str, list[Group]], chosen: dict[str, G
     return remarks
 
 
-def _simulated(path: Path) -> xr.Dataset:
-    """An image in netCDF; what is known about the scan is taken from the configuration of a simulation."""
-    from phasemap.io.netcdf import load
-
-    ds = load(path)
-    images = [name for name in ("height", "phase") if name in ds and set(ds[name].dims) - {"direction"} == {"y", "x"}]
-    if not images:
-        held = ", ".join(f"{name} over {ds[name].dims}" for name in ds.data_vars)
-        raise FileError(
-            f"cannot use {path}: there is no height or phase over ('y', 'x'); it holds {held or 'nothing'}."
-        )
-    if "configuration" in ds.attrs:
-        known = of_simulation(ds.attrs["configuration"])
-        ds.attrs |= {name: value for name, value in known.items() if name in CANONICAL and name not in ds.attrs}
-    return ds
+def _sides(sides: tuple[float, ...]) -> str:
+    """Height and width, for a sentence."""
+    return " x ".join(f"{side:g}" for side in sides)
 
 
 def _listed(channels: Iterable[Channel]) -> str:

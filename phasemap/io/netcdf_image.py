@@ -1,0 +1,87 @@
+"""Images in netCDF, of phasemap's or of anybody's, in the one form that all of phasemap works on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phasemap.errors import FileError
+from phasemap.io.kinds import KINDS, METRES
+from phasemap.io.measured import on_one_turn
+from phasemap.io.metadata import of_simulation
+from phasemap.io.netcdf import load
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NETCDF", "read_netcdf"]
+
+NETCDF = (".nc", ".nc4", ".cdf")
+"""Suffixes of such files."""
+
+
+def read_netcdf(path: Path) -> xr.Dataset:
+    """Read an image; what is known about the scan is taken from the configuration of a simulation.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    xarray.Dataset
+        As in the file; recorded channels and coordinates in the units of `phasemap.read_image`, and y and x rising.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, holds no image, or has no coordinates or other units.
+
+    Examples
+    --------
+    >>> read_netcdf(Path("nowhere.nc"))
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
+    """
+    ds = load(path)
+    images = [name for name in KINDS if name in ds and set(ds[name].dims) - {"direction"} == {"y", "x"}]
+    if not {"height", "phase"} & set(images):
+        held = ", ".join(f"{name} over {ds[name].dims}" for name in ds.data_vars)
+        raise FileError(
+            f"cannot use {path}: there is no height or phase over ('y', 'x'); it holds {held or 'nothing'}."
+        )
+    unknown = [name for name in images if "units" not in ds[name].attrs]
+    for name in images:
+        ds = _converted(path, ds, name, KINDS[name].units, KINDS[name].what)
+    for dim in ("y", "x"):
+        if dim not in ds.coords:
+            raise FileError(f"cannot use {path}: there is no coordinate {dim}, the places of pixels in m.")
+        ds = _converted(path, ds, dim, METRES, "a length")
+    y, x = ds["y"].values, ds["x"].values
+    if y[0] > y[-1]:  # counted upwards; row 0 is the top all the same
+        ds = ds.assign_coords(y=ds["y"].copy(data=y[::-1]))
+    if x[0] > x[-1]:
+        ds = ds.sortby("x")
+    for name in images:
+        ds[name] = ds[name].transpose(..., "y", "x")
+    if "phase" in images:
+        ds["phase"] = ds["phase"].copy(data=on_one_turn(ds["phase"].values))
+    if unknown:
+        remark = f"There are no units of {' and '.join(unknown)}: taken as m and degrees."
+        ds.attrs["warnings"] = "\n".join(filter(None, [str(ds.attrs.get("warnings", "")), remark]))
+    ds.attrs = {**of_simulation(ds.attrs), **ds.attrs}
+    return ds
+
+
+def _converted(path: Path, ds: xr.Dataset, name: str, units: dict[str, tuple[float, str]], what: str) -> xr.Dataset:
+    """The dataset with a variable in the unit it should have."""
+    found = ds[name].attrs.get("units")
+    if found is None:
+        return ds
+    if found not in units:
+        raise FileError(f"cannot use {path}: {name} is in {found!r}, not {what}.")
+    factor, unit = units[found]
+    if factor == 1.0 and unit == found:
+        return ds
+    return ds.assign({name: (ds[name].astype(float) * factor).assign_attrs(ds[name].attrs | {"units": unit})})

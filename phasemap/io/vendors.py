@@ -1,0 +1,262 @@
+"""What vendors' files say of a scan, in canonical names and SI units.
+
+A value that a vendor fills in before anybody measured it is not taken over; a sentence says so.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from phasemap.errors import FileError
+from phasemap.io.metadata import CANONICAL, ScanData, quantity
+
+__all__ = ["mode_of", "scan_data"]
+
+MODE_KEYS = ("Op. mode", "ImagingMode", "MicroscopeList")  # Nanosurf, Asylum Research, Bruker
+TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "tapping", "tapping mode")
+OTHER_MODE_KEYS = ("Feedback Mode", "Image mode", "Feedback settings::Input channel")  # JPK, Park, WSxM ...
+OTHER_MODES = (  # ... of whose words only these are known
+    "contact", "contact mode", "c-afm", "lfm", "fmm", "pfm", "fm-afm", "stm", "i-afm", "normal force", "current",
+)  # fmt: skip
+ASYLUM_NUMBERS = {"0": "Contact", "1": "AC Mode"}  # as older software wrote them
+SAME_LEVER = 0.05  # a resonance farther from the drive frequency than this part is a catalogue's
+_ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency": 75e3, "AmpInvOLS": 1.09e-7}
+
+
+def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
+    """Say in canonical names what the metadata of a file say.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for what Gwyddion leaves out of its header.
+    metadata : mapping of str to str
+        The vendor's own.
+
+    Returns
+    -------
+    ScanData
+
+    Examples
+    --------
+    >>> nanosurf = {"Op. mode": "Phase Contrast", "Vibration freq.": "172.823kHz", "Setpoint": "50 %"}
+    >>> scan_data(Path("scan.nid"), nanosurf).values
+    {'drive_frequency': 172823.0, 'setpoint': 0.5}
+    """
+    scan = ScanData()
+    for mark, vendor in _VENDORS.items():
+        if mark in metadata:
+            vendor(scan, metadata, path)
+            break
+    own = {name: quantity(metadata.get(name)) for name in CANONICAL}  # of a file that phasemap wrote
+    scan.take(**own)
+    scan.warnings += metadata.get("warnings", "").splitlines()
+    scan.nominal += metadata.get("nominal", "").split()
+    known = scan.values
+    if "setpoint" not in known and {"setpoint_amplitude", "free_amplitude"} <= set(known):
+        scan.take(setpoint=known["setpoint_amplitude"] / known["free_amplitude"])
+    return scan
+
+
+def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
+    """The operating mode as the instrument wrote it.
+
+    Raises
+    ------
+    FileError
+        If it is not tapping.
+    """
+    mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
+    mode = ASYLUM_NUMBERS.get(mode, mode)
+    other = next((metadata[key].strip() for key in OTHER_MODE_KEYS if metadata.get(key, "").strip()), "")
+    wrong = mode if mode and mode.lower() not in TAPPING_MODES else other if other.lower() in OTHER_MODES else ""
+    if wrong:
+        raise FileError(
+            f"cannot use {path}: it was recorded in the mode {wrong!r}, whose phase is not a tapping phase."
+        )
+    return mode or other or metadata.get("operating_mode", "not recorded")
+
+
+def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
+    """Nanosurf .nid; the lever's properties are in its header, in a part that Gwyddion passes over."""
+
+    def value(*keys: str) -> float | None:
+        return next((quantity(metadata[key]) for key in keys if key in metadata), None)
+
+    time = value("Time/Line")  # of a line in one direction
+    scan.take(
+        drive_frequency=value("Vibration freq."),
+        free_amplitude_voltage=value("Vibration ampl."),
+        line_rate=1 / (2 * time) if time else None,
+        proportional_gain=value("P-Gain"),
+        integral_gain=value("I-Gain"),
+    )
+    setpoint = metadata.get("Setpoint", metadata.get("Set point", "")).strip()  # in contact mode it is in volts
+    if setpoint.endswith("%"):
+        scan.take(setpoint=quantity(setpoint))
+    inputs = _section(
+        path, rb"\[DataSet\\Calibration\\Scanhead\](.*?)\n\[", rb"=\d+,(TipSignalDC1?),Deflection,[mV],([^,]+),"
+    )
+    if "free_amplitude_voltage" in scan.values:
+        volts = scan.values["free_amplitude_voltage"]
+        said = f"The free amplitude is {volts:g} V, without a sensitivity that makes metres of it"
+        if len(inputs) == 2:
+            nanometres = inputs["TipSignalDC"] / inputs["TipSignalDC1"] * 1e9
+            said += f"; that of the deflection, {nanometres:.4g} nm/V, would make it {volts * nanometres:.4g} nm"
+        scan.warnings.append(said + ".")
+    lever = _section(path, rb"\[DataSet\\Calibration\\Cantilever\](.*?)\n\[", rb"(Prop[014])=D\[([^\]]+)\]")
+    if len(lever) == 3:
+        scan.take(stiffness=lever["Prop0"], quality_factor=lever["Prop4"])
+        if _near(lever["Prop1"], scan.values.get("drive_frequency")):
+            scan.take(resonance_frequency=lever["Prop1"])
+        else:
+            scan.nominal = ["stiffness", "quality_factor"]
+            kind = metadata.get("Cantilever type", "this type")
+            scan.warnings.append(
+                f"The stiffness {lever['Prop0']:g} N/m and the quality factor {lever['Prop4']:g} are nominal values of "
+                f"levers of type {kind}, whose {lever['Prop1'] / 1e3:g} kHz is not the resonance of this one."
+            )
+
+
+def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
+    """Asylum Research .ibw; Gwyddion passes over the note's keys that begin with "Amplitude"."""
+
+    def value(key: str) -> float | None:
+        number = quantity(metadata.get(key))
+        default = _ASYLUM_DEFAULTS.get(key)
+        if number is not None and default is not None and math.isclose(number, default, rel_tol=1e-6):
+            scan.warnings.append(f"{key} = {number:g} is the vendor's default, not a calibration; it is left out.")
+            return None
+        return number
+
+    frequency, free = value("DriveFrequency"), value("FreeAirAmplitude")
+    note = _section(path, rb"(.*)", rb"[\r\n](AmplitudeSetpointVolts): *([^\r\n]+)")
+    volts = note.get("AmplitudeSetpointVolts")
+    sensitivity = value("AmpInvOLS")
+    scan.take(
+        drive_frequency=frequency,
+        line_rate=value("ScanRate"),
+        proportional_gain=value("ProportionalGain"),
+        integral_gain=value("IntegralGain"),
+        phase_zero=value("FreeAirPhase"),
+        free_amplitude_voltage=free,
+        setpoint_voltage=volts,
+        setpoint=volts / free if volts and free else None,
+        stiffness=value("SpringConstant"),
+        amplitude_sensitivity=sensitivity,
+    )
+    if sensitivity:
+        scan.take(
+            free_amplitude=free * sensitivity if free else None,
+            setpoint_amplitude=volts * sensitivity if volts else None,
+        )
+    elif "AmpInvOLS" in metadata:
+        scan.warnings.append("Recorded amplitudes in metres rest on that default sensitivity AmpInvOLS.")
+    thermal = value("ThermalFrequency"), value("ThermalQ")
+    for resonance, quality in (thermal, (value("TuneFreqResult"), value("TuneQResult"))):
+        if resonance and quality and _near(resonance, frequency):
+            scan.take(resonance_frequency=resonance, quality_factor=quality)
+            break
+    sides = value("SlowScanSize"), value("FastScanSize")
+    if sides[0] and sides[1]:  # Gwyddion's is a pixel longer: the wave's step is the size over N - 1
+        scan.size = (sides[0], sides[1])
+
+
+def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
+    """Bruker, Veeco and Digital Instruments NanoScope; "2:" is the main scan, "3:" the interleave."""
+
+    def value(*keys: str) -> float | None:
+        return next((quantity(metadata[k]) for key in keys for k in (f"2:{key}", key) if k in metadata), None)
+
+    volts = value("TMSetAmplitude")
+    calibrated = "/V" in metadata.get("Sens. AmplSens", "")
+    sensitivity = value("Sens. AmplSens") if calibrated else None
+    scan.take(
+        drive_frequency=value("CantFrequency", "Drive frequency", "Drive Frequency"),
+        line_rate=value("Scan Rate", "Scan rate"),
+        proportional_gain=value("TMFbPgain"),
+        integral_gain=value("TMFbIgain"),
+        setpoint_voltage=volts,
+        amplitude_sensitivity=sensitivity,
+        setpoint_amplitude=volts * sensitivity if volts and sensitivity else None,
+    )
+    if volts:
+        scan.warnings.append(
+            f"The setpoint is {volts:g} V of a free amplitude that NanoScope files do not keep"
+            + ("." if sensitivity else ", without a sensitivity that makes metres of it.")
+        )
+
+
+def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
+    """JPK; of the settings of the oscillation, which are text in the file, Gwyddion passes over most."""
+    settings = _section(
+        path,
+        rb"(.*)",
+        rb"feedback-settings\.(reference-amplitude|relative-setpoint|frequency) : ([^\r\n]+)",
+    )
+    free = settings.get("reference-amplitude")
+    scan.take(
+        drive_frequency=settings.get("frequency", quantity(metadata.get("Feedback Frequency"))),
+        line_rate=quantity(metadata.get("Scan Rate")),
+        proportional_gain=quantity(metadata.get("Feedback PGain")),
+        integral_gain=quantity(metadata.get("Feedback IGain")),
+        setpoint_voltage=quantity(metadata.get("Feedback Setpoint")),
+        setpoint=settings.get("relative-setpoint"),
+        free_amplitude_voltage=free,
+    )
+    if free:
+        scan.warnings.append(f"The free amplitude is {free:.4g} V, without a sensitivity that makes metres of it.")
+
+
+def _park(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
+    """Park Systems, as Gwyddion's module names things."""
+    scan.take(line_rate=quantity(metadata.get("Scan rate")))
+    setpoint = metadata.get("Set point", "").split()
+    name = {"m": "setpoint_amplitude", "V": "setpoint_voltage"}.get(setpoint[-1][-1] if setpoint else "")
+    if name:
+        scan.take(**{name: quantity(metadata["Set point"])})
+
+
+def _wsxm(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
+    """WSxM, whose files hold a channel each."""
+    dynamic, feedback = "Dynamic settings::", "Feedback settings::"
+    scan.take(
+        resonance_frequency=quantity(metadata.get(f"{dynamic}Resonance frequency")),
+        quality_factor=quantity(metadata.get(f"{dynamic}Quality factor (Q)")),
+        line_rate=quantity(metadata.get("Control::X-Frequency")),
+        proportional_gain=quantity(metadata.get(f"{feedback}Proportional")),
+        integral_gain=quantity(metadata.get(f"{feedback}Integral")),
+        stiffness=quantity(metadata.get("General Info::Force constant")),
+    )
+    if "stiffness" in scan.values:
+        scan.nominal = ["stiffness"]
+        scan.warnings.append(f"The stiffness {scan.values['stiffness']:g} N/m is what was typed into WSxM.")
+
+
+_VENDORS: dict[str, Callable[[ScanData, Mapping[str, str], Path], None]] = {
+    "Op. mode": _nanosurf,
+    "ImagingMode": _asylum,
+    "MicroscopeList": _nanoscope,
+    "Feedback Mode": _jpk,
+    "Image mode": _park,
+    "General Info::Head type": _wsxm,
+}
+"""By a key that only this vendor's files have."""
+
+
+def _near(resonance: float, frequency: float | None) -> bool:
+    """Whether a lever with this resonance may have been driven at this frequency."""
+    return bool(frequency) and abs(resonance / (frequency or math.nan) - 1) < SAME_LEVER
+
+
+def _section(path: Path, section: bytes, entry: bytes) -> dict[str, float]:
+    """Numbers by their keys, from the text in a file that has a section and entries of this form."""
+    if not path.is_file():
+        return {}
+    found = re.search(section, path.read_bytes(), re.DOTALL)
+    pairs = re.findall(entry, found[1]) if found else []
+    numbers = {key.decode("ascii"): quantity(text.decode("latin-1")) for key, text in pairs}
+    return {key: number for key, number in numbers.items() if number is not None}

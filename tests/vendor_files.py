@@ -1,0 +1,103 @@
+"""Small files as microscopes write them, for formats of which no package ships an example.
+
+Tags and their types are those of real files: a JPK image of the AFMReader project, NanoScope images of 5.12 to 9.1, and
+for Park what Gwyddion's module reads.
+"""
+
+from __future__ import annotations
+
+import struct
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Tag = tuple[int, int, int, Any, bool]
+
+JPK_SETTINGS = """adjust-reference-amplitude-feedback-settings.reference-amplitude : 2.0
+setpoint-feedback-settings.relative-setpoint : 0.8
+sine-generator-feedback-settings.frequency : 88400.0
+"""
+
+
+def nanoscope_file(path: Path, sensitivity: str) -> np.ndarray:
+    """A NanoScope file of a height and an amplitude error; returns the counts of both, top row first."""
+    counts = np.arange(-12, 12, dtype="<i2").reshape(4, 6) * 500
+    channels = {"Height": "V [Sens. Zsens] (0.001 V/LSB) 65.536 V"}
+    channels["AmplitudeError"] = "V [Sens. Amplitude Error] (0.06103516 mV/LSB) 3999.939 mV"
+    lines = ["\\*File list", "\\Version: 0x07200000", "\\Date: 01:02:03 PM Mon Jan 01 2010", "\\Data length: 8192"]
+    lines += ["\\*Scanner list", "\\@Sens. Zsens: V 20.00000 nm/V", "\\*Ciao scan list", "\\Microscope mode: Tapping"]
+    lines += ['\\@MicroscopeList: S [Tapping] "Tapping"', f"\\@Sens. Amplitude Error: V {sensitivity}"]
+    for n, (name, scale) in enumerate(channels.items()):
+        lines += ["\\*Ciao image list", f"\\Data offset: {8192 + 48 * n}", "\\Data length: 48", "\\Bytes/pixel: 2"]
+        lines += ["\\Samps/line: 6", "\\Number of lines: 4", "\\Valid data len X: 6", "\\Valid data len Y: 4"]
+        lines += ["\\Aspect ratio: 1:1", "\\Scan size: 600 400 nm", "\\Line direction: Trace", "\\Scan line: Main"]
+        lines += [f'\\@2:Image Data: S [{name}] "{name}"', f"\\@2:Z scale: {scale}"]
+    header = "\r\n".join([*lines, "\\*File list end", ""]).encode("latin-1") + b"\x1a"
+    path.write_bytes(header.ljust(8192, b"\0") + counts[::-1].tobytes() * len(channels))  # the bottom row first
+    return counts.astype(float)
+
+
+def jpk_file(path: Path) -> dict[tuple[str, str], np.ndarray]:
+    """A JPK image of 6 x 4 pixels; returns heights [m] and phases [degree] by direction, top row first."""
+    rng, returned = np.random.default_rng(3), {}
+    head = [
+        _text(0x8000, "6.0.41"), _text(0x8001, "2.0"), _text(0x8030, "ac-direct-drive"), _text(0x803E, JPK_SETTINGS),
+        _real(0x8031, -0.1), _real(0x8032, -3450), _real(0x8033, 1.6), _real(0x8042, 6e-7), _real(0x8043, 8e-7),
+        _whole(0x8046, 6), _whole(0x8047, 4), _real(0x8049, 2.0), _text(0x8050, "thumbnail"),
+    ]  # fmt: skip
+    options: dict[str, Any] = {"metadata": None, "software": False}
+    with import_module("tifffile").TiffWriter(path, byteorder=">") as file:
+        file.write(np.zeros((8, 8), np.uint8), extratags=head, **options)
+        for retrace in (1, 0):  # as JPK orders them
+            for name, title, unit, factor in (
+                ("height", "Height", "m", -1e-15),
+                ("phase", "Lock-In Phase", "deg", 1e-7),
+            ):
+                counts = rng.integers(-(10**7), 10**7, (4, 6)).astype(np.int32)
+                returned[name, "retrace" if retrace else "trace"] = counts[::-1] * factor  # the bottom row first
+                tags = [_text(0x8050, name), (0x8051, 8, 1, retrace, True), _text(0x8052, title), _whole(0x8080, 2)]
+                tags += [
+                    _text(0x8081, "last"),
+                    _text(0x8090, "raw"),
+                    _text(0x80A3, "NullScaling"),
+                    _text(0x80C0, "last"),
+                ]
+                tags += [_text(0x80D2, unit), _text(0x80D3, "LinearScaling"), _real(0x80D4, factor), _real(0x80D5, 0.0)]
+                file.write(counts, extratags=tags, **options)
+    return returned
+
+
+def park_file(path: Path, name: str, mode: str, forward: bool = True) -> np.ndarray:
+    """A Park Systems channel of 6 x 4 pixels; returns what it holds [degree], top row first."""
+    counts = np.random.default_rng(5).integers(-3000, 3000, (4, 6)).astype("<i2")
+    header = struct.pack(
+        "<i64s16sdiiIIdidiiidddddd16sdddd",
+        0, _wide(name, 32), _wide(mode, 8), 0.0, 0, 0, 6, 4, 0.0, 0, 0.0, forward, 1, 0, 0.6, 0.8, 0.0, 0.0, 0.5, 12.5,
+        _wide("nm", 8), 0.0, 0.0, 0.01, 1.0,
+    )  # fmt: skip
+    header += struct.pack("<d16siiii", 0.0, _wide("deg", 8), -3000, 3000, 0, 0)
+    tags: list[Tag] = [
+        (50432, 4, 1, 0x0E031301, True), (50433, 4, 1, 0x01000001, True),
+        (50434, 1, counts.nbytes, counts[::-1].tobytes(), True),  # the bottom row first
+        (50435, 1, 580, header.ljust(580, b"\0"), True),
+    ]  # fmt: skip
+    import_module("tifffile").imwrite(path, np.zeros((4, 6), np.uint8), byteorder="<", extratags=tags, metadata=None)
+    return 0.01 * counts
+
+
+def _text(code: int, text: str) -> Tag:
+    return code, 2, 0, text, True
+
+
+def _real(code: int, number: float) -> Tag:
+    return code, 12, 1, float(number), True
+
+
+def _whole(code: int, number: int) -> Tag:
+    return code, 9, 1, number, True
+
+
+def _wide(text: str, letters: int) -> bytes:
+    return text.encode("utf-16-le").ljust(2 * letters, b"\0")
