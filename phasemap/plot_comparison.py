@@ -179,7 +179,7 @@ def _draw_maps(pictures: list[Axes], bars: list[Axes], ds: xr.Dataset, titles: t
         cmap = matplotlib.colormaps[colours].with_extremes(bad=FAILED)
         image = axes.imshow(
             np.ma.masked_invalid(ds[name].values), cmap=cmap, norm=norm, extent=(0, width, tall, 0), aspect="auto",
-            interpolation="nearest" if ds["label"].values.min() < 0 else "auto",
+            interpolation="nearest" if ds["label"].values.min() < 0 else None,
         )  # fmt: skip
         axes.set_title(title, fontsize=10, loc="left", pad=4)
         axes.set(xticks=[], yticks=[])

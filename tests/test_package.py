@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -73,6 +74,19 @@ def test_the_version_is_that_of_the_metadata_and_the_changelog_has_it() -> None:
 
 def test_dependencies_have_no_upper_pins() -> None:
     assert not [line for line in requires("afm-phasemap") or [] if "<" in line.partition(";")[0]]
+
+
+# .ci/fresh.py installs exactly these versions, on exactly these interpreters.
+def test_every_dependency_has_one_lower_bound_and_nothing_else() -> None:
+    lines = project()["project"]["dependencies"]
+    assert not [line for line in lines if not re.fullmatch(r"[A-Za-z][\w-]*>=\d+(\.\d+)*", line)]
+
+
+def test_the_oldest_interpreter_of_the_classifiers_is_the_one_required() -> None:
+    table = project()["project"]
+    minors = [int(line.rpartition("3.")[2]) for line in table["classifiers"] if " :: Python :: 3." in line]
+    assert table["requires-python"] == f">=3.{minors[0]}"
+    assert minors == list(range(minors[0], minors[-1] + 1))
 
 
 def test_groups_are_the_extras_and_the_test_extra_holds_the_read_extra() -> None:

@@ -1,0 +1,143 @@
+"""Wheel and sdist on fresh machines: `python3 .ci/fresh.py FOLDER`, a new folder to work in.
+
+Both are built, and installed and run in environments of their own, two at a time, on every CPython of pyproject.toml's
+classifiers that is here: the first with the oldest dependencies that pyproject.toml allows, the others with the newest
+ones. All must give the same numbers, compiled and as plain Python. Needs Python 3.11, pip, and nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+SOURCE = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
+SHIPPED = ("LICENSE", "README.md", "CHANGELOG.md", "pyproject.toml", "phasemap", "tests", "samples", "examples")
+ROUNDING = 1e-9  # of a quantity's largest value; compilers and libraries may round a last digit otherwise
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One environment: an interpreter, what is installed there, and the dependencies' versions."""
+
+    python: str
+    distribution: Path
+    limits: tuple[str, ...]  # the oldest dependencies; none for the newest
+    folder: Path
+
+    def run(self) -> str:
+        """Install and run; return the numbers that were computed there."""
+        self.folder.mkdir()
+        here, scene = self.folder / "env/bin", SOURCE / "samples/step.toml"
+        call(self.python, "-m", "venv", "env", cwd=self.folder)
+        install = (here / "pip", "install", "--quiet", "--only-binary", ":all:", self.distribution, *self.limits)
+        call(*install, cwd=self.folder)
+        call(here / "pip", "check", cwd=self.folder)
+        call(here / "phasemap", "--help", cwd=self.folder)
+        small = ("surface.shape=[8,16]", "scan.solver=averaging", "--quiet")
+        call(here / "phasemap", "run", scene, "-o", "compiled.nc", *small, cwd=self.folder)
+        call(here / "phasemap", "plot", "compiled.nc", "-o", "compiled.png", cwd=self.folder)
+        call(here / "python", SOURCE / ".ci/smoke.py", scene, cwd=self.folder, NUMBA_DISABLE_JIT="1")
+        return (self.folder / "numbers.json").read_text()
+
+
+def call(*command: str | Path, cwd: Path, **variables: str) -> str:
+    """Run a command in a folder where nothing of the source can be imported; say what it printed if it fails."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
+    # Of what pip would compile to bytecode, little is imported.
+    done = subprocess.run(
+        list(map(str, command)), cwd=cwd, env=kept | {"PIP_COMPILE": "0"} | variables, text=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    if done.returncode:
+        raise SystemExit(f"{' '.join(map(str, command))}\nfailed in {cwd}:\n{done.stdout}")
+    return done.stdout
+
+
+def interpreter(version: str) -> str | None:
+    """Path of python3.N, also one that pyenv has but does not show; None where none starts or can make environments."""
+    command = [f"python{version}", "-c", "import ensurepip, sys; print(sys.executable)"]
+    try:
+        done = subprocess.run(command, env=os.environ | {"PYENV_VERSION": version}, capture_output=True, text=True)
+    except FileNotFoundError:
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def build(folder: Path) -> tuple[Path, Path]:
+    """Build sdist and wheel; the wheel that the sdist makes is that of the tree, and both hold what they should."""
+    call(sys.executable, "-m", "venv", "build", cwd=folder)
+    requirements = tomllib.loads((SOURCE / "pyproject.toml").read_text())["build-system"]["requires"]
+    call(folder / "build/bin/pip", "install", "--quiet", "build", *requirements, cwd=folder)
+    call(folder / "build/bin/python", "-m", "build", "--no-isolation", SOURCE, "--outdir", folder / "dist", cwd=folder)
+    wheel_of_tree = ("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", folder / "tree", SOURCE)
+    call(folder / "build/bin/pip", *wheel_of_tree, cwd=folder)
+    (sdist,), (wheel,), (tree,) = (list(folder.glob(name)) for name in ("dist/*.tar.gz", "dist/*.whl", "tree/*.whl"))
+    assert wheel.read_bytes() == tree.read_bytes(), "the sdist makes another wheel than the tree"
+    tops = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert tops == {"phasemap", f"{wheel.name.split('-py')[0]}.dist-info"}, f"the wheel holds {tops}"
+    with tarfile.open(sdist) as archive:
+        inside = {name.split("/")[1] for name in archive.getnames()}
+    assert inside >= {*SHIPPED}, f"the sdist lacks {set(SHIPPED) - inside}"
+    print(f"{sdist.name}: {' '.join(sorted(inside))}; it makes the wheel of the tree, {wheel.name}")
+    return sdist, wheel
+
+
+def oldest(folder: Path) -> tuple[str, ...]:
+    """The option of pip that installs the lower bound of every dependency."""
+    limits = folder / "oldest.txt"
+    limits.write_text("\n".join(line.replace(">=", "==") for line in PROJECT["dependencies"]))
+    return "--constraint", str(limits)
+
+
+def difference(ours: list[float], theirs: list[float]) -> float:
+    """Largest difference, relative to the largest value; infinite where NaN are elsewhere."""
+    if [math.isnan(x) for x in ours] != [math.isnan(x) for x in theirs]:
+        return math.inf
+    pairs = [(x, y) for x, y in zip(ours, theirs, strict=True) if not math.isnan(x)]
+    largest = max((abs(x) for x, _ in pairs), default=0.0) or 1.0
+    return max((abs(x - y) for x, y in pairs), default=0.0) / largest
+
+
+def main() -> None:
+    """Build, install, run and compare."""
+    folder = Path(sys.argv[1]).resolve()
+    folder.mkdir()
+    sdist, wheel = build(folder)
+    claimed = re.findall(r"Python :: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
+    found = {version: path for version in claimed if (path := interpreter(version))}
+    if missing := [version for version in claimed if version not in found]:
+        print("skipped, for there is no", *(f"python{version}" for version in missing))
+    if not found:
+        raise SystemExit("no interpreter to try")
+    first, *others = found.values()
+    legs = [Leg(first, wheel, oldest(folder), folder / "oldest")]
+    for count, python in enumerate(others or [first]):
+        legs.append(Leg(python, wheel if count else sdist, (), folder / f"newest-{count}"))
+    with ThreadPoolExecutor(2) as pool:
+        reports = [json.loads(numbers) for numbers in pool.map(Leg.run, legs)]
+    reference, failed = reports[0]["numbers"], False
+    for leg, report in zip(legs, reports, strict=True):
+        # What was compiled is also what plain Python makes.
+        worst = max(
+            difference(values, reference[name.replace("compiled", "averaging")])
+            for name, values in report["numbers"].items()
+        )
+        failed |= not worst <= ROUNDING
+        print(f"{leg.distribution.name} on {report['versions']}: differs by {worst:.1e} at most")
+    if failed:
+        raise SystemExit(f"more than {ROUNDING} of a quantity's largest value")
+
+
+if __name__ == "__main__":
+    main()
