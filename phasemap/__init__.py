@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import generate, plot
     from phasemap.accuracy import Accuracy
+    from phasemap.checking.check import check
+    from phasemap.checking.result import Check
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "accuracy": ("Accuracy",),
+    "checking.check": ("check",),
+    "checking.result": ("Check",),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
@@ -67,12 +71,12 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = ("generate", "plot")
 
 __all__ = [
-    "Accuracy", "Cantilever", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
+    "Accuracy", "Cantilever", "Check", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
     "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration", "SolveError", "Status",
-    "Surface", "Tip", "TipChange", "compare", "contrast", "export", "fit_distance", "fit_frequency", "fit_regions",
-    "generate", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image",
-    "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency",
-    "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export", "fit_distance", "fit_frequency",
+    "fit_regions", "generate", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot",
+    "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "sweep_distance",
+    "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
 from phasemap.accuracy import Accuracy
+from phasemap.energy import close
 from phasemap.solvers import Solver
 from phasemap.solvers.march import March
 from phasemap.solvers.orbit import LENGTH, PHASE
@@ -100,6 +101,7 @@ def stable_branches(
 
     size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
     spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
+    close(rows, work.lever)
     return Branches(rows, status, used)
 
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from phasemap import cli_compare, cli_contrast, cli_measured, cli_run, cli_sweep
+from phasemap import cli_check, cli_compare, cli_contrast, cli_measured, cli_run, cli_sweep
 from phasemap._console import INTERRUPTED, Abandoned, starting
 from phasemap.errors import PhasemapError
 
@@ -31,6 +31,7 @@ EXAMPLES = """examples:
   phasemap compare measured.nid blend.nc --plot page.png
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap export blend.nc blend.gwy
+  phasemap check blend.nc
   phasemap validate samples/particles.toml
   phasemap bench --quick
 """
@@ -72,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0, 2 for input that cannot be used, 130 after an interrupt.
+        Exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt.
     """
     with starting():
         parser = _parser()
@@ -83,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if "overrides" in arguments:
         arguments.overrides += rest
     try:
-        arguments.command(arguments)
+        return arguments.command(arguments) or 0
     except PhasemapError as error:
         return _complain(str(error))
     except OSError as error:
@@ -95,7 +96,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(stopped, Abandoned):
             os._exit(INTERRUPTED)  # or Python would wait for threads that run compiled code
         return INTERRUPTED
-    return 0
 
 
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:
@@ -136,7 +136,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    def command(name: str, do: Callable[[argparse.Namespace], None], about: str, epilog: str = "") -> _Parser:
+    def command(name: str, do: Callable[[argparse.Namespace], int | None], about: str, epilog: str = "") -> _Parser:
         sub: _Parser = commands.add_parser(
             name, help=about, description=about, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
         )
@@ -204,6 +204,9 @@ def _parser() -> argparse.ArgumentParser:
     cli_measured.add_scene(command("scene", cli_measured.scene, about, cli_measured.SCENE_EXAMPLES), _positive)
     about = "write an image for Gwyddion, as .gwy or .gsf"
     cli_measured.add_export(command("export", cli_measured.export, about, cli_measured.EXPORT_EXAMPLES))
+
+    about = "solve a sample of an image's pixels again, and say whether what it says of itself holds"
+    cli_check.add_arguments(command("check", cli_check.check, about, cli_check.EXAMPLES), _positive)
 
     validate = command("validate", cli_run.validate, "check a scene and say what would be simulated")
     cli_run.add_scene(validate)

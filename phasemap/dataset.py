@@ -70,6 +70,17 @@ FLOATS: dict[str, Variable] = {
     "multiplier_real": Variable("real part of the larger Floquet multiplier", "1", lambda rows: _multiplier(rows).real),
     "multiplier_imag": Variable("its imaginary part", "1", lambda rows: _multiplier(rows).imag),
 }  # fmt: skip
+DESCRIPTIONS = {
+    "error_phase": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
+    "error_height": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
+    "energy_closure": "of the first harmonic alone where the solver is averaging or interpolated",
+}
+IN_TIME = {
+    "estimated_error": "none: in time there is no exact orbit to differ from, and what differs from the image at rest "
+    "is the scan's doing; phasemap check scans lines again, with the other engine too",
+    "energy_balance": "none: the energy of the oscillation changes with what passes under the tip",
+}
+"""What an image in time says instead of error_phase, error_height and energy_closure."""
 FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
     "branch": ("sign of the mean interaction", (-1, 0, 1), ("none", "attractive", "repulsive")),
     "status": ("status of the solution", tuple(s.code for s in Status), tuple(s.name for s in Status)),
@@ -115,8 +126,9 @@ def flag_attributes(name: str) -> dict[str, Any]:
 
 
 def float_attributes(name: str) -> dict[str, str]:
-    """Long name and units of a float variable."""
-    return {"long_name": FLOATS[name].long_name, "units": FLOATS[name].units}
+    """Long name and units of a float variable, and what else there is to say."""
+    more = {"description": DESCRIPTIONS[name]} if name in DESCRIPTIONS else {}
+    return {"long_name": FLOATS[name].long_name, "units": FLOATS[name].units, **more}
 
 
 def branch_of(rows: Array) -> Array:

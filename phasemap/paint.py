@@ -16,9 +16,11 @@ from phasemap.atlas.axes import Axes
 from phasemap.atlas.oracle import FUNCTIONS
 from phasemap.canvas import PENDING, Canvas, values_of
 from phasemap.distinct import BLOCK, Distinct
+from phasemap.energy import close
 from phasemap.job import Job, Painter, Values
 from phasemap.microscope import Microscope
 from phasemap.survey import Survey
+from phasemap.work import lever_of
 from phasemap.workers import spread
 
 Array = NDArray[np.float64]
@@ -141,6 +143,7 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
     wanted = np.array([FUNCTIONS.index(column) for column in _columns_of(job.names)], np.int64)
     to = np.array(FUNCTIONS)[wanted]
     painted: list[int] = []
+    lever = lever_of(job.scope)
 
     def paint(first: int, last: int) -> None:
         part = slice(first, last)
@@ -151,6 +154,7 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, atlas.errors.T[:, piece], np.nan)
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
+        close(rows.T, lever)
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
         canvas.put(part, values_of(job.names, rows.T, status, np.full(last - first, col.INTERPOLATED, np.int8)))
         painted.append(int(np.count_nonzero(piece >= 0)))
@@ -177,10 +181,11 @@ def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
 def _columns_of(names: tuple[str, ...]) -> list[int]:
     """Result columns to interpolate for these variables."""
     needed = {
-        "height": col.TIP_OFFSET, "phase": col.PHASE, "tip_offset": col.TIP_OFFSET, "mean_deflection": col.MEAN,
-        "indentation": col.INDENTATION, "dissipation": col.DISSIPATION, "virial": col.VIRIAL, "branch": col.PHASE,
+        "height": (col.TIP_OFFSET,), "phase": (col.PHASE,), "tip_offset": (col.TIP_OFFSET,),
+        "mean_deflection": (col.MEAN,), "indentation": (col.INDENTATION,), "dissipation": (col.DISSIPATION,),
+        "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
     }  # fmt: skip
-    return sorted({needed[name] for name in names if name in needed})
+    return sorted({column for name in names for column in needed.get(name, ())})
 
 
 def tolerances_of(job: Job) -> Array:

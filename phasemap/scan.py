@@ -16,7 +16,7 @@ from phasemap.blockwise import check_lazy, paint_lazily
 from phasemap.canvas import Canvas
 from phasemap.checkpoint import Checkpoint, paint_kept
 from phasemap.control import Control, Engage
-from phasemap.dataset import check_variables, describe, provenance, variables_of
+from phasemap.dataset import IN_TIME, check_variables, describe, provenance, variables_of
 from phasemap.errors import InputError, SolveError
 from phasemap.job import Job
 from phasemap.microscope import Microscope
@@ -164,6 +164,7 @@ def simulate(
             seconds=round(time.perf_counter() - started, 6),
         )
     image.attrs.update(provenance(configuration, "simulated"))
+    image.attrs.update(IN_TIME if control.in_time else {})
     return finish(image, realism)
 
 

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from phasemap.surface import Surface
 
 __all__ = [
-    "Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_from_tables", "with_override", "with_value",
+    "Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_from_json", "scene_from_tables",
+    "with_override", "with_value",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -433,6 +434,47 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         "variables": variables,
     }
     return Scene(surface, microscope, options, folder / file if file else None, config)
+
+
+def scene_from_json(text: str, folder: Path) -> Scene:
+    """Make a scene again from its `Scene.to_json`, such as an image has in its attribute ``scene``.
+
+    Parameters
+    ----------
+    text : str
+    folder : Path
+        Where relative names of files start.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        If the text is no such scene.
+    FileError
+        If a file cannot be read, or is not the one that was read then.
+
+    Examples
+    --------
+    >>> scene = load_scene("samples/step.toml")
+    >>> scene_from_json(scene.to_json(), Path("samples")).config == scene.config
+    True
+    """
+    try:
+        tables = dict(json.loads(text))
+        files = dict(tables.pop("files"))
+    except (ValueError, TypeError, KeyError):
+        raise InputError("scene", text[:40], "what Scene.to_json gives: the tables of a scene, and its files") from None
+    realism = _table(tables, "realism")
+    if realism.get("tip_change", 0) is None:  # no table that a scene could have
+        tables["realism"] = {key: value for key, value in realism.items() if key != "tip_change"}
+    scene = scene_from_tables(tables, folder)
+    for name, digest in scene.config["files"].items():
+        if digest != files.get(name):
+            raise FileError(f"cannot use {name}: it is not the file that was read then, whose SHA-256 was other.")
+    return scene
 
 
 def _scan(table: Table) -> tuple[float, Table]:

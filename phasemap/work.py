@@ -110,11 +110,13 @@ def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Arra
 def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope, amplitude: float | Array) -> Work:
     """Work of what `properties` gives, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius)
-    lever = np.array(
-        [scope.frequency_ratio, scope.cantilever.damping, scope.cantilever.stiffness, scope.base_amplitude]
-    )
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
-    return Work(scope.interaction.token(), rows, lever, amplitudes)
+    return Work(scope.interaction.token(), rows, lever_of(scope), amplitudes)
+
+
+def lever_of(scope: Microscope) -> Array:
+    """The lever as the kernels know it, shape (4,): omega [1], alpha0 [1], stiffness [N/m], base amplitude [m]."""
+    return np.array([scope.frequency_ratio, scope.cantilever.damping, scope.cantilever.stiffness, scope.base_amplitude])
 
 
 def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array) -> Work:

@@ -12,6 +12,7 @@ import numpy as np
 from phasemap._check import whole
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
+from phasemap.energy import close
 from phasemap.solvers import Solver
 from phasemap.work import Work
 
@@ -84,6 +85,7 @@ def run(
         solver.solve(work, accuracy, first, last, rows, status, used)
 
     spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
+    close(rows, work.lever)
     return rows, status, used
 
 

@@ -1,0 +1,228 @@
+"""What an image says it is: the configuration in its attributes, as objects again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from phasemap._check import pixel_pair, shape_pair
+from phasemap.accuracy import Accuracy
+from phasemap.control import Control, Engage, Feedback, Raster
+from phasemap.dataset import describe
+from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
+from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.realism import Realism, TipChange, check_realism
+from phasemap.scene import CONTROLS, Scene, scene_from_json
+from phasemap.solvers import by_name
+from phasemap.work import check_setpoint
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+__all__ = ["Claims", "claims_of", "microscope_from", "scene_of"]
+
+T = TypeVar("T")
+
+KINDS: dict[str, type[Any]] = {
+    cls.__name__.lower(): cls
+    for cls in (
+        Accuracy, Cantilever, Drive, Engage, Feedback, Interaction, LinearSpring, MaugisDugdale, Microscope, Neck,
+        Raster, Realism, Tip, TipChange,
+    )
+}  # fmt: skip
+"""What `phasemap.dataset.describe` describes."""
+PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
+NEEDED = ("microscope", "setpoint", "solver", "control", "accuracy", "realism", "shape", "pixel_size")
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What was asked for when an image was made; the arguments of `phasemap.simulate`.
+
+    Parameters
+    ----------
+    microscope : Microscope
+    setpoint : float
+    solver : str
+    control : Engage, Raster or Feedback
+    accuracy : Accuracy
+    realism : Realism
+    shape : (int, int)
+        Rows and columns.
+    pixel_size : (float, float)
+        (dy, dx) [m].
+    """
+
+    microscope: Microscope
+    setpoint: float
+    solver: str
+    control: Control
+    accuracy: Accuracy
+    realism: Realism
+    shape: tuple[int, int]
+    pixel_size: tuple[float, float]
+
+    @property
+    def amplitude(self) -> float:
+        """At the setpoint [m]."""
+        return self.setpoint * self.microscope.free_amplitude
+
+
+def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
+    """Read what an image says it is.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        What `phasemap.simulate` returned.
+    scope : Microscope, optional
+        Needed where its contact law is one's own.
+
+    Returns
+    -------
+    Claims
+
+    Raises
+    ------
+    InputError
+        If the image has no such configuration, or `scope` is another microscope.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    >>> image = pm.simulate(pm.Surface(modulus=3e9, pixel_size=4e-9, shape=(1, 2)), scope, setpoint=0.7)
+    >>> claims_of(image).microscope == scope
+    True
+    """
+    if "sample" in image.dims:
+        raise InputError(
+            "image", "an ensemble", "one image", "Simulate a sample of it as a scene of its own, and check that."
+        )
+    try:
+        stored = json.loads(image.attrs["configuration"])
+        missing = [name for name in NEEDED if name not in dict(stored)]
+    except (KeyError, TypeError, ValueError):
+        stored, missing = {}, list(NEEDED)
+    if missing:
+        hint = "Is it an image that phasemap simulated?"
+        raise InputError("configuration of the image", "without " + ", ".join(missing), "that of a simulation", hint)
+    if scope is None:
+        scope = microscope_from(stored["microscope"])
+    elif describe(scope) != stored["microscope"]:
+        raise InputError("scope", scope, "the microscope of the image's configuration")
+    control = _made(stored["control"], *CONTROLS.values())
+    shape = shape_pair(stored["shape"])
+    realism = check_realism(_made(stored["realism"], Realism), control, shape[0])
+    return Claims(
+        scope, check_setpoint(stored["setpoint"]), by_name(stored["solver"]).name, control,
+        _made(stored["accuracy"], Accuracy), realism, shape, pixel_pair(stored["pixel_size"]),
+    )  # fmt: skip
+
+
+def microscope_from(stored: Mapping[str, Any]) -> Microscope:
+    """Make a microscope again from what `phasemap.dataset.describe` gave.
+
+    Parameters
+    ----------
+    stored : mapping
+
+    Returns
+    -------
+    Microscope
+
+    Raises
+    ------
+    InputError
+        If a part is none of phasemap's, such as a contact law of one's own.
+
+    Examples
+    --------
+    >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9), Interaction("maugis"))
+    >>> microscope_from(describe(scope)) == scope
+    True
+    """
+    try:
+        scope = _made(stored, Microscope)
+    except InputError as error:
+        if error.name not in ("contact", "kind"):
+            raise
+        hint = "A law of one's own is not in the file: give the microscope too, pm.check(image, surface, scope)."
+        raise InputError("contact law of the image", error.value, "one of phasemap's", hint) from None
+    for name, kind in PARTS.items():
+        if not isinstance(part := getattr(scope, name), kind):
+            raise InputError(f"{name} of the image", part, f"a {kind.__name__}")
+    return scope
+
+
+def _made(stored: Any, *kinds: type[T]) -> T:
+    """The object, of one of these kinds, that `phasemap.dataset.describe` described.
+
+    Raises
+    ------
+    InputError
+        If it is of no known kind, or a value is not allowed.
+    """
+    thing = _object(stored)
+    if not isinstance(thing, kinds):
+        raise InputError("configuration of the image", stored, " or ".join(kind.__name__ for kind in kinds))
+    return thing
+
+
+def _object(stored: Any) -> Any:
+    """Whatever was described."""
+    if not isinstance(stored, Mapping):
+        return stored
+    fields = {name: _object(value) for name, value in stored.items() if name != "kind"}
+    kind = stored.get("kind")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError("kind", kind, "one of " + ", ".join(KINDS))
+    known = [field.name for field in dataclasses.fields(KINDS[kind])]
+    if set(fields) - set(known):
+        raise InputError(f"configuration of {kind}", ", ".join(fields), ", ".join(known))
+    try:
+        return KINDS[kind](**fields)
+    except TypeError as error:  # one is missing, or no number
+        raise InputError(f"configuration of {kind}", str(stored), "its arguments", f"{error}.") from None
+
+
+def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]]) -> Scene:
+    """Make the scene again that an image carries.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        Written by ``phasemap run``, or returned by `phasemap.scene.Scene.simulate`.
+    folders : iterable of path-like
+        Where files that the scene names may be.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    PhasemapError
+        If the image has no scene.
+    FileError
+        If a file that the scene names is in none of the folders, or has changed.
+    """
+    if "scene" not in image.attrs:
+        raise PhasemapError(
+            "the image does not carry the scene that it was made of, so nothing says which materials it shows. "
+            "Give its surface: --scene SCENE.toml or --surface SURFACE.nc; in Python pm.check(image, surface)."
+        )
+    failed: FileError | None = None
+    for folder in folders:
+        try:
+            return scene_from_json(image.attrs["scene"], Path(folder))
+        except FileError as error:
+            failed = failed or error
+    raise FileError(f"{failed} Lay it beside the image, or give --scene SCENE.toml or --surface SURFACE.nc.")

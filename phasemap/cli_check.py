@@ -1,0 +1,125 @@
+"""The command ``phasemap check``: whether what an image says of itself holds."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phasemap._console import interruptible, patience
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.checking.result import Check
+    from phasemap.surface import Surface
+
+__all__ = ["add_arguments", "check"]
+
+FAILED = 1  # exit code where a claim fails
+EXAMPLES = """examples:
+  phasemap check blend.nc
+  phasemap check blend.nc --pixels 500 --seed 7
+  phasemap check flake.nc --scene flake.toml
+  phasemap check image.nc --surface surface.nc
+
+Exit code: 0 if no claim fails, 1 if one does, 2 if there is nothing to check (a file that cannot be read, no surface).
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
+    """Declare the arguments of the command.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    positive : callable
+        Reads a whole number of at least 1.
+    """
+    parser.add_argument("image", metavar="IMAGE.nc", type=Path, help="what `phasemap run` or `image.to_netcdf` wrote")
+    parser.add_argument(
+        "--pixels", type=positive, default=64, metavar="N", help="how many are solved again; default: 64"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the sample of pixels; default: 0")
+    surface = parser.add_mutually_exclusive_group()
+    surface.add_argument(
+        "--scene", metavar="SCENE.toml", type=Path, help="takes the surface of this scene; default: of the image's own"
+    )
+    surface.add_argument("--surface", metavar="SURFACE.nc", type=Path, help="takes the surface from this file")
+    parser.add_argument(
+        "--solver", choices=("march", "orbit"),
+        help="that solves them again; default: march, or orbit for an image made by march",
+    )  # fmt: skip
+    parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
+    parser.add_argument("--quiet", action="store_true", help="the verdict only")
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """Check an image and say what was found; returns the exit code."""
+    from phasemap.io.netcdf import load
+
+    image = load(arguments.image)
+    surface = _surface(arguments)
+    if arguments.quiet:
+        found = interruptible(lambda: _checked(image, surface, arguments, None))
+        print(found.verdict)
+    else:
+        found = interruptible(lambda: _with_progress(image, surface, arguments))
+        print("\n".join([*_header(image), "", str(found)]))
+    return 0 if found.holds else FAILED
+
+
+def _surface(arguments: argparse.Namespace) -> Surface | None:
+    """The surface that is named, None for that of the image's scene."""
+    from phasemap.io.netcdf import load
+    from phasemap.scene import load_scene
+    from phasemap.surface import Surface
+
+    if arguments.scene is not None:
+        return load_scene(arguments.scene).surface
+    return None if arguments.surface is None else Surface.from_dataset(load(arguments.surface), allow_nan=True)
+
+
+def _checked(
+    image: xr.Dataset,
+    surface: Surface | None,
+    arguments: argparse.Namespace,
+    progress: Callable[[int, int], None] | None,
+) -> Check:
+    from phasemap.checking.check import check as check_image
+
+    return check_image(
+        image, surface, folders=(arguments.image.parent, "."), pixels=arguments.pixels, seed=arguments.seed,
+        solver=arguments.solver, threads=arguments.threads, progress=progress,
+    )  # fmt: skip
+
+
+def _with_progress(image: xr.Dataset, surface: Surface | None, arguments: argparse.Namespace) -> Check:
+    """Check, with a bar on stderr if it takes more than a second."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    with patience() as started, tqdm(delay=1.0, mininterval=interval, unit="", file=sys.stderr, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            started()
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return _checked(image, surface, arguments, progress)
+
+
+def _header(image: xr.Dataset) -> list[str]:
+    """What is checked."""
+    from phasemap.checking.claims import claims_of
+
+    claims = claims_of(image)
+    (ny, nx), (dy, dx) = claims.shape, claims.pixel_size
+    control = " ".join(filter(None, (str(claims.control), str(claims.realism) and f"with {claims.realism}")))
+    return [
+        f"image    {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm",
+        f"made by  phasemap {image.attrs.get('phasemap_version', '')}, solver {claims.solver}, {control}",
+    ]

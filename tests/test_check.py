@@ -1,0 +1,436 @@
+"""`phasemap check`: true images hold, and whatever is changed in one is found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap.checking.again import carried, other_solver
+from phasemap.checking.claims import claims_of, microscope_from
+from phasemap.checking.picture import Picture
+from phasemap.checking.result import FAILS, OPEN
+from phasemap.checking.sample import kinds, sample
+from phasemap.cli import main
+from phasemap.dataset import describe
+from phasemap.interaction import ContactLaw, LinearSpring, MaugisDugdale, Neck
+from phasemap.io.netcdf import save
+from phasemap.realism import Realism, TipChange
+from phasemap.scene import load_scene, scene_from_json
+
+SAMPLES = Path(__file__).parents[1] / "samples"
+STEP = str(SAMPLES / "step.toml")
+SMALL = "surface.shape=[6, 8]"
+
+# The materials of test_raster: the first has an attractive orbit only, the second a repulsive one, the third both.
+SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+SETPOINT = 0.8
+MATERIALS = {
+    0: pm.Material(1e9, adhesion=0.1, damping=0.05),
+    1: pm.Material(2e9, adhesion=0.02),
+    2: pm.Material(2e9, adhesion=0.1),
+}
+LABELS = np.array([[0, 1, 2, 2, 0, 2, 1, 2], [2, 2, 0, 1, 1, 2, 0, 0], [1, 2, 1, 0, 2, 2, 2, 1]])
+RELIEF = 1e-9 * np.arange(24.0).reshape(3, 8)
+SURFACE = pm.Surface.from_labels(LABELS, MATERIALS, pixel_size=2e-9, topography=RELIEF)
+
+Change = Callable[[xr.Dataset], Any]
+
+
+def image_of(solver: str = "auto", control: Any = None, realism: Any = None) -> xr.Dataset:
+    return pm.simulate(SURFACE, SCOPE, SETPOINT, solver, control, realism=realism)
+
+
+def failures(image: xr.Dataset, surface: pm.Surface = SURFACE, **options: Any) -> list[str]:
+    return [claim.about for claim in pm.check(image, surface, **options).claims if claim.result == FAILS]
+
+
+@pytest.mark.parametrize("control", [pm.Engage(), pm.Raster(), pm.Raster("image")], ids=str)
+@pytest.mark.parametrize("solver", ["auto", "averaging", "orbit", "march"])
+def test_a_true_image_holds(solver: str, control: Any) -> None:
+    found = pm.check(image_of(solver, control), SURFACE)
+    assert found.holds, str(found)
+    left = [claim.about for claim in found.claims if claim.result == OPEN]
+    assert len(left) == (2 if solver == "averaging" else 0)  # it states no errors of phase and height
+
+
+def test_what_a_real_microscope_adds_is_allowed_for() -> None:
+    realism = Realism(
+        line_offset=1e-9, phase_offset=2.0, bits=12, drift=(5e-9, 0.0, 1e-9), tip_change=TipChange(1, 2e-8), seed=3
+    )
+    for control in (pm.Engage(), pm.Raster("image")):
+        image = image_of(control=control, realism=realism)
+        found = pm.check(image, SURFACE)
+        assert found.holds, str(found)
+        image["phase"][..., 2, 1] += 2 * float(image["phase"].attrs["quantisation_step"])
+        assert any("phase" in about for about in failures(image))
+
+
+def test_every_image_has_its_channels_of_trust_or_says_why_not() -> None:
+    for solver in ("auto", "averaging", "orbit", "march"):
+        for control in (pm.Engage(), pm.Raster()):
+            image = image_of(solver, control)
+            good = image.status.values == 0
+            # Averaging closes the energy of its first harmonic, as far as its iteration goes.
+            assert good.all() and np.abs(image.energy_closure.values).max() < 1e-6
+            for name in ("error_phase", "error_height"):
+                assert np.isfinite(image[name].values).all() == (solver != "averaging")
+                assert "averaging" in image[name].attrs["description"]
+    scan = image_of(control=pm.Feedback(line_rate=20.0))
+    assert scan.attrs["estimated_error"].startswith("none: ") and scan.attrs["energy_balance"].startswith("none: ")
+
+
+def test_interpolated_pixels_close_their_energy() -> None:
+    random = np.random.default_rng(1)
+    surface = pm.Surface(
+        random.uniform(1e9, 3e9, (96, 96)), 0.05, random.uniform(0.005, 0.02, (96, 96)), pixel_size=1e-9
+    )
+    image = pm.simulate(surface, SCOPE, 0.7)
+    interpolated = image.solver.values == 3
+    assert interpolated.mean() > 0.9
+    # The energies are asked for what the phase's accuracy of 0.01 degree does to them; harmonics take less in air.
+    assert np.abs(image.energy_closure.values).max() < 2 * np.radians(0.01)
+    found = pm.check(image, surface, pixels=6)
+    assert found.holds, str(found)
+
+
+def flip_status(image: xr.Dataset) -> None:
+    image["status"][1, 3] = 1
+
+
+def lose(image: xr.Dataset) -> None:
+    """A pixel without a solution, as it would look."""
+    for name in image.data_vars:
+        image[name][1, 3] = {"status": 1, "branch": -1}.get(str(name), 2 if name == "solver" else np.nan)
+
+
+def other_branch(image: xr.Dataset) -> None:
+    """On a pixel that has two orbits, the one to which engaging does not lead: consistent in itself."""
+    other = pm.simulate(SURFACE, SCOPE, SETPOINT, control=pm.Raster()).sel(direction="trace")
+    for y, x in np.argwhere(LABELS == 2):
+        for name in image.data_vars:
+            if name != "height":
+                image[name][y, x] = other[name].values[0, 2]
+        image["height"][y, x] = image["tip_offset"][y, x] - image["amplitude"][y, x] + RELIEF[y, x]
+
+
+def tamper(name: str, change: float, factor: float = 1.0) -> Change:
+    def do(image: xr.Dataset) -> None:
+        image[name][1, 3] = factor * image[name][1, 3] + change
+
+    return do
+
+
+def attribute(*path: str, value: Any) -> Change:
+    def do(image: xr.Dataset) -> None:
+        stored = json.loads(image.attrs["configuration"])
+        inside = stored
+        for name in path[:-1]:
+            inside = inside[name]
+        inside[path[-1]] = value
+        image.attrs["configuration"] = json.dumps(stored)
+
+    return do
+
+
+LAYOUT = "dims, coordinates, units, flags are as agreed"
+BALANCE = "energy and virial balance with the phase"
+ONE = "pixels of one material show the same"
+PHASE = "solved again: phase within estimated error"
+
+
+@pytest.mark.parametrize(
+    ("change", "about"),
+    [
+        (tamper("phase", 1.0), BALANCE),
+        (tamper("phase", -0.02), BALANCE),
+        (tamper("phase", 1e-6), ONE),
+        (tamper("height", 1e-12), "height is topography + tip offset - amplitude"),
+        (tamper("tip_offset", 1e-12), "height is topography + tip offset - amplitude"),
+        (tamper("amplitude", 1e-12), "the amplitude is that of the setpoint"),
+        (tamper("dissipation", 1e-21), BALANCE),
+        (tamper("virial", 0.0, 1.01), BALANCE),
+        (tamper("branch", 1, -1), "branch goes with phase"),
+        (tamper("error_phase", 1.0), "estimated errors within 0.01 degree and 1 pm"),
+        (tamper("energy_closure", 1e-3), "energy out is energy in"),
+        (flip_status, "numbers where solved, none elsewhere"),
+        (lose, "solved again: solutions where the status says"),
+        (other_branch, "solved again: the same branch"),
+        (attribute("setpoint", value=0.79), "the amplitude is that of the setpoint"),
+        (attribute("accuracy", "phase", value=1e-7), "estimated errors within 1e-07 degree and 1 pm"),
+        (attribute("microscope", "cantilever", "quality_factor", value=390.0), BALANCE),
+        (attribute("microscope", "tip", "radius", value=11e-9), PHASE),
+        (attribute("pixel_size", value=[1e-9, 2e-9]), LAYOUT),
+        (lambda image: image["phase"].attrs.update(units="rad"), LAYOUT),
+        (lambda image: image["status"].attrs.update(flag_meanings="bad"), LAYOUT),
+    ],
+)  # fmt: skip
+def test_what_was_changed_is_found(change: Change, about: str) -> None:
+    image = image_of()
+    change(image)
+    assert about in failures(image, seed=1)
+
+
+def test_an_estimated_error_that_promises_too_much_is_found() -> None:
+    image = pm.simulate(SURFACE, SCOPE, SETPOINT, accuracy=pm.Accuracy(1.0, 1e-9))
+    averaged = image.solver.values == 0
+    assert averaged.any() and pm.check(image, SURFACE).holds
+    image["error_phase"] = image["error_phase"].where(~averaged, 1e-7)
+    assert failures(image) == [PHASE]
+
+
+def test_the_pixel_that_was_changed_is_named() -> None:
+    image = image_of()
+    image["phase"][1, 3] += 1.0
+    (claim,) = [claim for claim in pm.check(image, SURFACE).claims if claim.about == PHASE]
+    assert claim.worst == ((0, 1, 3),) and claim.found == "in 1 pixel, at worst at row 1, column 3"
+    assert "row 1, column 3" in str(pm.check(image, SURFACE))
+
+
+def test_a_material_that_is_not_the_images_is_found_by_the_second_solver() -> None:
+    """All that a file holds fits together, whatever the surface: only solving it again can tell."""
+    stiffer = {**MATERIALS, 1: pm.Material(3e9, adhesion=0.02)}
+    surface = pm.Surface.from_labels(LABELS, stiffer, pixel_size=2e-9, topography=RELIEF)
+    found = failures(image_of(), surface)
+    assert found and all(about.startswith("solved again") for about in found)
+
+
+def test_the_branch_on_which_a_raster_comes_is_that_of_the_pixel_before() -> None:
+    image = image_of(control=pm.Raster("image"))
+    picture = Picture(image, claims_of(image))
+    branch, comes = image.branch.values, carried(picture)
+    assert (comes[0, :, 1:] == branch[0, :, :-1]).all() and (comes[1, :, :-1] == branch[1, :, 1:]).all()
+    assert (comes[1, :, -1] == branch[0, :, -1]).all() and (comes[0, 1:, 0] == branch[1, :-1, 0]).all()
+    assert comes[0, 0, 0] == -1
+    # Where the tip comes repulsive and can stay, an attractive orbit is wrong although the material has it.
+    y, x = np.argwhere((LABELS == 2) & (branch[0] == 1))[0]
+    engaged = image_of().isel(y=y, x=x)
+    for name in image.data_vars:
+        image[name][0, y, x] = engaged[name]
+    assert failures(image) == ["solved again: the same branch"]
+
+
+def test_a_scan_in_time_is_scanned_again() -> None:
+    surface = pm.Surface.from_labels(np.repeat(LABELS[:, :2], 4, axis=1), MATERIALS, pixel_size=2e-9, topography=RELIEF)
+    for engage in ("line", "image"):
+        control = pm.Feedback(line_rate=20.0, engage=engage)
+        image = pm.simulate(surface, SCOPE, SETPOINT, control=control)
+        found = pm.check(image, surface, pixels=64)
+        assert found.holds, str(found)
+        image["phase"][0, 0, 3] += 0.01
+        assert failures(image, surface, pixels=96) == ["some lines scanned again give the same"]
+    noisy = pm.simulate(surface, SCOPE, SETPOINT, control=control, realism=Realism(temperature=300.0, seed=2))
+    found = pm.check(noisy, surface)
+    assert found.holds and [claim.found for claim in found.claims if claim.result == OPEN] == [
+        "with noise, another engine draws other random numbers"
+    ]
+
+
+def test_pixels_without_a_material_or_a_solution_are_no_failure() -> None:
+    modulus = np.array([[1e9, np.nan, 2e9]])
+    surface = pm.Surface(modulus, adhesion=0.1, damping=0.05, pixel_size=2e-9, allow_nan=True)
+    image = pm.simulate(surface, SCOPE, SETPOINT)
+    assert image.status.values.tolist() == [[0, 5, 0]]
+    assert pm.check(image, surface).holds
+    image["status"][0, 1] = 0
+    assert "numbers where solved, none elsewhere" in failures(image, surface)
+
+
+@pytest.mark.parametrize("ratio", [0.4, 1.0, 1.3])
+def test_the_balances_hold_for_any_motion_with_harmonics(ratio: float) -> None:
+    """Of a motion that is made up, with the force that it takes: no solver of phasemap has a part in it."""
+    lever = pm.Cantilever(stiffness=2.0, resonance_frequency=1e5, quality_factor=3.0)
+    scope = pm.Microscope(lever, pm.Tip(1e-8), pm.Drive(2e-8, ratio * 1e5))
+    image = pm.simulate(pm.Surface(1e9, pixel_size=1e-9, shape=(1, 1)), scope, SETPOINT, "orbit")
+    turn = 2 * np.pi * np.arange(512) / 512
+    lag, mean, first = 1.2, 3e-10, SETPOINT * scope.free_amplitude
+    waves = [(1, first, lag), (2, 0.1 * first, 0.3), (3, 0.05 * first, 2.0), (7, 0.02 * first, -1.0)]
+    z = mean + sum(a * np.cos(n * turn - at) for n, a, at in waves)
+    v = -ratio * sum(n * a * np.sin(n * turn - at) for n, a, at in waves)
+    bend = -(ratio**2) * sum(n**2 * a * np.cos(n * turn - at) for n, a, at in waves)
+    force = 2.0 * (scope.base_amplitude * np.cos(turn) - bend - 2 * lever.damping * v - z)  # on the sample [N]
+    # Sums over whole periods are exact. With that lag and drive the sample may feed energy in; balance it does anyway.
+    made = {"mean_deflection": mean, "phase": 90 - np.degrees(lag), "energy_closure": 0.0, "error_phase": 0.0}
+    made |= {"dissipation": (force * v).mean() * 2 * np.pi / ratio, "virial": -(force * z).mean()}
+    for name, value in made.items():
+        image[name][0, 0] = value
+    surface = pm.Surface(1e9, pixel_size=1e-9, shape=(1, 1))
+    about = {claim.about: claim.result for claim in pm.check(image, surface, pixels=1).claims}
+    assert about[BALANCE] == "holds"
+    # Harmonics of 0.08 A^2 leave a quarter of that open, as it is not known which they are.
+    image["virial"] += 0.05 * 2.0 * first**2
+    assert BALANCE in failures(image, surface, pixels=1)
+
+
+def test_the_sample_has_some_of_every_kind_and_depends_on_the_seed_only() -> None:
+    image = image_of()
+    image["status"][2, 7] = 1
+    picture = Picture(image, claims_of(image))
+    chosen = sample(picture, 12, seed=4)
+    assert len(set(chosen.tolist())) == 12 and set(kinds(picture)[chosen]) == set(kinds(picture))
+    assert sample(picture, 12, seed=4).tolist() == chosen.tolist() != sample(picture, 12, seed=5).tolist()
+    assert sample(picture, 1000, seed=0).tolist() == list(range(24))
+
+
+def test_the_second_solver_is_independent_of_the_first() -> None:
+    assert [other_solver(name, None).name for name in ("auto", "orbit", "averaging", "march")] == [
+        "march", "march", "march", "orbit"
+    ]  # fmt: skip
+    for made_by, wanted in (("auto", "orbit"), ("march", "march"), ("auto", "averaging")):
+        with pytest.raises(pm.InputError, match="independent"):
+            other_solver(made_by, wanted)
+
+
+@pytest.mark.parametrize(
+    "contact", ["dmt", "jkr", "spring", LinearSpring(5e-9), MaugisDugdale(2e-10), Neck(1e-9)], ids=str
+)
+def test_a_microscope_comes_back_from_its_description(contact: Any) -> None:
+    scope = pm.Microscope(
+        pm.Cantilever(2.0, 7e4, 120.0), pm.Tip(2e-8, modulus=1.3e11), pm.Drive(3e-8, 7.1e4),
+        pm.Interaction(contact, decay_length=None, damping_exponent=1.5, bias=0.3),
+    )  # fmt: skip
+    assert microscope_from(json.loads(json.dumps(describe(scope)))) == scope
+
+
+class Own(ContactLaw):
+    @staticmethod
+    def force(d: float, p: Any) -> float:
+        return float(p[0]) * d
+
+
+def test_a_law_of_ones_own_is_asked_for() -> None:
+    image = image_of()
+    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(Own()))
+    attribute("microscope", value=describe(scope))(image)
+    with pytest.raises(pm.InputError, match=r"contact law of the image is 'Own'.*give the microscope too"):
+        pm.check(image, SURFACE)
+    with pytest.raises(pm.InputError, match="the microscope of the image's configuration"):
+        pm.check(image, SURFACE, SCOPE)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("setpoint",), "0.7"), (("setpoint",), 2.0), (("solver",), "magic"), (("solver",), ["orbit"]),
+        (("shape",), "big"), (("shape",), [0, 3]), (("pixel_size",), None), (("control",), None),
+        (("control",), {"kind": "accuracy", "phase": 1.0}), (("control", "kind"), "os.system"),
+        (("control", "kind"), ["engage"]), (("accuracy", "phase"), "x"), (("accuracy", "more"), 1),
+        (("realism", "tip_change"), {"kind": "tipchange"}), (("microscope", "tip"), 3.0),
+        (("microscope", "cantilever", "stiffness"), None),
+    ],
+)  # fmt: skip
+def test_a_configuration_that_cannot_be_is_refused(path: tuple[str, ...], value: Any) -> None:
+    image = image_of()
+    attribute(*path, value=value)(image)
+    with pytest.raises(pm.InputError):
+        pm.check(image, SURFACE)
+
+
+def test_a_scene_comes_back_from_the_image() -> None:
+    changes = [SMALL, "realism.tip_change={line=2,radius=2e-8}", "control.kind=raster", "tip.modulus=1e11"]
+    scene = load_scene(STEP, changes)
+    again = scene_from_json(scene.to_json(), SAMPLES)
+    assert again.config == scene.config and again.surface == scene.surface and again.options == scene.options
+
+
+def written(folder: Path, *changes: str) -> Path:
+    path = folder / "image.nc"
+    assert main(["run", STEP, SMALL, *changes, "-o", str(path), "--quiet"]) == 0
+    return path
+
+
+def rewrite(path: Path, change: Change) -> None:
+    with xr.open_dataset(path) as ds:
+        image = ds.load()
+    change(image)
+    save(image, path, overwrite=True)
+
+
+def test_the_command_says_what_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path)
+    assert main(["check", str(path), "--pixels", "8", "--seed", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "8 x 6 pixels, 16 x 12 nm" in said and "each pixel engaged from far" in said
+    assert said.splitlines()[-1] == "verdict  14 claims hold, none fails."
+    assert main(["check", str(path), "--scene", STEP]) == 2  # that has other pixels
+    assert "allowed: (6, 8) pixels of (2e-09, 2e-09) m, as in the image" in capsys.readouterr().err
+    load_scene(STEP, [SMALL]).surface.to_dataset().to_netcdf(tmp_path / "surface.nc")
+    assert main(["check", str(path), "--surface", str(tmp_path / "surface.nc"), "--quiet"]) == 0
+    assert capsys.readouterr().out == "13 claims hold, none fails.\n"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        tamper("phase", 1.0),
+        flip_status,
+        attribute("setpoint", value=0.71),
+        lambda image: image.attrs.update(scene=image.attrs["scene"].replace('"setpoint": 0.7', '"setpoint": 0.71')),
+        lambda image: image.attrs.update(scene=image.attrs["scene"].replace('"radius": 1e-08', '"radius": 2e-08')),
+    ],
+    ids=["phase", "status", "setpoint", "setpoint of the scene", "radius of the scene"],
+)
+def test_the_command_fails_a_file_that_was_changed(
+    change: Change, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path)
+    rewrite(path, change)
+    assert main(["check", str(path)]) == 1
+    assert "Do not trust this file." in capsys.readouterr().out.splitlines()[-1]
+
+
+@pytest.mark.parametrize("left", [0.5, 0.98])
+def test_a_truncated_file_is_said_to_be_damaged(
+    left: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(left * len(whole))])
+    assert main(["check", str(path)]) == 2
+    assert "damaged or cut short" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda image: image.attrs.pop("scene"), "does not carry the scene that it was made of"),
+        (lambda image: image.attrs.pop("configuration"), "Is it an image that phasemap simulated?"),
+        (lambda image: image.attrs.update(scene="no JSON"), "scene is 'no JSON'"),
+    ],
+)
+def test_what_cannot_be_checked_is_said_in_one_sentence(
+    change: Change, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path)
+    rewrite(path, change)
+    assert main(["check", str(path)]) == 2
+    said = capsys.readouterr()
+    assert sentence in said.err and said.err.count("\n") == 1 and "Traceback" not in said.err
+
+
+def test_files_of_the_scene_are_found_beside_the_image_and_have_to_be_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "scene.toml"
+    text = Path(STEP).read_text()
+    start, end = text.index("[surface]"), text.index("[materials.")
+    surface = (
+        '[surface]\nkind = "labels"\nlabels = "labels.npy"\nmaterials = ["compliant", "stiff"]\npixel_size = 2e-9\n'
+    )
+    scene.write_text(text[:start] + surface + text[end:])
+    np.save(tmp_path / "labels.npy", LABELS % 2)
+    path = tmp_path / "image.nc"
+    assert main(["run", str(scene), "-o", str(path), "--quiet"]) == 0
+    assert main(["check", str(path), "--quiet"]) == 0
+    np.save(tmp_path / "labels.npy", 1 - LABELS % 2)
+    assert main(["check", str(path)]) == 2
+    assert "cannot use labels.npy: it is not the file that was read then" in capsys.readouterr().err
+    (tmp_path / "labels.npy").unlink()
+    assert main(["check", str(path)]) == 2
+    assert "give --scene SCENE.toml or --surface SURFACE.nc" in capsys.readouterr().err
