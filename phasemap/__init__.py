@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from phasemap.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.interaction import Interaction
-    from phasemap.inversion.images import fit_regions, invert
+    from phasemap.inversion.images import invert
+    from phasemap.inversion.region_fit import fit_regions
     from phasemap.inversion.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
@@ -52,7 +53,8 @@ _NAMES = {
     "errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
     "interaction": ("Interaction",),
-    "inversion.images": ("fit_regions", "invert"),
+    "inversion.images": ("invert",),
+    "inversion.region_fit": ("fit_regions",),
     "inversion.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from phasemap import cli_check, cli_compare, cli_contrast, cli_measured, cli_run, cli_sweep
+from phasemap import cli_check, cli_compare, cli_contrast, cli_invert, cli_measured, cli_run, cli_sweep
 from phasemap._console import INTERRUPTED, Abandoned, starting
 from phasemap.errors import PhasemapError
 
@@ -29,6 +29,7 @@ EXAMPLES = """examples:
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
   phasemap compare measured.nid blend.nc --plot page.png
+  phasemap invert samples/blend.toml at50.nc at80.nc --regions 2 --plot materials.png
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap export blend.nc blend.gwy
   phasemap check blend.nc
@@ -155,11 +156,14 @@ def _parser() -> argparse.ArgumentParser:
     plot = command(
         "plot",
         _plot,
-        "draw height and phase of an image side by side, or curves, a contrast or a comparison",
+        "draw height and phase of an image side by side, or curves, a contrast, a comparison or an inversion",
         PLOT_EXAMPLES,
     )
     plot.add_argument(
-        "file", metavar="FILE.nc", type=Path, help="what `phasemap run`, `sweep`, `contrast` or `compare` wrote"
+        "file",
+        metavar="FILE.nc",
+        type=Path,
+        help="what `phasemap run`, `sweep`, `contrast`, `compare` or `invert` wrote",
     )
     plot.add_argument(
         "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: FILE.png"
@@ -196,6 +200,16 @@ def _parser() -> argparse.ArgumentParser:
             cli_compare.compare,
             "lay a simulated image on a measured one, and say how much of it the simulation explains",
             cli_compare.EXAMPLES,
+        ),
+        _positive,
+    )
+
+    cli_invert.add_arguments(
+        command(
+            "invert",
+            cli_invert.invert,
+            "find modulus, adhesion and damping from images at several setpoints or amplitudes",
+            cli_invert.EXAMPLES,
         ),
         _positive,
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from phasemap.errors import InputError
 from phasemap.figures import save
+from phasemap.plot_regions import regions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +22,7 @@ __all__ = ["inversion", "is_inversion"]
 
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
 LIMITS = (1, 99)  # percentiles shown
+UNSURE = "0.85"
 LOST = "#00e646"  # green is in none of the maps
 WORST = 0.5  # standard error of a logarithm at the end of the scale
 LETTERS = 140  # in a line below
@@ -32,13 +34,14 @@ PANEL, BAR, BAR_GAP, BAR_LABELS, MARGIN, TITLE, HEADER, LINE = 2.5, 0.1, 0.06, 0
 def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
     """Draw the maps of an inversion above, on logarithmic scales, and their standard errors below.
 
-    The errors are those of the natural logarithm: 0.1 is 10 %. Areas in which the data do not determine a property, or
-    the model does not describe them, are hatched; pixels without a solution are green. Lines below say how many.
+    The errors are those of the natural logarithm: 0.1 is 10 %. Where the data do not determine a property, or the model
+    does not describe them, the map is grey and hatched; pixels without a solution are green. Lines below say how many.
+    A fit by regions is drawn as `phasemap.plot_regions.regions` says.
 
     Parameters
     ----------
     ds : xarray.Dataset
-        What `phasemap.invert` returned.
+        What `phasemap.invert` or `phasemap.fit_regions` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -70,8 +73,10 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
 
     if not is_inversion(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.invert returned")
+    if "region" in ds["flag"].dims:
+        return regions(ds, path, overwrite)
     said = textwrap.wrap(str(ds.attrs.get("verdict", "")), LETTERS)
-    said += ["hatched: not determined, or poor fit    green: no solution"]
+    said += ["grey, hatched: not determined, or poor fit    green: no solution"]
     rows, columns = ds["flag"].shape
     tall = PANEL * min(max(rows / columns, 0.2), 2.0)
     step = PANEL + BAR_GAP + BAR + BAR_LABELS
@@ -90,13 +95,13 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
         scales = LogNorm(low / 1.05, high * 1.05), Normalize(0, WORST)
         maps = values, ds[f"{name}_error"].values
         titles = label, "standard error of its logarithm"
-        for row, (shown, norm, cmap) in enumerate(zip(maps, scales, ("cividis", "magma_r"), strict=True)):
+        for row, (shown, norm, cmap) in enumerate(zip(maps, scales, ("plasma", "magma_r"), strict=True)):
             left, top = MARGIN + i * step, HEADER + TITLE + row * (TITLE + tall)
             place = (left / width, 1 - (top + tall) / height, PANEL / width, tall / height)
             axes = figure.add_axes(place)
             image = axes.imshow(shown, cmap=cmap, norm=norm, aspect="auto", interpolation="nearest")
             axes.set_title(titles[row], fontsize=10 - row, loc="left")
-            _mark(axes, hatched & ~lost, lost)
+            _mark(axes, hatched & ~lost & (row == 0), lost)
             bar = figure.add_axes(((left + PANEL + BAR_GAP) / width, place[1], BAR / width, place[3]))
             _draw_bar(bar, image, row == 0)
     count = ds.sizes.get("image", 0)
@@ -109,7 +114,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
 
 
 def is_inversion(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of an inversion, pixel by pixel.
+    """Whether a Dataset is of an inversion, by pixels or by regions.
 
     Parameters
     ----------
@@ -119,7 +124,9 @@ def is_inversion(ds: xr.Dataset) -> bool:
     -------
     bool
     """
-    return all(f"{name}_error" in ds for name in SHOWN) and "flag" in ds and ds["flag"].dims == ("y", "x")
+    return (
+        all(f"{name}_error" in ds for name in SHOWN) and "flag" in ds and ds["flag"].dims in (("y", "x"), ("region",))
+    )
 
 
 def _meanings(ds: xr.Dataset) -> list[str]:
@@ -143,16 +150,17 @@ def _draw_bar(axes: Axes, image: AxesImage, logarithmic: bool) -> None:
 
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray) -> None:
-    """Hatch one set of pixels and paint another green."""
+    """Paint one set of pixels grey and hatch it, and paint another green."""
     from matplotlib.colors import ListedColormap
 
-    if lost.any():
-        overlay = np.ma.masked_where(~lost, np.ones(lost.shape))
-        axes.imshow(overlay, cmap=ListedColormap([LOST]), aspect="auto", interpolation="nearest")
+    for pixels, color in ((hatched, UNSURE), (lost, LOST)):
+        if pixels.any():
+            overlay = np.ma.masked_where(~pixels, np.ones(pixels.shape))
+            axes.imshow(overlay, cmap=ListedColormap([color]), aspect="auto", interpolation="nearest")
     if hatched.any():
         padded = np.pad(hatched.astype(float), 1, mode="edge")
         y, x = (np.arange(-1, count + 1) for count in hatched.shape)
         areas = axes.contourf(x, y, padded, levels=[0.5, 1.5], colors="none", hatches=["////////"])
-        areas.set_edgecolor("0.1")
+        areas.set_edgecolor("0.6")
         areas.set_linewidth(0)
     axes.set(xticks=[], yticks=[], xlim=(-0.5, lost.shape[1] - 0.5), ylim=(lost.shape[0] - 0.5, -0.5))

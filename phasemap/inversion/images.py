@@ -1,4 +1,4 @@
-"""From measured images back to materials: maps of modulus, adhesion and damping, or one material a region."""
+"""From measured images back to materials: maps of modulus, adhesion and damping."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from phasemap._check import number
 from phasemap.dataset import describe, provenance
 from phasemap.errors import InputError
 from phasemap.inversion.model import make_model
-from phasemap.inversion.regions import medians, regions_of
 from phasemap.inversion.search import make_grid
 from phasemap.inversion.stack import Stack, list_of_images, make_stack
 from phasemap.inversion.verdict import Answer, say, settings_of, solve_part, variables_of
@@ -23,7 +20,7 @@ from phasemap.workers import Progress, spread, workers_of
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["fit_regions", "invert"]
+__all__ = ["invert"]
 
 BLOCK = 512  # pixels that are solved together
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
@@ -70,7 +67,8 @@ def invert(
         Their standard errors [degree, m], in each image by itself. They are the same for all pixels of an image, and so
         is what they do to the maps.
     prior : Material
-        A guess at the sample, weak: its properties are known within `prior_factor`.
+        A guess at the sample, weak: its properties are known within `prior_factor`. Its Poisson's ratio is taken for
+        granted; what phases know is E / (1 - nu^2).
     prior_factor : float
         One standard deviation of the prior, as a factor above 1. Properties are sought within its third power.
     threads : int, optional
@@ -95,7 +93,7 @@ def invert(
     Notes
     -----
     Errors come from the noise and the zeros stated. A wrong spring constant, tip radius or contact law is not in them.
-    Zeros cannot be found from the images: materials make up for them. Take them from a place that is known.
+    A pixel cannot tell the zeros: its material makes up for them. `fit_regions` finds them from contrast.
 
     Examples
     --------
@@ -108,7 +106,7 @@ def invert(
     [[0.5, 2.0]]
     """
     started = time.perf_counter()
-    factor = _check_prior(prior, prior_factor)
+    factor = check_prior(prior, prior_factor)
     given = list_of_images(images)
     stack = make_stack(
         given, scope, setpoints, (phase_error, phase_zero, phase_zero_error),
@@ -119,74 +117,6 @@ def invert(
     found = _dataset(answer, stack, prior, factor, ("y", "x"), first.shape)
     found = found.assign_coords({dim: first.coords[dim] for dim in ("y", "x") if dim in first.coords})
     found.attrs["seconds"] = round(time.perf_counter() - started, 6)
-    return found
-
-
-def fit_regions(
-    images: xr.Dataset | Sequence[xr.Dataset],
-    labels: Any,
-    scope: Microscope | Sequence[Microscope],
-    *,
-    setpoints: Any = None,
-    phase_error: Any = 0.1,
-    height_error: Any = 0.05e-9,
-    phase_zero: Any = None,
-    phase_zero_error: Any = 0.0,
-    height_zero: Any = 0.0,
-    height_zero_error: Any = 0.0,
-    prior: Material = PRIOR,
-    prior_factor: float = 10.0,
-) -> xr.Dataset:
-    """Fit one material a region, so that phases and heights of all images agree with the region's medians.
-
-    Parameters
-    ----------
-    images, scope, setpoints, phase_zero, phase_zero_error, height_zero, height_zero_error, prior, prior_factor
-        As for `invert`.
-    labels : array_like of int, shape (ny, nx)
-        Region of each pixel; those below 0 are left out.
-    phase_error, height_error : float or sequence of float
-        What a median may be wrong by beside its own standard error [degree, m]: line offsets, drift, crosstalk.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over "region": what `invert` gives over ("y", "x"), `pixels`, and over ("region", "image") the medians and what
-        the fitted materials give, `measured_phase`, `fitted_phase` [degree].
-
-    Raises
-    ------
-    InputError
-        As for `invert`, or if `labels` have another shape or no region.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
-    >>> sample = pm.Surface(modulus=[[0.5e9, 2e9]], adhesion=0.06, damping=0.02, pixel_size=4e-9)
-    >>> stack = [pm.simulate(sample, scope, setpoint) for setpoint in (0.5, 0.65, 0.8)]
-    >>> found = pm.fit_regions(stack, [[0, 1]], scope, phase_zero=0.0, height_error=0.02e-9)
-    >>> found.region.values.tolist(), (found.modulus.values / 1e9).round(1).tolist()
-    ([0, 1], [0.5, 2.0])
-    """
-    factor = _check_prior(prior, prior_factor)
-    whole = make_stack(
-        images, scope, setpoints, (phase_error, phase_zero, phase_zero_error),
-        (height_error, height_zero, height_zero_error),
-    )  # fmt: skip
-    shape = list_of_images(images)[0]["phase"].shape
-    names, numbers = regions_of(labels, shape)
-    stack, counts = medians(whole, numbers, len(names))
-    answer = _solve(stack, prior, factor, 1, None)
-    found = _dataset(answer, stack, prior, factor, ("region",), (len(names),))
-    found = found.assign_coords(region=("region", names, {"long_name": "label of the region"}))
-    found["pixels"] = ("region", counts, {"long_name": "pixels of the region", "units": "1"})
-    seen = np.degrees(np.where(np.isfinite(stack.errors), stack.values, np.nan))
-    about = {"long_name": "median phase, less its zero", "units": "degree"}
-    found["measured_phase"] = (("region", "image"), seen[:, :, 0], about)
-    found["fitted_phase"] = (
-        ("region", "image"), np.degrees(answer.values[:, :, 0]), {"long_name": "phase of the fit", "units": "degree"}
-    )  # fmt: skip
     return found
 
 
@@ -217,7 +147,14 @@ def _dataset(
     return found
 
 
-def _check_prior(prior: object, factor: object) -> float:
+def check_prior(prior: object, factor: object) -> float:
+    """The factor, after a look at both.
+
+    Raises
+    ------
+    InputError
+        If they can be no prior of logarithms.
+    """
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")
     for name in ("modulus", "adhesion"):

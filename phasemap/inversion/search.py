@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.inversion.descent import descend
 from phasemap.inversion.model import Found, Model, sides_of
 from phasemap.inversion.stack import HEIGHT, PHASE, Stack
 
@@ -20,9 +21,6 @@ Array = NDArray[np.float64]
 
 GRID = (7, 4, 7)  # materials among which the search starts, over SHARE_OF_GRID
 SHARE_OF_GRID = 0.43  # of the largest logarithm that is tried
-MOST_STEPS = 40
-CLOSE = 1e-4  # decrease of chi2 still to be expected where a pixel is done
-LONGEST = 1.0  # of a step, in a logarithm
 DEFECTS = 2  # times that the difference of exact and averaged orbits is taken
 
 
@@ -111,7 +109,7 @@ class Block:
         self.sides = sides_of(stack)
         size = np.linalg.norm(self.weights[:, :, HEIGHT], axis=1, keepdims=True)
         self.level = self.weights[:, :, HEIGHT] / np.where(size > 0, size, 1.0)
-        self.prior = np.diag(model.widths**-2)
+        self.prior, self.reach = np.diag(model.widths**-2), model.reach
 
     def solve(self) -> Solution:
         """Material of each pixel."""
@@ -120,7 +118,7 @@ class Block:
         defect = np.zeros_like(self.data)
         corrected: NDArray[np.bool_] = np.zeros(n, np.bool_)
         for again in range(DEFECTS + 1):
-            found = self._descend(q, places, defect)
+            found, _ = descend(self, (self.sides != 0).any(axis=1), q, places, defect)
             if again < DEFECTS:
                 exact, known = self.model.exact(q, self.sides, places)
                 known |= self.sides == 0
@@ -159,40 +157,18 @@ class Block:
                 q[some], places[some] = self.grid.q[best], at[best]
         return q, places
 
-    def _descend(self, q: Array, places: Array, defect: Array) -> Found:
-        """Levenberg-Marquardt; `q` and `places` are moved, and the orbits there are returned."""
-        found = self.model.averaged(q, self.sides, places, search=True)
-        cost = np.where(found.good, self.cost(found.values, defect, q), np.inf)
-        damping = np.full(len(q), 1e-2)
-        active = found.good & (self.sides != 0).any(axis=1)
-        for _ in range(MOST_STEPS):
-            some = np.flatnonzero(active)
-            if not len(some):
-                break
-            part = self.part(some)
-            slopes = part.weigh(found.slopes[some])
-            rest = part.rest(found.values[some], defect[some])
-            matrix = np.einsum("nai,naj->nij", slopes, slopes) + self.prior
-            pull = np.einsum("nai,na->ni", slopes, rest) - (q[some] - self.model.centre) @ self.prior
-            steep = matrix * (1 + damping[some, None, None] * np.eye(3))
-            step = np.linalg.solve(steep, pull[..., None])[..., 0]
-            expected = np.einsum("ni,ni->n", step, pull)
-            step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-            trial, there = np.clip(q[some] + step, -self.model.reach, self.model.reach), places[some]
-            new = self.model.averaged(trial, part.sides, there)
-            new_cost = np.where(new.good, part.cost(new.values, defect[some], trial), np.inf)
-            better = new_cost <= cost[some]
-            won = some[better]
-            q[won], places[won], cost[won] = trial[better], there[better], new_cost[better]
-            found.values[won], found.slopes[won] = new.values[better], new.slopes[better]
-            damping[some] = np.where(better, 0.1 * damping[some], 6.0 * damping[some])
-            active[some] = ~((better & (expected < CLOSE)) | (damping[some] > 1e8))
-        return found
+    def orbits(self, q: Array, places: Array, search: bool = False) -> Found:
+        """Averaged orbits of these materials near `places`, which are moved to them."""
+        return self.model.averaged(q, self.sides, places, search)
+
+    def apart(self, q: Array) -> Array:
+        """Logarithms less what the prior expects."""
+        return q - self.model.centre
 
     def part(self, chosen: NDArray[Any]) -> Block:
         """The same for some of the pixels."""
         part = object.__new__(Block)
-        part.model, part.grid, part.prior = self.model, self.grid, self.prior
+        part.model, part.grid, part.prior, part.reach = self.model, self.grid, self.prior, self.reach
         part.data, part.weights = self.data[chosen], self.weights[chosen]
         part.sides, part.level = self.sides[chosen], self.level[chosen]
         return part
@@ -203,7 +179,7 @@ class Block:
         return cost
 
     def _cost_of_prior(self, q: Array) -> Array:
-        cost: Array = (((q - self.model.centre) / self.model.widths) ** 2).sum(axis=1)
+        cost: Array = ((self.apart(q) / self.model.widths) ** 2).sum(axis=1)
         return cost
 
     def rest(self, values: Array, defect: Array) -> Array:
@@ -213,7 +189,7 @@ class Block:
         return self.weigh(apart[..., None])[..., 0]
 
     def weigh(self, slopes: Array) -> Array:
-        """Derivatives of phase and height, shape (n, m, 2, k), as those of `_rest`, shape (n, 2 m, k)."""
+        """Derivatives of phase and height, shape (n, m, 2, k), as those of `rest`, shape (n, 2 m, k)."""
         weighed = slopes * self.weights[..., None]
         height = weighed[:, :, HEIGHT]
         height -= self.level[..., None] * (self.level[..., None] * height).sum(axis=1, keepdims=True)

@@ -83,7 +83,9 @@ def solve_part(model: Model, grid: Grid, stack: Stack, part: slice, answer: Answ
         whole[part] = values
 
 
-def variables_of(answer: Answer, dims: tuple[str, ...], shape: tuple[int, ...]) -> dict[str, Any]:
+def variables_of(
+    answer: Answer, dims: tuple[str, ...], shape: tuple[int, ...], flags: tuple[str, ...] = FLAGS
+) -> dict[str, Any]:
     """Variables of a Dataset."""
     found: dict[str, Any] = {}
     for i, name in enumerate(PARAMETERS):
@@ -99,7 +101,7 @@ def variables_of(answer: Answer, dims: tuple[str, ...], shape: tuple[int, ...]) 
         dims, answer.flags.reshape(shape),
         {
             "long_name": "what the data do not determine, or what went wrong",
-            "flag_masks": np.array([1 << i for i in range(len(FLAGS))], np.uint8), "flag_meanings": " ".join(FLAGS),
+            "flag_masks": np.array([1 << i for i in range(len(flags))], np.uint8), "flag_meanings": " ".join(flags),
         },
     )  # fmt: skip
     return found

@@ -1,0 +1,385 @@
+"""The command ``phasemap invert``: from images at several settings back to modulus, adhesion and damping."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap._console import patience
+from phasemap.errors import InputError, PhasemapError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+    from phasemap.material import Material
+    from phasemap.microscope import Microscope
+    from phasemap.scene import Setup
+
+WIDTH = 100  # letters on a line of the summary
+MAPS = ("labels", "label")  # of regions, in a file
+ZEROS = ("phase_zero", "phase_zero_error", "height_zero", "height_zero_error")
+SHOWN = {"modulus": ("GPa", 1e-9), "adhesion": ("J/m²", 1.0), "damping": ("", 1.0)}
+EXAMPLES = """Images are netCDF, or what an instrument wrote (pip install "afm-phasemap[read]"): registered images
+of one place at several setpoints or, better, several free amplitudes too. The scene says lever, tip, drive and laws; an
+image may record its own setpoint and free amplitude. A LIST has commas: a number an image, or one for all.
+
+By regions, the zeros of phase and height are found with the materials. By pixel they have to be known: recorded with
+the image, given with --phase-zero, or found by regions first, with --zeros-from.
+
+examples:
+  phasemap invert blend.toml at50.nc at65.nc at80.nc -o maps.nc --plot maps.png
+  phasemap invert blend.toml at50.nid at80.nid --setpoints 0.5,0.8 --zeros-from 2 -o maps.nc
+  phasemap invert blend.toml at50.nc at80.nc --regions 2 --phase-zero shared --plot regions.png
+  phasemap invert flake.toml a.nid b.nid c.nid --setpoints 0.5,0.6,0.8 --regions flake_maps.nc --known 0=substrate
+  phasemap invert flake.toml a.nid b.nid --setpoints 0.5,0.8 --free-amplitudes 40e-9,80e-9 --phase-zero 62.5 --sign -1
+  phasemap plot maps.nc
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
+    """Declare the arguments of the command.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    positive : callable
+        Reads a whole number of at least 1.
+    """
+    parser.usage = "%(prog)s SCENE.toml IMAGE [IMAGE ...] [--regions N] [options] [key=value ...]"
+    parser.set_defaults(overrides=[])
+    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
+    parser.add_argument(
+        "images",
+        metavar="IMAGE",
+        nargs="+",
+        help="an image; key=value sets a key of the scene, such as tip.radius=20e-9",
+    )
+    parser.add_argument("--setpoints", metavar="LIST", help="of the images; default: as recorded")
+    parser.add_argument(
+        "--free-amplitudes", metavar="LIST", help="at resonance [m]; default: as recorded, else the scene's"
+    )
+    parser.add_argument(
+        "--regions", metavar="N or LABELS.nc", help="one material a region: N populations of the first phase, or a map"
+    )
+    parser.add_argument(
+        "--zeros-from", metavar="N or LABELS.nc", help="by pixel, with zeros that a fit by such regions finds first"
+    )
+    parser.add_argument(
+        "--known", metavar="LABEL=NAME", help="regions of known materials, of the scene's, such as 0=ps"
+    )
+    parser.add_argument(
+        "--phase-zero", metavar="LIST", help="what is recorded where the phase is 0; by regions also shared or free"
+    )
+    parser.add_argument("--phase-zero-error", metavar="LIST", help="its standard error; default: 0")
+    parser.add_argument("--phase-error", metavar="LIST", help="default: 0.4 of a pixel, 0.1 of a region's median")
+    parser.add_argument("--height-error", metavar="LIST", help="default: 0.1e-9 of a pixel, 0.05e-9 of a median")
+    parser.add_argument(
+        "--height-zero-error", metavar="LIST",
+        help="how well heights of different images compare [m]; by pixel, measured heights count only if it is given",
+    )  # fmt: skip
+    parser.add_argument("--flat", action="store_true", help="the regions are at one level, apart from indentation")
+    parser.add_argument(
+        "--branch", choices=("attractive", "repulsive"), help="of all regions, where the zero is unknown"
+    )
+    parser.add_argument("--sign", default="1", choices=("1", "-1"), help="of the recorded phase; default: 1")
+    parser.add_argument("--prior", metavar="NAME", help="of the scene's materials: a guess; default: 1 GPa, 0.05, 0.01")
+    parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help="how good a guess; default: 10")
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
+    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
+    parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
+    parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Images, and how each was taken."""
+
+    images: list[xr.Dataset]
+    scopes: list[Microscope]
+    setpoints: list[float]
+
+
+def invert(arguments: argparse.Namespace) -> None:
+    """Invert, write what is asked for, and say what was found."""
+    from phasemap.figures import check_format
+    from phasemap.io.netcdf import check_target, save
+    from phasemap.scene import load_setup
+
+    started = time.perf_counter()
+    for path in (arguments.output, arguments.plot):
+        if path is not None:
+            check_target(path, arguments.overwrite)
+    if arguments.plot is not None:
+        check_format(arguments.plot)
+    overrides = [word for word in arguments.images if "=" in word] + arguments.overrides
+    setup = load_setup(arguments.scene, overrides)
+    given = _load([Path(word) for word in arguments.images if "=" not in word], setup, arguments, overrides)
+    options: dict[str, Any] = {"setpoints": given.setpoints, "prior_factor": arguments.prior_factor}
+    for name in ("phase_zero", "phase_zero_error", "phase_error", "height_error", "height_zero_error"):
+        values = _list(name, getattr(arguments, name), len(given.images), ("shared", "free"))
+        if values is not None:
+            options[name] = values
+    if arguments.prior is not None:
+        options["prior"] = _material(setup, "--prior", arguments.prior)
+    found, notes = _invert(given, setup, options, arguments)
+    if arguments.output is not None:
+        save(found, arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        from phasemap.plot import inversion
+
+        inversion(found, arguments.plot, arguments.overwrite)
+    if not arguments.quiet:
+        print("\n".join(_lines(_said_images(given) + [("note", note) for note in notes] + summary(found))))
+        print(f"took        {time.perf_counter() - started:.2f} s")
+        for path in (arguments.output, arguments.plot):
+            if path is not None:
+                print(f"written to  {path}")
+
+
+def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
+    """The images, their setpoints and their microscopes."""
+    from phasemap.io.measured import one_scan
+    from phasemap.io.metadata import off_resonance
+    from phasemap.io.read import read_image
+
+    if not paths:
+        raise PhasemapError("there is no image: name one at least, behind the scene.")
+    images = [_signed(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
+    scope = setup.microscope
+    loss = off_resonance(scope.frequency_ratio, scope.cantilever.quality_factor)
+    setpoints = _list("setpoints", arguments.setpoints, len(images)) or [None] * len(images)
+    amplitudes = _list("free_amplitudes", arguments.free_amplitudes, len(images)) or [None] * len(images)
+    fixed = any(word.partition("=")[0].strip() == "drive.free_amplitude" for word in overrides)
+    scopes = []
+    for i, (path, image) in enumerate(zip(paths, images, strict=True)):
+        if amplitudes[i] is None:
+            recorded = "free_amplitude" in image.attrs and not fixed
+            amplitudes[i] = float(image.attrs["free_amplitude"]) * loss if recorded else scope.drive.free_amplitude
+        if setpoints[i] is None and "setpoint" in image.attrs:
+            setpoints[i] = float(image.attrs["setpoint"])
+        elif setpoints[i] is None and "setpoint_amplitude" in image.attrs:
+            setpoints[i] = float(image.attrs["setpoint_amplitude"]) * loss / amplitudes[i]
+        if setpoints[i] is None:
+            raise PhasemapError(f"{path} does not say its setpoint: give --setpoints, one number an image.")
+        scopes.append(replace(scope, drive=replace(scope.drive, free_amplitude=amplitudes[i])))
+    return _Given(images, scopes, setpoints)
+
+
+def _signed(image: xr.Dataset, sign: str) -> xr.Dataset:
+    """An image with the phase, and its zero, the other way round if asked for."""
+    if sign == "1":
+        return image
+    turned = image.assign(phase=-image["phase"])
+    return turned.assign_attrs(phase_zero=-image.attrs["phase_zero"]) if "phase_zero" in image.attrs else turned
+
+
+def _invert(
+    given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
+) -> tuple[xr.Dataset, list[str]]:
+    """Regions or maps, and what to know about them."""
+    if arguments.regions is not None:
+        return _by_regions(arguments.regions, given, setup, options, arguments), []
+    if arguments.zeros_from is None:
+        for name in ("known", "flat", "branch"):
+            if getattr(arguments, name):
+                raise PhasemapError(f"--{name} is for --regions and --zeros-from.")
+        return _by_pixel(given, options, arguments)
+    of_medians = {name: value for name, value in options.items() if name not in ("phase_error", "height_error")}
+    first = _by_regions(arguments.zeros_from, given, setup, of_medians, arguments)
+    zeros = {name: first[name].values.tolist() for name in ZEROS if name in first}
+    found, notes = _by_pixel(given, options | zeros, arguments)
+    return found, [f"The zero of the phase, by regions, is {_said_zeros(first)}.", *notes]
+
+
+def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namespace) -> tuple[xr.Dataset, list[str]]:
+    """Maps, and what to know about them."""
+    from tqdm import tqdm
+
+    from phasemap.inversion.images import invert as invert_pixels
+
+    if isinstance(options.get("phase_zero"), str) or (
+        "phase_zero" not in options and not all("phase_zero" in image.attrs for image in given.images)
+    ):
+        raise PhasemapError(
+            "by pixel the zero of the phase has to be known: give --phase-zero in degrees, "
+            "or find it by regions first, with --zeros-from 2."
+        )
+    images, notes = given.images, []
+    measured = any("configuration" not in image.attrs for image in images)
+    if measured and "height_zero_error" not in options and all("height" in image for image in images):
+        images = [image.drop_vars("height") for image in images]
+        notes.append("Heights are not used: how those of different images compare is not known (--height-zero-error).")
+    options["threads"] = arguments.threads
+    if arguments.quiet:
+        return invert_pixels(images, given.scopes, **options), notes
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    with (
+        patience() as started,
+        tqdm(delay=1.0, mininterval=interval, unit=" pixels", file=sys.stderr, leave=False) as bar,
+    ):
+
+        def progress(done: int, total: int) -> None:
+            started()
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return invert_pixels(images, given.scopes, **options, progress=progress), notes
+
+
+def _by_regions(
+    text: str, given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
+) -> xr.Dataset:
+    """One material a region."""
+    from phasemap.inversion.region_fit import fit_regions
+
+    labels = _labels(text, given.images[0])
+    known = _known(setup, arguments.known)
+    level = 0.0 if arguments.flat else math.inf
+    with patience():
+        return fit_regions(
+            given.images, labels, given.scopes, known=known, branch=arguments.branch, topography_error=level, **options
+        )
+
+
+def _labels(text: str, image: xr.Dataset) -> np.ndarray:
+    """Regions of a file, or populations of the phase."""
+    import numpy as np
+
+    from phasemap.io.measured import segment_phase
+    from phasemap.io.netcdf import load
+
+    if text.isdecimal() and text != "0":
+        phase = image["phase"].values
+        return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
+    if text.isdecimal():
+        raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
+    maps = load(text)
+    name = next((name for name in MAPS if name in maps), None)
+    if name is None:
+        held = ", ".join(map(str, maps.data_vars))
+        raise InputError(f"what {text} holds", held, f"a map {' or '.join(MAPS)}, as phasemap scene writes it")
+    return np.asarray(maps[name].values)
+
+
+def _known(setup: Setup, text: str | None) -> dict[int, Material]:
+    """Materials by the label of their region."""
+    known = {}
+    for word in text.split(",") if text else ():
+        label, equals, name = word.partition("=")
+        if not equals or not label.strip().lstrip("-").isdecimal():
+            raise InputError("--known", text, "LABEL=NAME, such as 0=substrate, several with commas between them")
+        known[int(label)] = _material(setup, "--known", name.strip())
+    return known
+
+
+def _material(setup: Setup, option: str, name: str) -> Material:
+    from phasemap.scene import check_choice
+
+    check_choice(option, name, setup.materials)
+    return setup.materials[name]
+
+
+def _list(name: str, text: str | None, count: int, words: tuple[str, ...] = ()) -> Any:
+    """Numbers, one an image, or a word."""
+    if text is None or (name == "phase_zero" and text in words):
+        return text
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, count):
+        allowed = f"a number, or {count} with commas between them, one an image"
+        raise InputError(f"--{name.replace('_', '-')}", text, allowed)
+    return numbers * (count // len(numbers))
+
+
+def _said_images(given: _Given) -> list[tuple[str, str]]:
+    said = []
+    for image, scope, setpoint in zip(given.images, given.scopes, given.setpoints, strict=True):
+        heights = "phase and height" if "height" in image else "phase"
+        amplitude = f"{scope.drive.free_amplitude * 1e9:.4g} nm"
+        said.append(("image", f"{heights} at setpoint {setpoint:.4g}, free amplitude {amplitude}"))
+    return said
+
+
+def summary(found: xr.Dataset) -> list[tuple[str, str]]:
+    """Say what an inversion found.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.invert` or `phasemap.fit_regions` returned.
+
+    Returns
+    -------
+    list of tuple of str
+        A word and what is said of it, the verdict last.
+    """
+    said = _said_regions(found) if "region" in found.dims else _said_maps(found)
+    return [*said, *_sentences(found, "verdict"), *_sentences(found, "advice")]
+
+
+def _said_maps(found: xr.Dataset) -> list[tuple[str, str]]:
+    """The middle of each map, where it is determined."""
+    import numpy as np
+
+    said = []
+    for i, (name, (unit, factor)) in enumerate(SHOWN.items()):
+        determined = found["flag"].values >> i & 1 == 0
+        sure = found[name].values[determined]
+        if not sure.size:
+            said.append((name, "not determined"))
+            continue
+        low, middle, high = factor * np.percentile(sure, (5, 50, 95))
+        error = 100 * np.median(found[f"{name}_error"].values[determined])
+        value = f"{middle:.3g} {unit}".rstrip()
+        said.append((name, f"{value} (5 to 95 %: {low:.3g} to {high:.3g}), error {error:.2g} %"))
+    return said
+
+
+def _said_regions(found: xr.Dataset) -> list[tuple[str, str]]:
+    """Materials, with the factor of one standard error, and the zeros of the phase."""
+    import numpy as np
+
+    said = []
+    words = found["determination"].attrs["flag_meanings"].split()
+    for i, label in enumerate(found["region"].values):
+        parts = []
+        for name, (unit, factor) in SHOWN.items():
+            value, error = factor * float(found[name][i]), float(found[f"{name}_error"][i])
+            word = words[int(found["determination"].sel(property=name)[i])]
+            off = {"given": " (given)", "determined": f" ×/÷ {np.exp(error):.2f}"}.get(word, " (not determined)")
+            parts.append(f"{name} {value:.3g} {unit}".rstrip() + off)
+        said.append((f"region {label}", ", ".join(parts)))
+    return [*said, ("phase zero", _said_zeros(found))]
+
+
+def _said_zeros(found: xr.Dataset) -> str:
+    """The zeros of the phase, those that are equal once."""
+    zeros = zip(found["phase_zero"].values, found["phase_zero_error"].values, strict=True)
+    return ", ".join(dict.fromkeys(f"{round(zero, 2) + 0:.2f} ± {error:.2f}" for zero, error in zeros)) + " degrees"
+
+
+def _sentences(found: xr.Dataset, name: str) -> list[tuple[str, str]]:
+    return [(name, line) for line in str(found.attrs.get(name, "")).splitlines()]
+
+
+def _lines(said: list[tuple[str, str]]) -> list[str]:
+    """A column of words, each said once, and one of sentences."""
+    lines, before = [], ""
+    for word, text in said:
+        for line in textwrap.wrap(text, WIDTH):
+            lines.append(f"{'' if word == before else word:<12}{line}")
+            before = word
+    return lines
