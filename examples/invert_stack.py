@@ -112,6 +112,7 @@ def main(folder: Path = Path()) -> None:
         draw_map(panels[1, i], panels[2, i], found, i, name)
     for panel in (*panels[0], *panels[1:, :3].flat):
         panel.set(xticks=[], yticks=[])
+    panels[0, 0].set_xlabel(f"{surface.shape[1] * surface.pixel_size[1] * 1e9:.0f} nm wide", fontsize=9)
     draw_regions(panels[1, 3], regions, surface, labels)
     panels[2, 3].axis("off")
     lines = "\n\n".join(textwrap.fill(line, 38) for line in verdict)
