@@ -8,6 +8,10 @@ from numbers import Integral, Real
 
 from phasemap.errors import InputError
 
+LONGEST = 10**8  # pixels along a side, so that numbers of pixels and of bytes fit into 64 bits
+WIDEST = 1e100  # m, of a pixel or a disc, so that their squares are finite
+HIGHEST = 2**128 - 1  # of whole numbers without a maximum of their own; seeds have 128 bits
+
 
 def number(
     name: str,
@@ -63,8 +67,10 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
     """Return `value` as an int, or raise `InputError`."""
     if isinstance(value, Integral) and not isinstance(value, bool):
         n = int(value)
-        if n >= minimum and (maximum is None or n <= maximum):
+        if n >= minimum and n <= (HIGHEST if maximum is None else maximum):
             return n
+        if n > HIGHEST and maximum is None:
+            maximum = HIGHEST
     allowed = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
     raise InputError(name, value, f"a whole number {allowed}")
 
@@ -73,7 +79,10 @@ def shape_pair(value: object) -> tuple[int, int]:
     """Return `value` as (rows, columns), or raise `InputError`."""
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence) or len(value) != 2:
         raise InputError("shape", value, "two whole numbers, (rows, columns)")
-    return whole("number of rows", value[0], 1), whole("number of columns", value[1], 1)
+    for name, side in zip(("number of rows", "number of columns"), value, strict=True):
+        whole(name, side, 1)
+        whole(name, side, 1, LONGEST)
+    return int(value[0]), int(value[1])
 
 
 def pixel_pair(value: object) -> tuple[float, float]:
@@ -81,6 +90,12 @@ def pixel_pair(value: object) -> tuple[float, float]:
     if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
         if len(value) != 2:
             raise InputError("pixel_size", value, "one length in m, or two, (dy, dx)")
-        return number("pixel_size dy", value[0], "m", above=0), number("pixel_size dx", value[1], "m", above=0)
-    size = number("pixel_size", value, "m", above=0)
+        return _side("pixel_size dy", value[0]), _side("pixel_size dx", value[1])
+    size = _side("pixel_size", value)
     return size, size
+
+
+def _side(name: str, value: object) -> float:
+    """Return the side of a pixel [m]; the size of the largest image can still be squared."""
+    number(name, value, "m", above=0)
+    return number(name, value, "m", maximum=WIDEST)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes
+from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,6 +40,28 @@ def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
             **{name: joined[name] + one[name] for name in COUNTS if name in joined and name in one},
         }
     return joined
+
+
+def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tuple[str, ...], more: int = 0) -> None:
+    """Refuse an image that would not fit into memory.
+
+    Parameters
+    ----------
+    shape : (int, int)
+    names, directions
+        As for `Canvas`.
+    more : int
+        Bytes a pixel that are needed besides.
+
+    Raises
+    ------
+    TooLargeError
+    """
+    passes = max(len(directions), 1)
+    per_pixel = passes * sum(1 if name in FLAGS else 8 for name in names)
+    what = f"an image of {shape[0]} x {shape[1]} pixels with {len(names)} variables"
+    advice = "Take fewer pixels, or name the variables that you need ([output] variables, variables=)."
+    check_fits(what + (f" in {passes} directions" if directions else ""), (per_pixel + more) * math.prod(shape), advice)
 
 
 class Canvas:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
+LONGEST = 2000  # characters of a complaint
 EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
@@ -256,18 +257,34 @@ def _plot(arguments: argparse.Namespace) -> None:
     output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
     ds = load(arguments.file) if arguments.sample is None else load_sample(arguments.file, arguments.sample)
-    if arguments.trace is not None:
-        trace(ds, arguments.trace, output, arguments.overwrite)
-    elif arguments.quantities is not None:
-        curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
-    else:
-        plot(ds, output, arguments.overwrite)
+    with _as_written_by_phasemap(arguments.file):
+        if arguments.trace is not None:
+            trace(ds, arguments.trace, output, arguments.overwrite)
+        elif arguments.quantities is not None:
+            curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
+        else:
+            plot(ds, output, arguments.overwrite)
     print(f"written to  {output}")
+
+
+@contextmanager
+def _as_written_by_phasemap(path: Path) -> Iterator[None]:
+    """Say of a file, which may come from anywhere, that it is not what it should be."""
+    try:
+        yield
+    except PhasemapError:
+        raise
+    except (AttributeError, IndexError, KeyError, RecursionError, TypeError, ValueError) as error:
+        what = f"{type(error).__name__}: {error}".rstrip(".")
+        raise PhasemapError(f"cannot draw {path}: it is not as phasemap writes it ({what}).") from error
 
 
 def _complain(sentence: str) -> int:
     """Print a sentence on stderr and return the exit code that goes with it."""
-    print(f"phasemap: {sentence}", file=sys.stderr)
+    line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in sentence)  # names may have any
+    if len(line) > LONGEST:
+        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+    print(f"phasemap: {line}", file=sys.stderr)
     return 2
 
 

@@ -73,7 +73,9 @@ def validate(arguments: argparse.Namespace) -> None:
     """Say what a scene would simulate."""
     import numpy as np
 
-    from phasemap.scan import modelled
+    from phasemap.canvas import check_image
+    from phasemap.dataset import check_variables, variables_of
+    from phasemap.scan import modelled, workspace
     from phasemap.scene import load_scene
     from phasemap.work import make_work
 
@@ -85,7 +87,9 @@ def validate(arguments: argparse.Namespace) -> None:
         cli_ensemble.print_ensemble(ensemble)
         print("the first sample:")
         scene = ensemble.scene(0)
-    surface, scope = scene.surface, scene.microscope
+    surface, scope, control = scene.surface, scene.microscope, scene.options["control"]
+    names = check_variables(scene.options["variables"], variables_of(control))
+    check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.free_amplitude
     work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))

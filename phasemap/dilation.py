@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._check import number
+from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     from phasemap.microscope import Tip
@@ -33,6 +34,7 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
 
 HALF_ANGLE = 20.0  # degree; what makers of etched silicon tips state is 10 to 25
+OFFSET = 80  # byte that an offset takes while offsets are put in order (measured)
 TILE = 64  # pixels; a square of them stays in the cache, and few are near the highest relief
 
 
@@ -182,7 +184,8 @@ def _reachable(
         reach = math.sqrt(depth * (2 * radius - depth))
     else:
         reach = radius * math.cos(half_angle) + (depth - round_part) * math.tan(half_angle)
-    most = [min(math.ceil(reach / side), size - 1) for size, side in zip(relief.shape, pixel_size, strict=True)]
+    most = [math.ceil(min(reach / side, size - 1)) for size, side in zip(relief.shape, pixel_size, strict=True)]
+    check_fits("a tip that reaches so far", OFFSET * math.prod(2 * m + 1 for m in most), "Take fewer pixels.")
     steps = [np.arange(-m, m + 1) for m in most]
     distance = np.hypot(steps[0][:, np.newaxis] * pixel_size[0], steps[1] * pixel_size[1])
     rise = tip_profile(distance, radius, half_angle)

@@ -25,6 +25,7 @@ __all__ = ["Parts", "assemble"]
 LONG_NAMES = {"failed": "pixels without a solution"}
 
 Table = dict[str, Any]
+Form = dict[str, tuple[int, ...]]
 Key = tuple[str, Mapping[str, str], list[Any]]  # the name of a variable, its attributes, a value a sample
 
 
@@ -145,20 +146,20 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
     import netCDF4
 
     with replacing(path, overwrite) as temporary, netCDF4.Dataset(temporary, "w", format="NETCDF4") as target:
+        form, _, _ = _read(files[0])
         with _opened(files[0]) as first:
-            form = _form(first)
             names = _define(target, first, len(files), keys)
             numbers = {name: np.full(len(files), first.getncattr(name)) for name in first.ncattrs()}
         target.setncatts(attributes)
         numbers["failed"] = np.zeros(len(files), np.int64)
         for sample, file in enumerate(files):
-            with _opened(file) as source:
-                _check_form(sample, _form(source), form)
-                for name in names:
-                    target[name][sample] = source[name][...]
-                for name in source.ncattrs():
-                    numbers[name][sample] = source.getncattr(name)
-                numbers["failed"][sample] = np.count_nonzero(source["status"][...])
+            found, images, about = _read(file)
+            _check_form(sample, found, form)
+            for name in names:
+                target[name][sample] = images[name]
+            for name, number in about.items():
+                numbers[name][sample] = number
+            numbers["failed"][sample] = np.count_nonzero(images["status"])
         for name, values in numbers.items():
             made = target.createVariable(name, values.dtype, ("sample",))
             made.setncattr("long_name", LONG_NAMES.get(name, name.replace("_", " ")))
@@ -171,10 +172,24 @@ def _opened(file: Path) -> netCDF4.Dataset:
 
     try:
         source = netCDF4.Dataset(file)
-    except OSError as error:
-        raise PhasemapError(f"the sample in {file} is damaged; remove this file and run again.") from error
+    except Exception as error:  # as in _read
+        raise _damaged(file) from error
     source.set_auto_maskandscale(False)
     return source
+
+
+def _read(file: Path) -> tuple[Form, dict[str, np.ndarray], Table]:
+    """Form, variables and attributes of a part."""
+    with _opened(file) as source:
+        try:
+            arrays = {name: variable[...] for name, variable in source.variables.items()}
+            return _form(source), arrays, {name: source.getncattr(name) for name in source.ncattrs()}
+        except Exception as error:  # whatever the library meets in a damaged file
+            raise _damaged(file) from error
+
+
+def _damaged(file: Path) -> PhasemapError:
+    return PhasemapError(f"the sample in {file} is damaged; remove this file and run again.")
 
 
 def _define(target: netCDF4.Dataset, first: netCDF4.Dataset, count: int, keys: Sequence[Key]) -> list[str]:
@@ -232,7 +247,7 @@ def as_column(values: list[Any]) -> np.ndarray:
     return np.array([value if isinstance(value, str) else json.dumps(value) for value in values], object)
 
 
-def _form(image: netCDF4.Dataset) -> dict[str, tuple[int, ...]]:
+def _form(image: netCDF4.Dataset) -> Form:
     """What the images of all samples must share: variables, and attributes, which are numbers."""
     return {
         **{name: variable.shape for name, variable in image.variables.items()},
@@ -240,7 +255,7 @@ def _form(image: netCDF4.Dataset) -> dict[str, tuple[int, ...]]:
     }
 
 
-def _check_form(sample: int, form: dict[str, tuple[int, ...]], first: dict[str, tuple[int, ...]]) -> None:
+def _check_form(sample: int, form: Form, first: Form) -> None:
     """Refuse an image that does not fit on the first."""
     for name in {**first, **form}:
         if form.get(name) != first.get(name):

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from phasemap._check import number, whole
+from phasemap._files import size_of
 from phasemap.errors import FileError, InputError
+from phasemap.memory import check_fits
 from phasemap.scene import check_choice, check_keys, construct, value_of
 
 if TYPE_CHECKING:
@@ -19,6 +21,10 @@ if TYPE_CHECKING:
 __all__ = ["Choice", "Range", "make_samples"]
 
 Table = dict[str, Any]
+
+CELLS = 64  # byte of memory at most for a byte of the table
+MOST = 1_000_000  # samples
+DEEPEST = 8  # tables in tables of ``vary``; the longest key of a scene has four parts
 
 
 def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
@@ -143,6 +149,7 @@ def _drawn(table: Table) -> tuple[Table, ...]:
 
     check_keys("[ensemble]", table, ("count", "seed", "vary"), ("count", "vary"))
     count, seed = whole("[ensemble] count", table["count"], 1), whole("[ensemble] seed", table.get("seed", 0), 0)
+    whole("[ensemble] count", count, 1, MOST)
     laws = dict(_laws(table["vary"])) if isinstance(table["vary"], dict) else {}
     if not laws:
         raise InputError("[ensemble] vary", table["vary"], "a table of keys, such as scan.setpoint = [0.5, 0.7]")
@@ -166,6 +173,8 @@ def _laws(table: Table, prefix: str = "") -> Iterator[tuple[str, _Law]]:
         elif any(not isinstance(value.get(end, []), (dict, list)) for end in ("low", "high")):
             check_keys(shown, value, ("low", "high", "scale", "whole"), ("low", "high"))
             yield key, construct(shown, value, Range)
+        elif key.count(".") > DEEPEST:
+            raise InputError("key of [ensemble.vary]", key, "table.key, such as scan.setpoint")
         else:
             yield from _laws(value, f"{key}.")
 
@@ -178,6 +187,8 @@ def _read(folder: Path, table: Table) -> tuple[Table, ...]:
     if not isinstance(name, str) or not name:
         raise InputError("[ensemble] table", name, "the name of a CSV file")
     path = folder / name
+    what = f"{path}, named in [ensemble] table"
+    check_fits(what, CELLS * size_of(path, what), "Take fewer samples.")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]

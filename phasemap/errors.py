@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+LONGEST = 300  # characters of a name or a value that an error repeats
+
 
 class PhasemapError(Exception):
     """Base of every error that phasemap raises on purpose."""
@@ -39,8 +41,7 @@ class InputError(PhasemapError, ValueError):
     """
 
     def __init__(self, name: str, value: object, allowed: str, hint: str = "") -> None:
-        shown = repr(value) if isinstance(value, str) else str(value)
-        super().__init__(f"{name} is {shown}; allowed: {allowed}." + (f" {hint}" if hint else ""))
+        super().__init__(f"{_short(name)} is {_shown(value)}; allowed: {allowed}." + (f" {hint}" if hint else ""))
         self.name, self.value, self.allowed, self.hint = name, value, allowed, hint
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, object, str, str]]:
@@ -52,5 +53,24 @@ class FileError(PhasemapError, OSError):
     """A file that cannot be read, or a place that cannot be written."""
 
 
+class TooLargeError(PhasemapError, MemoryError):
+    """Something that would not fit into the memory that is free; nothing of it was allocated."""
+
+
 class SolveError(PhasemapError, RuntimeError):
     """Raised instead of a flagged pixel where the caller asked for ``strict=True``."""
+
+
+def _shown(value: object) -> str:
+    """A value as an error repeats it: strings in quotes, and nothing without end."""
+    try:
+        return _short(repr(value) if isinstance(value, str) else str(value))
+    except (RecursionError, ValueError):  # tables in tables in tables, a whole number of thousands of digits
+        return f"a {type(value).__name__} too large to be shown"
+
+
+def _short(text: str) -> str:
+    """The text on one line, its middle left out where it is long."""
+    text = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+    half = LONGEST // 2
+    return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"

@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._check import number, pixel_pair, shape_pair, whole
+from phasemap._check import WIDEST, number, pixel_pair, shape_pair, whole
 from phasemap.errors import InputError
+from phasemap.memory import check_fits
 
 __all__ = ["blend", "checkerboard", "gradient", "lamellae", "particles", "roughness", "step", "stripes"]
 
@@ -24,6 +25,8 @@ Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 PixelSize = float | Sequence[float]
 
 _TIE = 1e-9  # of a period: a pixel centre on an edge is past it in every repeat, however the division is rounded
+_LONGEST = 10_000  # steps of relaxation; after some hundreds a pattern hardly changes
+_DISC = 300  # byte that a disc takes while discs are put down
 _DENSEST = 0.7  # equal discs at random jam near 0.84; from here on pushing them apart takes long
 
 
@@ -61,7 +64,7 @@ def stripes(
     array([[1, 1, 0, 0, 1, 1, 0, 0],
            [1, 1, 0, 0, 1, 1, 0, 0]], dtype=uint8)
     """
-    y, x, (dy, dx) = _grid(shape, pixel_size)
+    y, x, (dy, dx) = _grid(shape, pixel_size, 24)
     towards = math.radians(number("angle", angle, "degree"))
     number("duty", duty, "1", above=0, below=1)
     _at_least("period", period, 2 * max(abs(math.sin(towards)) * dy, abs(math.cos(towards)) * dx), "two pixels")
@@ -97,7 +100,7 @@ def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: float) ->
     array([[0, 1, 0, 1],
            [1, 0, 1, 0]], dtype=uint8)
     """
-    y, x, steps = _grid(shape, pixel_size)
+    y, x, steps = _grid(shape, pixel_size, 16)
     _at_least("side", side, max(steps), "one pixel")
     return ((np.floor(y / side + _TIE) + np.floor(x / side + _TIE)) % 2).astype(np.uint8)
 
@@ -137,7 +140,7 @@ def step(
     >>> step((1, 4), 1e-9, position=1e-9)
     array([[0, 1, 1, 1]], dtype=uint8)
     """
-    y, x, (dy, dx) = _grid(shape, pixel_size)
+    y, x, (dy, dx) = _grid(shape, pixel_size, 2)
     across, length = (x, x.size * dx) if _is_x(axis) else (y, y.size * dy)
     edge = 0.5 * length if position is None else number("position", position, "m", above=0, below=length)
     labels = np.broadcast_to(across > edge, (y.size, x.size))
@@ -171,7 +174,7 @@ def gradient(shape: Sequence[int], *, start: float, stop: float, axis: Literal["
     >>> gradient((1, 5), start=1.0, stop=3.0)
     array([[1. , 1.5, 2. , 2.5, 3. ]])
     """
-    ny, nx = shape_pair(shape)
+    ny, nx = _sized(shape, 8)
     ends = number("start", start, "1"), number("stop", stop, "1")
     line = np.linspace(*ends, nx) if _is_x(axis) else np.linspace(*ends, ny)[:, None]
     return np.broadcast_to(line, (ny, nx)).copy()
@@ -224,12 +227,17 @@ def particles(
     >>> round(float(labels.mean()), 2)
     0.25
     """
-    y, x, (dy, dx) = _grid(shape, pixel_size)
+    y, x, (dy, dx) = _grid(shape, pixel_size, 1)
     sides = np.array([y.size * dy, x.size * dx])
     _at_least("radius", radius, max(dy, dx), "one pixel")
+    number("radius", radius, "m", maximum=WIDEST)
     number("area_fraction", area_fraction, "1", above=0, maximum=_DENSEST)
     number("spread", spread, "1", minimum=0, maximum=0.5)
+    if not isinstance(periodic, bool):
+        raise InputError("periodic", periodic, "True or False")
     rng = _generator(seed)
+    discs = area_fraction * float(sides.prod()) / (math.pi * radius**2)
+    check_fits(f"an image of {discs:.3g} discs", _DISC * discs, "Take fewer or larger discs.")
     radii = _radii(rng, radius, spread, area_fraction * float(sides.prod()))
     widest = 0.5 * (float(sides.min()) - max(dy, dx))
     if not radii.size:
@@ -270,7 +278,7 @@ def lamellae(
     fraction : float
         Part of the image with label 1 [1], above 0 and below 1; kept to one pixel.
     annealing : int
-        Steps of relaxation: 20 gives short broken lamellae, 200 long and well aligned ones.
+        Steps of relaxation: 20 gives short broken lamellae, 200 long and well aligned ones; at most 10 000.
     seed : int
         Same seed, same pattern.
 
@@ -293,10 +301,11 @@ def lamellae(
     >>> float(lamellae((64, 64), 2e-9, period=28e-9).mean())
     0.5
     """
-    ny_nx, sides = shape_pair(shape), pixel_pair(pixel_size)
+    ny_nx, sides = _sized(shape, 40), pixel_pair(pixel_size)
     _wave("period", period, ny_nx, sides)
     number("fraction", fraction, "1", above=0, below=1)
     whole("annealing", annealing, 1)
+    whole("annealing", annealing, 1, _LONGEST)
     wave = _wavenumber(ny_nx, sides) * period
     time, drive = 2.0, 0.3
     growth = np.exp(time * (drive - (1 - wave**2) ** 2))
@@ -351,7 +360,7 @@ def blend(
     >>> float(labels.mean())
     0.25
     """
-    ny_nx, sides = shape_pair(shape), pixel_pair(pixel_size)
+    ny_nx, sides = _sized(shape, 64), pixel_pair(pixel_size)
     _wave("spacing", spacing, ny_nx, sides)
     number("fraction", fraction, "1", minimum=0.05, maximum=0.95)
     wave = _wavenumber(ny_nx, sides) * spacing
@@ -417,7 +426,7 @@ def roughness(
     >>> round(float(z.std()) * 1e9, 12)
     0.5
     """
-    ny_nx, sides = shape_pair(shape), pixel_pair(pixel_size)
+    ny_nx, sides = _sized(shape, 32), pixel_pair(pixel_size)
     number("rms", rms, "m", minimum=0)
     number("hurst", hurst, "1", above=0, maximum=1)
     _at_least("correlation_length", correlation_length, max(sides), "one pixel")
@@ -430,9 +439,16 @@ def roughness(
     return z * (rms / deviation) if deviation else z
 
 
-def _grid(shape: Sequence[int], pixel_size: PixelSize) -> tuple[Field, Field, tuple[float, float]]:
-    """Return the pixel centres as a column y and a row x [m], and the pixel's (dy, dx)."""
-    (ny, nx), (dy, dx) = shape_pair(shape), pixel_pair(pixel_size)
+def _sized(shape: Sequence[int], per_pixel: int) -> tuple[int, int]:
+    """Return (ny, nx) of an image that takes so many bytes a pixel while it is made (measured), if there are."""
+    ny, nx = shape_pair(shape)
+    check_fits(f"to generate {ny} x {nx} pixels", float(ny) * nx * per_pixel)
+    return ny, nx
+
+
+def _grid(shape: Sequence[int], pixel_size: PixelSize, per_pixel: int) -> tuple[Field, Field, tuple[float, float]]:
+    """Return the pixel centres as a column y and a row x [m], and the pixel's (dy, dx); `per_pixel` is `_sized`'s."""
+    (ny, nx), (dy, dx) = _sized(shape, per_pixel), pixel_pair(pixel_size)
     y, x = (np.arange(n, dtype=np.float64) + 0.5 for n in (ny, nx))
     return (y * dy)[:, None], x * dx, (dy, dx)
 
@@ -452,7 +468,7 @@ def _wave(name: str, value: float, shape: tuple[int, int], sides: tuple[float, f
 
 
 def _is_x(axis: str) -> bool:
-    if axis not in {"x", "y"}:
+    if not isinstance(axis, str) or axis not in {"x", "y"}:
         raise InputError("axis", axis, "'x' or 'y'")
     return axis == "x"
 

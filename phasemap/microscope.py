@@ -68,6 +68,7 @@ class Tip:
 
     def __post_init__(self) -> None:
         number("tip radius", self.radius, "m", above=0)
+        number("tip radius", self.radius, "m", maximum=1.0)  # so that powers of it are finite
         if self.modulus is not None:
             number("tip modulus", self.modulus, "Pa", above=0)
         number("tip poisson_ratio", self.poisson_ratio, "1", above=-1, maximum=0.5)
@@ -123,6 +124,9 @@ class Microscope:
     tip: Tip
     drive: Drive
     interaction: Interaction = Interaction()
+
+    def __post_init__(self) -> None:
+        number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
 
     @property
     def frequency_ratio(self) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.blockwise import check_lazy, paint_lazily
-from phasemap.canvas import Canvas
+from phasemap.canvas import Canvas, check_image
 from phasemap.checkpoint import Checkpoint, paint_kept
 from phasemap.control import Control, Engage
 from phasemap.dataset import IN_TIME, check_variables, describe, provenance, variables_of
@@ -139,6 +139,8 @@ def simulate(
     names = check_variables(variables, variables_of(control))
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)
+    if not surface.lazy:
+        check_image(surface.shape, names, control.directions, workspace(realism))
     surface = drifted(surface, realism.drift)
     method = by_name(solver)
     place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.free_amplitude, workers_of(threads)
@@ -166,6 +168,11 @@ def simulate(
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     return finish(image, realism)
+
+
+def workspace(realism: Realism) -> int:
+    """Bytes a pixel that realism takes besides the image: copies of maps that drift, and of what is digitised."""
+    return 64 * any(realism.drift) + 32 * bool(realism.bits or realism.line_offset or realism.phase_offset)
 
 
 def _painted(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:

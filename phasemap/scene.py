@@ -13,12 +13,14 @@ import dataclasses
 import difflib
 import json
 import os
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from phasemap._files import size_of
 from phasemap.accuracy import Accuracy
 from phasemap.control import Control, Engage, Feedback, Raster
 from phasemap.errors import FileError, InputError, Word
@@ -45,6 +47,8 @@ TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
     "output",
 )  # fmt: skip
+LARGEST = 1 << 22  # byte of a scene file: maps that are larger are better kept in files of their own
+LONG_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII)
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
 
@@ -278,13 +282,28 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
 
 def _read_toml(path: Path) -> Table:
     """The tables of a TOML file."""
+    size = size_of(path, f"the scene {path}")
+    if size > LARGEST:
+        raise FileError(
+            f"cannot read the scene {path}: it has {size} bytes, {LARGEST} are allowed; keep maps in .npy or .nc files."
+        )
     try:
         with path.open("rb") as file:
-            return tomllib.load(file)
+            return _parsed(file.read(LARGEST).decode())
     except OSError as error:
         raise FileError(f"cannot read the scene {path}: {error.strerror}.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
+
+
+def _parsed(text: str) -> Table:
+    """The tables of TOML text; a `ValueError` for all that tomllib does not like, or cannot stand."""
+    if LONG_KEY.search(text):
+        raise ValueError("a key has more than 64 parts")  # which tomllib takes a time for that grows with their square
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("arrays or tables are nested too deeply") from None
 
 
 def with_override(tables: Table, override: str) -> Table:
@@ -312,7 +331,7 @@ def with_override(tables: Table, override: str) -> Table:
     """
     name, equals, text = override.partition("=")
     name = name.strip()
-    if not equals or "." not in name or not all(name.split(".")):
+    if not equals or "." not in name or not all(name.split(".")) or not _is_text(override):
         raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20e-9")
     try:
         return with_value(tables, name, value_of(text))
@@ -355,11 +374,20 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
     return changed
 
 
+def _is_text(text: str) -> bool:
+    """Whether Unicode has all of it: bytes of the command line that are no UTF-8 could not be kept in a file."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def value_of(text: str) -> Any:
     """Read text as one TOML value, and as itself where it is none."""
     try:
-        parsed = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+        parsed = _parsed(f"value = {text}")
+    except ValueError:
         return text
     return parsed["value"] if len(parsed) == 1 else text
 

@@ -20,7 +20,6 @@ With ``dilate = true`` every surface is seen with a tip of finite size, as `phas
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import warnings
 from collections.abc import Callable, Mapping
@@ -29,10 +28,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._check import number
-from phasemap.errors import FileError, InputError
+from phasemap._files import digest_of, size_of
+from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.material import Material
+from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
+    from importlib.machinery import ModuleSpec
+
     import numpy as np
 
     from phasemap.microscope import Tip
@@ -40,6 +43,8 @@ if TYPE_CHECKING:
 
 __all__ = ["build_surface", "dilate"]
 
+LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
+TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
 DILATION = ("dilate", "half_angle")  # keys of `dilate`; the makers of surfaces pass them over
 
@@ -141,23 +146,28 @@ class _Files:
         path = self.folder / name
         if name.startswith("package:"):
             package, _, inside = name.removeprefix("package:").partition("/")
-            spec = find_spec(package) if package.isidentifier() else None
+            spec = _installed(package)
             if spec is None or not spec.submodule_search_locations:
                 raise FileError(f"cannot read {name}: the package {package!r} is not installed.")
             path = Path(spec.submodule_search_locations[0], inside)
-        try:
-            self.digests[name] = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            raise FileError(f"cannot read {path}, named in [surface] {key}: {error.strerror}.") from error
+        what = f"{path}, named in [surface] {key}"
+        check_fits(what, size_of(path, what), "Take a smaller map.")
+        self.digests[name] = digest_of(path, what)
         return path
+
+
+def _installed(package: str) -> ModuleSpec | None:
+    """Where an installed package lies; it is not imported."""
+    try:
+        return find_spec(package) if package.isidentifier() else None
+    except ValueError:  # __main__, say, was not found as others are
+        return None
 
 
 def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: _Files, generator: Callable[..., np.ndarray] | None
 ) -> Surface:
     """A map of labels, given or generated, and the material of each."""
-    import numpy as np
-
     from phasemap.scene import check_keys, construct
     from phasemap.surface import Surface
 
@@ -179,7 +189,7 @@ def _from_labels(
         relief["topography"] = _map("topography", table["topography"], files, {**table, "shape": labels.shape})
     if "heights" in table:
         heights = _heights(table["heights"], list(chosen), labels)
-        relief["topography"] = heights + np.asarray(relief.get("topography", 0.0))
+        relief["topography"] = heights + _relief(relief.get("topography", 0.0), labels.shape)
     arguments = {"pixel_size": table["pixel_size"], **relief}
     return construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
 
@@ -265,6 +275,8 @@ def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> 
         raise InputError("[surface] shape", None, "(rows, columns), for a generated field has none of its own")
     check_keys(name, {**given, **value}, ("generator", *required, *optional), required)
     arguments = {argument: own for argument, own in value.items() if argument != "generator"}
+    for argument in given.keys() & arguments:
+        raise InputError(f"{name} {argument}", arguments[argument], "nothing, for it is that of the surface")
     return construct(name, arguments, generator, **given)
 
 
@@ -273,20 +285,36 @@ def _read_array(key: str, path: Path, variable: object) -> np.ndarray:
     import numpy as np
 
     readers: dict[str, Callable[[], np.ndarray]] = {
-        ".npy": lambda: np.load(path, allow_pickle=False),
+        ".npy": lambda: _read_npy(path),
         ".csv": lambda: np.loadtxt(path, delimiter=",", ndmin=2),
         ".txt": lambda: np.loadtxt(path, ndmin=2),
         ".nc": lambda: _read_variable(path, variable),
     }
     suffix = path.suffix.lower()
+    if suffix in (".csv", ".txt"):
+        check_fits(f"{path}, named in [surface] {key},", TEXT * path.stat().st_size, "Take a smaller map.")
     if suffix not in readers:
         raise InputError(f"[surface] {key}", path.name, "a file that ends in " + ", ".join(readers))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # loadtxt only warns of a file without numbers
             return readers[suffix]()
-    except (ValueError, EOFError, UserWarning) as error:
-        raise FileError(f"cannot read {path}, named in [surface] {key}: {str(error).rstrip('.')}.") from error
+    except PhasemapError:
+        raise
+    except Exception as error:  # numpy passes on what its parsers raise where a file is damaged
+        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+        raise FileError(f"cannot read {path}, named in [surface] {key}: {reason}.") from error
+
+
+def _read_npy(path: Path) -> np.ndarray:
+    """The array in a .npy file, not an archive, which `numpy.load` reads too and which may unpack to gigabytes."""
+    import numpy as np
+
+    values = np.load(path, allow_pickle=False)  # takes no memory for what is declared and not there
+    if not isinstance(values, np.ndarray):
+        values.close()
+        raise ValueError("it is an archive, not an array")
+    return values
 
 
 def _read_variable(path: Path, variable: object) -> np.ndarray:
@@ -305,12 +333,10 @@ def _as_labels(values: object) -> np.ndarray:
     """Whole numbers as integers: text files and netCDF with missing values have floats only."""
     import numpy as np
 
-    try:
-        labels = np.asarray(values)
-    except ValueError as error:
-        allowed = "a 2-D map of whole numbers"
-        raise InputError("[surface] labels", "a list of rows of unequal length", allowed) from error
-    if labels.dtype.kind == "f" and np.array_equal(labels, labels.round()):
+    from phasemap.surface import as_array
+
+    labels = as_array("[surface] labels", values, "a 2-D map of whole numbers")
+    if labels.dtype.kind == "f" and (np.abs(labels) < LARGEST).all() and (labels == labels.round()).all():
         return labels.astype(np.int64)
     return labels
 
@@ -325,6 +351,21 @@ def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndar
     for label, height in zip(labels, given, strict=True):
         heights[of_pixels == label] = number("[surface] heights", height, "m")
     return heights
+
+
+def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
+    """A topography to which the heights of labels can be added."""
+    import numpy as np
+
+    from phasemap.surface import as_array
+
+    relief = as_array("[surface] topography", given, "one number or a 2-D map")
+    if relief.dtype.kind not in "fiu" or relief.shape not in ((), shape):
+        found = f"{relief.dtype.name} of shape {relief.shape}"
+        raise InputError(
+            "[surface] topography", found, f"one number or a map of shape {shape}, that of the labels, in m"
+        )
+    return np.asarray(relief, np.float64)
 
 
 def _materials(names: object, materials: Mapping[str, Material]) -> list[Material]:

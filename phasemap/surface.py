@@ -18,6 +18,7 @@ from phasemap._check import in_words, number, pixel_pair, shape_pair
 from phasemap.errors import InputError, Word
 from phasemap.lazy import chunks_of, is_lazy, lazy_map
 from phasemap.material import Material
+from phasemap.memory import check_fits
 from phasemap.surface_dataset import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
 if TYPE_CHECKING:
@@ -108,6 +109,8 @@ class Surface:
         shape: Sequence[int] | None = None,
         allow_nan: bool = False,
     ) -> None:
+        if not isinstance(allow_nan, (bool, np.bool_)):
+            raise InputError("allow_nan", allow_nan, "True or False")
         if damping is None and viscosity is None:
             damping = 0.0
         elif damping is not None and viscosity is not None:
@@ -125,6 +128,9 @@ class Surface:
             for name, value in given.items()
             if value is not None
         }
+        for name in ("modulus", "adhesion", "poisson_ratio"):
+            if name not in maps:
+                raise InputError(name, None, "one number or a 2-D map")
         ny_nx = _common_shape(maps, shape)
         for name in given:
             one = maps.get(name)
@@ -177,15 +183,13 @@ class Surface:
         """
         if is_lazy(labels):
             return _from_lazy_labels(lazy_map("labels", labels, int), materials, pixel_size, topography)
-        try:
-            label_map = np.asarray(labels)
-        except ValueError:
-            raise InputError("labels", "a list of rows of unequal length", "a 2-D map of whole numbers") from None
+        label_map = as_array("labels", labels, "a 2-D map of whole numbers")
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
         if label_map.dtype.kind not in "iub":
             raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
         names, table, viscous = _material_table(materials)
+        _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         index = _positions(label_map, names)
         used = np.bincount(index.reshape(-1), minlength=len(names)) > 0
         first, merged = _factorise(list(table[used].T))
@@ -490,17 +494,16 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
     quantity = QUANTITIES[name]
     if isinstance(value, np.ma.MaskedArray):
-        value = np.ma.filled(value.astype(np.float64), np.nan)
-    try:
-        given = np.asarray(value)
-    except ValueError:
-        raise InputError(name, "a list of rows of unequal length", "one number or a 2-D map") from None
+        value = _unmasked(name, value)
+    given = as_array(name, value, "one number or a 2-D map")
     if given.ndim == 0:
         return _read_only(np.array(number(name, given.item(), quantity.unit, **quantity.bounds)))
     if given.ndim != 2 or not given.size:
         raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
     if given.dtype.kind not in "fiu":
         raise InputError(f"type of {name}", given.dtype.name, "real numbers")
+    if not _is_uniform(given):
+        _check_map(name, given, 8)
     full = (given[:1, :1] if _is_uniform(given) else given).astype(np.float64, order="C", copy=False)
     if full is given and not _is_frozen(full):
         full = full.copy()
@@ -515,6 +518,36 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     if not low < high and (bits == bits[0, 0]).all():
         return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)
     return _read_only(full)
+
+
+def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
+    """Return what the user gave as an array of whatever type.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        return np.asarray(value)
+    except (MemoryError, RecursionError):
+        raise
+    except Exception:  # ValueError mostly; what other libraries' arrays raise is theirs
+        raise InputError(name, "a list of rows of unequal length", allowed) from None
+
+
+def _unmasked(name: str, value: np.ma.MaskedArray[Any, Any]) -> NDArray[Any]:
+    """Return a masked array with NaN where it is masked."""
+    if value.dtype.kind not in "fiu":
+        raise InputError(f"type of {name}", value.dtype.name, "real numbers")
+    _check_map(name, value, 8)
+    return np.asarray(np.ma.filled(value.astype(np.float64), np.nan))
+
+
+def _check_map(name: str, given: NDArray[Any], per_pixel: int) -> None:
+    """Refuse a map that would not fit into memory; one that numpy repeats (`broadcast_to`) may be of any size."""
+    ny, nx = given.shape[-2:] if given.ndim > 1 else (1, given.size)
+    check_fits(f"{name} with {ny} x {nx} pixels", float(given.size) * per_pixel, "Take fewer pixels, or one number.")
 
 
 def _inside(value: Any, quantity: Quantity) -> Any:

@@ -48,7 +48,9 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     if is_lazy(variable):
         return variable.data if exponent == 0 else _scaled(variable.data.astype(np.float64), exponent)
     values: FloatArray = variable.to_numpy()
-    return values if exponent == 0 else _frozen(_scaled(values.astype(np.float64), exponent))
+    if exponent == 0 or values.dtype.kind not in "fiu":  # which `Surface` refuses
+        return values
+    return _frozen(np.asarray(_scaled(values.astype(np.float64), exponent)))
 
 
 def coordinate_step(dataset: xr.Dataset, dim: str) -> float:
@@ -59,7 +61,11 @@ def coordinate_step(dataset: xr.Dataset, dim: str) -> float:
             [str(name) for name in dataset.coords],
             f"a list that has {dim!r} in it, the position of the pixel centres in m",
         )
-    values = dataset[dim].to_numpy().astype(np.float64)
+    positions = dataset[dim].to_numpy()
+    if positions.dtype.kind not in "fiu" or not positions.size:
+        found = f"{positions.size} values of type {positions.dtype.name}"
+        raise InputError(f"coordinate {dim}", found, "positions of the pixel centres, numbers in m")
+    values = positions.astype(np.float64)
     steps = np.diff(values)
     if steps.size and not (steps > 0).all():
         raise InputError(f"coordinate {dim}", "not increasing", "positions that increase from the image's top left")
@@ -86,7 +92,8 @@ def _exponent(variable: xr.DataArray, name: str, quantity: Quantity) -> int:
 
 def _scaled(value: Any, exponent: int) -> Any:
     """Multiply by a power of ten, rounded once."""
-    return value * 10.0**exponent if exponent >= 0 else value / 10.0**-exponent
+    with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+        return value * 10.0**exponent if exponent >= 0 else value / 10.0**-exponent
 
 
 def centres(count: int, step: float) -> FloatArray:

@@ -74,7 +74,8 @@ def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
     [0.0, 1000000000.0]
     """
     tip_compliance = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
-    stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * tip_compliance)
+    with np.errstate(all="ignore"):  # what is not finite has a status of its own
+        stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * tip_compliance)
     return stiffness
 
 

@@ -73,7 +73,9 @@ class Interaction:
         if self.decay_length is not None:
             number("decay_length", self.decay_length, "m", above=0)
         number("damping_exponent", self.damping_exponent, "1", minimum=0)
+        number("damping_exponent", self.damping_exponent, "1", maximum=100)
         number("bias", self.bias, "V")
+        number("bias", self.bias, "V", minimum=-1e100, maximum=1e100)  # which can be squared
         self.law.beside(self.decay_length)
 
     @property
@@ -193,15 +195,16 @@ class Interaction:
                     "contact", law.name, "a law whose methods run", f"It raised {type(error).__name__}: {error}."
                 ) from error
         reach: tuple[np.ndarray | float, ...] = ()
-        if self.bias:
-            reach = Biased.columns(pull, self.decay_length, self.bias, radius)
-            rows[:, BIAS] = Biased.at_contact(self.decay_length, self.bias, radius)
-        elif self.decay_length is not None:
-            reach = InverseSquare.columns(pull, self.decay_length)
-        for j, column in enumerate(reach):
-            rows[:, 4 + j] = column
-        for j, column in enumerate(PowerLawDamping.columns(damping, radius, self.damping_exponent)):
-            rows[:, 8 + j] = column
+        with np.errstate(all="ignore"):  # as above
+            if self.bias:
+                reach = Biased.columns(pull, self.decay_length, self.bias, radius)
+                rows[:, BIAS] = Biased.at_contact(self.decay_length, self.bias, radius)
+            elif self.decay_length is not None:
+                reach = InverseSquare.columns(pull, self.decay_length)
+            for j, column in enumerate(reach):
+                rows[:, 4 + j] = column
+            for j, column in enumerate(PowerLawDamping.columns(damping, radius, self.damping_exponent)):
+                rows[:, 8 + j] = column
         return rows
 
     def _try(self, rows: np.ndarray) -> None:

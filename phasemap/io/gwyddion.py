@@ -15,12 +15,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap.errors import FileError, PhasemapError
+from phasemap.io.container import check_container
+from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     import numpy as np
 
 __all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
 
+PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
+COPIES = 4  # of a .gwy file in memory while it is read
 MASKED = "masked pixels have no value"
 """Said by the metadata of a .gwy file whose masks hide pixels, rather than mark some that the user chose."""
 
@@ -105,31 +109,43 @@ def load_channels(path: Path) -> list[Channel]:
         raise FileError(f"cannot read {path}: there is no such file.")
     if not path.stat().st_size:
         raise FileError(f"cannot read {path}: it is empty.")
+    import numpy as np
+
     reader = extra("gwyddionpy", "reading measured files", "read")
     native = path.suffix.lower() == ".gwy"
+    with path.open("rb") as file:
+        if file.read(8).startswith(PICTURES):
+            raise FileError(f"cannot use {path}: it is a picture, which has no units.")
     try:
         with tempfile.TemporaryDirectory() as folder:
             converted = path if native else Path(folder, "converted.gwy")
             if not native:
                 reader.run_converter(path, converted)
+            check_fits(f"{path}, read,", COPIES * converted.stat().st_size, "Take a smaller part of the image.")
+            if native:
+                check_container(path.read_bytes())
             found = list(reader.parse_gwy(converted).channels.values())
             masks = _masks(converted, native)
+            with np.errstate(all="ignore"):  # of bytes that are no numbers
+                data = [_without(one.data, mask) * _volts(one) for one, mask in zip(found, masks, strict=True)]
     except reader.ConverterNotFoundError as error:
         raise PhasemapError(
             'reading measured files needs the package "gwyddionpy-converter": run pip install "afm-phasemap[read]".'
         ) from error
-    except (reader.GwyddionPyError, OSError, ValueError) as error:
+    except PhasemapError:
+        raise
+    except Exception as error:  # the readers pass on what they meet where a file is damaged
         raise FileError(f"cannot read {path}: {_reason(str(error))}.") from error
     channels = [
         Channel(
             one.name,
-            _without(one.data, mask) * _volts(one),
+            own,
             one.si_unit_z,
             one.si_unit_xy,
             (one.yreal, one.xreal),
             {key: _repaired(value) for key, value in one.meta.items()},
         )
-        for one, mask in zip(found, masks, strict=True)
+        for one, own in zip(found, data, strict=True)
         if one.meta.get("Scan Line") != "Interleave"
     ]
     if not channels:

@@ -265,9 +265,12 @@ def on_one_turn(phase: np.ndarray) -> np.ndarray:
 
 def _channels(image: xr.Dataset) -> list[str]:
     """Names of all channels of the file, or of the variables where there was none."""
-    chosen = json.loads(image.attrs.get("channels", "{}"))
-    others = json.loads(image.attrs.get("other_channels", "[]"))
-    return [name for names in chosen.values() for name in names] + others or [str(name) for name in image.data_vars]
+    try:
+        chosen = json.loads(image.attrs.get("channels", "{}"))
+        others = json.loads(image.attrs.get("other_channels", "[]"))
+        return [name for names in chosen.values() for name in names] + others or [str(name) for name in image.data_vars]
+    except (AttributeError, RecursionError, TypeError, ValueError):  # no list that phasemap wrote
+        return [str(name) for name in image.data_vars]
 
 
 def _align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -76,9 +76,15 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     try:
         told = json.loads(attrs["configuration"])
         lever, drive = told["microscope"]["cantilever"], told["microscope"]["drive"]
-        setpoint, control = told["setpoint"], told["control"]
-    except (KeyError, TypeError, ValueError):
+        return _of_tables(lever, drive, told["setpoint"], told["control"], "levelled" in attrs)
+    except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return {}  # the attribute may be there and be somebody else's
+
+
+def _of_tables(
+    lever: Mapping[str, Any], drive: Mapping[str, Any], setpoint: Any, control: Mapping[str, Any], levelled: bool
+) -> dict[str, float]:
+    """The canonical values of a configuration."""
     resonance, quality = lever["resonance_frequency"], lever["quality_factor"]
     frequency = drive["frequency"] or resonance
     scan = ScanData()
@@ -94,7 +100,7 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
         integral_gain=control.get("integral_gain"),
         phase_zero=math.degrees(math.atan2(quality * (resonance / frequency - frequency / resonance), 1.0)),
     )
-    if "levelled" in attrs:
+    if levelled:
         del scan.values["phase_zero"]
     return scan.values
 

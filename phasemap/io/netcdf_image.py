@@ -76,10 +76,12 @@ def read_netcdf(path: Path) -> xr.Dataset:
 
 def _converted(path: Path, ds: xr.Dataset, name: str, units: dict[str, tuple[float, str]], what: str) -> xr.Dataset:
     """The dataset with a variable in the unit it should have."""
-    found = ds[name].attrs.get("units")
+    values, found = ds[name], ds[name].attrs.get("units")
+    if values.dtype.kind not in "fiu" or not values.size or (name in ds.coords and values.dims != (name,)):
+        raise FileError(f"cannot use {path}: {name} is {values.dtype.name} over {values.dims}, not {what}.")
     if found is None:
         return ds
-    if found not in units:
+    if not isinstance(found, str) or found not in units:
         raise FileError(f"cannot use {path}: {name} is in {found!r}, not {what}.")
     factor, unit = units[found]
     if factor == 1.0 and unit == found:

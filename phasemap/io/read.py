@@ -187,7 +187,8 @@ def _assemble(
         for channel in group.values():
             _check_unit(path, channel, KINDS[kind])
         factor, unit = KINDS[kind].units[next(iter(group.values())).unit]
-        data = np.stack([channel.data * factor for channel in group.values()])
+        with np.errstate(all="ignore"):  # of bytes that are no numbers
+            data = np.stack([channel.data * factor for channel in group.values()])
         if kind == "phase":
             data = on_one_turn(data)
         attrs = {"long_name": KINDS[kind].long_name, "units": unit}
@@ -196,6 +197,8 @@ def _assemble(
     for dim, pixels, length, exact in zip(("y", "x"), first.data.shape, first.size, size or first.size, strict=True):
         if math.isclose(length * (pixels - 1), exact * pixels, rel_tol=SAME_STEP):  # else cut in Gwyddion
             length = exact
+        if not 0 < length < math.inf:
+            raise FileError(f"cannot use {path}: the size of the image along {dim} is {length:g} m.")
         coords[dim] = (dim, (np.arange(pixels) + 0.5) * (length / pixels), {"units": "m"})
     return xr.Dataset(variables, coords)
 

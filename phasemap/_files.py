@@ -1,0 +1,64 @@
+"""Files that users name: only those are opened that are there, end, and are no pipe or device."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+
+from phasemap.errors import FileError
+
+PIECE = 1 << 20  # byte
+
+
+def size_of(path: str | os.PathLike[str], what: str) -> int:
+    """Size of a file that may be read [byte].
+
+    Parameters
+    ----------
+    path : path-like
+    what : str
+        The file, in the words of an error.
+
+    Raises
+    ------
+    FileError
+        If there is none, or it is no file: a pipe would be waited for, a device may never end.
+
+    Examples
+    --------
+    >>> size_of("nowhere.npy", "nowhere.npy, named in [surface] modulus")
+    Traceback (most recent call last):
+    ...
+    phasemap.errors.FileError: cannot read nowhere.npy, named in [surface] modulus: No such file or directory.
+    """
+    try:
+        about = os.stat(path)
+    except (OSError, ValueError) as error:  # ValueError: a null byte
+        raise FileError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}.") from error
+    if not stat.S_ISREG(about.st_mode):
+        raise FileError(f"cannot read {what}: it is a folder, a device or a pipe, not a file.")
+    return about.st_size
+
+
+def digest_of(path: str | os.PathLike[str], what: str) -> str:
+    """The SHA-256 of a file, read piece by piece.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, or goes on beyond its size, as files of the system may.
+    """
+    left, digest = size_of(path, what), hashlib.sha256()
+    try:
+        with open(path, "rb") as file:
+            while piece := file.read(PIECE):
+                digest.update(piece)
+                left -= len(piece)
+                if left < 0:
+                    raise FileError(f"cannot read {what}: it is longer than its size says.")
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"cannot read {what}: {error.strerror}.") from error
+    return digest.hexdigest()

@@ -1,0 +1,144 @@
+"""How much memory there is, and a sentence with the numbers where something would not fit, before it is allocated.
+
+What is free is the least of what the system has, what a control group (a container, a batch job) leaves, and what
+``ulimit -v`` leaves. The environment variable ``PHASEMAP_MEMORY`` says otherwise, in bytes: ``PHASEMAP_MEMORY=64e9``.
+Where neither is known, nothing is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from phasemap.errors import InputError, TooLargeError
+
+__all__ = ["VARIABLE", "available", "check_fits", "in_words"]
+
+VARIABLE = "PHASEMAP_MEMORY"
+GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
+
+
+def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> None:
+    """Refuse what needs more memory than is free.
+
+    Parameters
+    ----------
+    what : str
+        In words, ``"an image of 512 x 512 pixels"``.
+    size : float
+        What it needs [byte].
+    advice : str
+        What would need less.
+
+    Raises
+    ------
+    TooLargeError
+        If it does not fit; the sentence has both numbers.
+
+    Examples
+    --------
+    >>> check_fits("an image of 10 x 10 pixels", 800)
+    """
+    if size < 1 << 20:  # which is not worth a look
+        return
+    free = available()
+    if free is not None and size > free:
+        said = f"{what} needs {in_words(size)} of memory, and {in_words(free)} are free."
+        raise TooLargeError(f"{said} {advice} {VARIABLE}, in bytes, sets another limit.")
+
+
+def available() -> float | None:
+    """Memory that may be taken [byte], or None where nothing is known.
+
+    Raises
+    ------
+    InputError
+        If ``PHASEMAP_MEMORY`` is no number of bytes.
+
+    Examples
+    --------
+    >>> (available() or 1) > 0
+    True
+    """
+    told = os.environ.get(VARIABLE)
+    if told is None:
+        return min([*_of_system(), *_of_groups(), *_of_process()], default=None)
+    try:
+        limit = float(told)
+    except ValueError:
+        limit = math.nan
+    if not limit > 0:
+        raise InputError(f"the environment variable {VARIABLE}", told, "a number of bytes above 0")
+    return limit
+
+
+def in_words(size: float) -> str:
+    """A number of bytes, with the prefix that suits it.
+
+    Examples
+    --------
+    >>> in_words(2.88e12), in_words(640)
+    ('2.88 TB', '640 B')
+    """
+    power = min(int(math.log10(size)) // 3, 8) if 1 <= size < math.inf else 0
+    return f"{size / 1000**power:.3g} {['', 'k', 'M', 'G', 'T', 'P', 'E', 'Z', 'Y'][power]}B"
+
+
+def _of_system() -> Iterator[float]:
+    """What the machine has: what is free on Linux, all there is elsewhere."""
+    fields = _fields(Path("/proc/meminfo"))
+    if "MemAvailable:" in fields:
+        yield 1024 * fields["MemAvailable:"]
+        return
+    try:
+        yield float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):  # not on Windows
+        return
+
+
+def _of_groups() -> Iterator[float]:
+    """What the control groups of this process leave, each within the next; the cache of files does not count."""
+    for line in _text(Path("/proc/self/cgroup")).splitlines():
+        _, kinds, name = line.split(":", 2)
+        if kinds not in ("", "memory"):
+            continue
+        root = GROUPS / kinds
+        limit, use = (
+            ("memory.max", "memory.current") if not kinds else ("memory.limit_in_bytes", "memory.usage_in_bytes")
+        )
+        group = root / name.strip("/")
+        for folder in (group, *group.parents):
+            most, used = (_text(folder / file).strip() for file in (limit, use))
+            if most.isdecimal() and used.isdecimal():
+                cache = _fields(folder / "memory.stat").get("inactive_file", 0.0)
+                yield max(float(most) - float(used) + cache, 0.0)
+            if folder == root:
+                break
+
+
+def _of_process() -> Iterator[float]:
+    """What a limit of the address space leaves."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    pages = _text(Path("/proc/self/statm")).split()
+    if limit != resource.RLIM_INFINITY and pages:
+        yield max(float(limit - int(pages[0]) * os.sysconf("SC_PAGE_SIZE")), 0.0)
+
+
+def _fields(path: Path) -> dict[str, float]:
+    """The numbers of a file that has a name and a number in each line."""
+    rows = (line.split() for line in _text(path).splitlines())
+    return {row[0]: float(row[1]) for row in rows if len(row) > 1 and row[1].isdecimal()}
+
+
+def _text(path: Path) -> str:
+    """What a file of the system says; nothing where there is none."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return ""
