@@ -29,17 +29,30 @@ def patience() -> Iterator[Callable[[], None]]:
         timer.cancel()
 
 
-class Abandoned(KeyboardInterrupt):
-    """Ctrl-C while work goes on in the background, for compiled code cannot be interrupted: end the process."""
+class EndlessError(Exception):
+    """Work that did not end in its time."""
 
 
-def interruptible(task: Callable[[], T]) -> T:
-    """Return what the task does, or stop waiting for it at Ctrl-C, whatever it is doing.
+_left: list[threading.Thread] = []  # threads nobody waits for any more
+
+
+def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
+    """Return what the task does, or stop waiting for it, whatever it is doing.
+
+    Compiled code cannot be interrupted: it goes on in the background, and `still_busy` says so.
+
+    Parameters
+    ----------
+    task : callable
+    limit : float, optional
+        How long to wait [s].
 
     Raises
     ------
-    Abandoned
+    KeyboardInterrupt
         At Ctrl-C.
+    EndlessError
+        After the limit.
     """
     done: list[T] = []
     failed: list[BaseException] = []
@@ -53,12 +66,20 @@ def interruptible(task: Callable[[], T]) -> T:
     worker = threading.Thread(target=work, daemon=True)
     worker.start()
     try:
-        worker.join()
-    except KeyboardInterrupt:
-        raise Abandoned from None
+        worker.join(limit)
+        if worker.is_alive():
+            raise EndlessError
+    except BaseException:
+        _left.append(worker)
+        raise
     if failed:
         raise failed[0]
     return done[0]
+
+
+def still_busy() -> bool:
+    """Whether something goes on in the background: end the process by `os._exit`, or it waits for that, or crashes."""
+    return any(worker.is_alive() for worker in _left)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from phasemap import cli_check, cli_compare, cli_contrast, cli_invert, cli_measured, cli_run, cli_sweep
-from phasemap._console import INTERRUPTED, Abandoned, starting
+from phasemap._console import INTERRUPTED, starting, still_busy
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -85,6 +85,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
         arguments.overrides += rest
+    code = _called(arguments)
+    if still_busy():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _called(arguments: argparse.Namespace) -> int:
+    """Call the command, and say what it raises; the exit code."""
     try:
         return arguments.command(arguments) or 0
     except PhasemapError as error:
@@ -94,9 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _complain("not enough memory; simulate fewer pixels.")
     except KeyboardInterrupt as stopped:
-        print(f"phasemap: interrupted; {str(stopped) or 'nothing was written'}.", file=sys.stderr, flush=True)
-        if isinstance(stopped, Abandoned):
-            os._exit(INTERRUPTED)  # or Python would wait for threads that run compiled code
+        print(f"phasemap: interrupted; {str(stopped) or 'nothing was written'}.", file=sys.stderr)
         return INTERRUPTED
 
 

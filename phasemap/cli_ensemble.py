@@ -77,8 +77,8 @@ def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress
 
     try:
         yield progress
-    except KeyboardInterrupt as stopped:
-        raise type(stopped)(kept) from None
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(kept) from None
 
 
 @contextmanager

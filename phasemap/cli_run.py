@@ -51,9 +51,9 @@ def run(arguments: argparse.Namespace) -> None:
     try:
         image = _simulated(scene, arguments, parts)
         save(image, output, arguments.overwrite)
-    except KeyboardInterrupt as stopped:
+    except KeyboardInterrupt:
         kept = f"what is done is kept in {parts}; run the same command again to go on"
-        raise type(stopped)(kept if parts.exists() else "") from None
+        raise KeyboardInterrupt(kept if parts.exists() else "") from None
     discard(parts)
     if not arguments.quiet:
         _print_summary(scene, image)

@@ -15,7 +15,7 @@ import numpy as np
 
 from phasemap.dataset import provenance
 from phasemap.errors import FileError, InputError, PhasemapError
-from phasemap.io.netcdf import COMPRESSION_LEVEL, replacing
+from phasemap.io.netcdf import COMPRESSION_LEVEL, opened, replacing
 
 if TYPE_CHECKING:
     import netCDF4
@@ -168,10 +168,8 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
 
 def _opened(file: Path) -> netCDF4.Dataset:
     """A part, open for reading, with its values as they are."""
-    import netCDF4
-
     try:
-        source = netCDF4.Dataset(file)
+        source = opened(file)
     except Exception as error:  # as in _read
         raise _damaged(file) from error
     source.set_auto_maskandscale(False)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,8 @@ import xarray as xr
 import phasemap as pm
 from phasemap.errors import FileError
 from phasemap.io import netcdf
+
+DATA = Path(__file__).parent / "data"
 
 
 @pytest.fixture
@@ -122,3 +127,30 @@ def test_a_damaged_or_foreign_file_is_refused_in_one_sentence(image: xr.Dataset,
         netcdf.load(tmp_path / "nowhere.nc")
     with pytest.raises(FileError, match="it is not a file"):
         netcdf.load(tmp_path)
+
+
+def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_writes_is_not(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    host = netcdf._host()
+    dead, alive, elsewhere, other = (
+        tmp_path / name
+        for name in (
+            f".image.{host}-{gone.pid}.tmp.nc", f".image.{host}-{os.getppid()}.tmp.nc", f".image.else-{gone.pid}.tmp.nc",
+            f".other.{host}-{gone.pid}.tmp.nc",
+        )
+    )  # fmt: skip
+    for file in (dead, alive, elsewhere, other):
+        file.touch()
+    netcdf.save(xr.Dataset({"phase": 1.0}), tmp_path / "image.nc")
+    assert {*tmp_path.iterdir()} == {alive, elsewhere, other, tmp_path / "image.nc"}
+
+
+def test_a_damaged_file_that_the_library_never_finishes_is_given_up(tmp_path: Path) -> None:
+    # Found by tests/fuzz: HDF5 1.14 searches this file for ever; another version may refuse it at once.
+    code = (
+        "import sys; from phasemap import cli; from phasemap.io import netcdf; netcdf.LIMIT = 1; sys.exit(cli.main())"
+    )
+    command = [sys.executable, "-c", code, "plot", str(DATA / "endless.nc"), "-o", str(tmp_path / "picture.png")]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 2 and re.fullmatch(r"phasemap: cannot read .*endless\.nc: .*damaged.*\n", run.stderr)
