@@ -102,7 +102,7 @@ def interrupted(scene: list[str], stop: signal.Signals, folder: Path, draw: rand
             time.sleep(draw.uniform(0.0, 6.0))
             os.killpg(process.pid, stop)
             said = process.communicate()[1]
-        if stop == signal.SIGINT and process.returncode != 0:
+        if stop == signal.SIGINT and not output.exists():
             wrong += complaint(process.returncode, 130, said)
         if output.exists():
             break

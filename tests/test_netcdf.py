@@ -133,13 +133,10 @@ def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_writes_is_n
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     host = netcdf._host()
-    dead, alive, elsewhere, other = (
-        tmp_path / name
-        for name in (
-            f".image.{host}-{gone.pid}.tmp.nc", f".image.{host}-{os.getppid()}.tmp.nc", f".image.else-{gone.pid}.tmp.nc",
-            f".other.{host}-{gone.pid}.tmp.nc",
-        )
-    )  # fmt: skip
+    dead = tmp_path / f".image.{host}-{gone.pid}.tmp.nc"
+    alive = tmp_path / f".image.{host}-{os.getppid()}.tmp.nc"
+    elsewhere = tmp_path / f".image.else-{gone.pid}.tmp.nc"
+    other = tmp_path / f".other.{host}-{gone.pid}.tmp.nc"
     for file in (dead, alive, elsewhere, other):
         file.touch()
     netcdf.save(xr.Dataset({"phase": 1.0}), tmp_path / "image.nc")
