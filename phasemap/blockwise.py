@@ -1,36 +1,38 @@
 """Images of surfaces whose maps are Dask arrays: the same numbers, block by block and only when they are asked for.
 
-The survey of the surface is a task for each block, joined in a tree; the plan of the image is one task; and each block
-is painted by one more. Where a control carries a state the blocks are whole lines and each waits for the one above it.
+The survey of the surface is a task for each block, joined in a tree; the plan of the image is one task; and each part
+of it is painted by one more. The blocks of the maps are computed twice, for the survey and again after the plan, so
+that none is kept in between. Where a tip goes along lines, parts are whole lines; where it carries a state from line to
+line, each waits for the one above, and a row of blocks is not computed before the tip has left the row above it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import uuid
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial, reduce
+from operator import getitem
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap.blocks import Maps, Part
 from phasemap.canvas import Canvas, image_of, joined_notes
 from phasemap.dataset import FLAGS
 from phasemap.errors import InputError, Word
 from phasemap.job import Job
-from phasemap.lazy import chunks_of, is_lazy
 from phasemap.painting import Stretch, paint_part, painter_of, plan_image
 from phasemap.realism import Realism
 from phasemap.surface import Surface
-from phasemap.surface_dataset import QUANTITIES
 from phasemap.survey import Place, Survey, survey
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = np.ndarray
-Chunks = tuple[tuple[int, ...], tuple[int, ...]]
-Blocks = list[tuple[Place, list[Any]]]  # where each lies, and its maps, rows of blocks one after the other
+Key = tuple[str, int] | str
+Painting = tuple[dict[str, Array], dict[str, float], Any]  # variables, what the control found out, the tip's state
 
-LINES = 1 << 20  # pixels of a block where blocks are whole lines, at least one line
 FAN = 16  # surveys that are joined at a time
 
 
@@ -75,64 +77,61 @@ def paint_lazily(job: Job) -> xr.Dataset:
     InputError
         If Dask is not there.
     """
-    delayed, _ = _dask()
-    chunks = _chunks(job)
-    blocks = list(_blocks(job.surface, chunks))
-    tiny = delayed(replace(job, surface=_placeholder(job.surface)))
-    most = painter_of(job.control).most(job)
-    stretches = delayed(plan_image)(tiny, _surveyed([delayed(_survey)(tiny, most, *block) for block in blocks], most))
-    paint, state = delayed(_paint, nout=3), None
-    painted = []
-    for place, maps in blocks:
-        arrays, notes, left = paint(tiny, stretches, state, place, maps)
-        state = left if job.control.carried else None
-        painted.append((arrays, notes))
-    image = image_of(job.surface, _variables(job, chunks, [arrays for arrays, _ in painted]), job.control.directions)
-    return image.assign(_notes(job, [notes for _, notes in painted]))
-
-
-def _dask() -> tuple[Any, Any]:
-    """`dask.delayed`, for tasks that are never the same as others, and `dask.array`."""
     try:
-        import dask.array
+        import dask.array as da
         from dask.delayed import delayed
     except ImportError as error:
         raise InputError("surface", Word("in Dask arrays"), "maps in memory", f"Dask is not whole: {error}.") from error
-    return delayed, dask.array
+    tiny = delayed(replace(job, surface=_placeholder(job.surface)), traverse=False)
+    maps = Maps.of(job.surface)
+    painted = _painted(job, tiny, maps, _planned(job, tiny, maps))
+    directions = job.control.directions
+    front = (0,) if directions else ()
+    chunks = (*((len(directions),) for _ in front), *painted.chunks)
+    variables = {}
+    for name in job.names:
+        token = _token(name)
+        tasks = {(token, *front, *at): (getitem, (getitem, key, 0), name) for at, key in painted.keys.items()}
+        graph = _graph(token, tasks, [painted.last])
+        variables[name] = da.Array(graph, token, chunks, np.int8 if name in FLAGS else np.float64)
+    return image_of(job.surface, variables, directions).assign(_notes(job, painted))
 
 
-def _chunks(job: Job) -> Chunks:
-    """Heights and widths of the blocks: those of the first lazy map, or whole lines where a tip goes along them."""
-    first = next(value for name in QUANTITIES if is_lazy(value := getattr(job.surface, name)))
-    rows, columns = chunks_of(first)
-    if not job.control.directions:
-        return rows, columns
-    ny, nx = job.surface.shape
-    height = min(max(LINES // nx, 1), max(rows))
-    return tuple(min(height, ny - top) for top in range(0, ny, height)), (nx,)
+class Painted(NamedTuple):
+    """Tasks that paint an image and give a `Painting` of each part.
+
+    Attributes
+    ----------
+    keys : dict
+        Their keys, by the number of the part from the top and from the left.
+    chunks : (tuple of int, tuple of int)
+        Heights and widths of the parts.
+    last : Delayed
+        Of the last of them, whose graph has all others in it.
+    """
+
+    keys: dict[tuple[int, int], Key]
+    chunks: tuple[tuple[int, ...], tuple[int, ...]]
+    last: Any
 
 
-def _blocks(surface: Surface, chunks: Chunks) -> Iterator[tuple[Place, list[Any]]]:
-    """Where the blocks lie, and their maps: numbers, parts of arrays in memory, or tasks."""
-    maps = [getattr(surface, name) for name in QUANTITIES]
-    grids = [value.rechunk(chunks).to_delayed() if is_lazy(value) else None for value in maps]
-    top = 0
-    for i, height in enumerate(chunks[0]):
-        left = 0
-        for j, width in enumerate(chunks[1]):
-            cut = np.s_[top : top + height, left : left + width]
-            parts = [
-                value if value is None else _part(value[cut]) if grid is None else grid[i, j]
-                for value, grid in zip(maps, grids, strict=True)
-            ]
-            yield Place(top, left, surface.shape), parts
-            left += width
-        top += height
+def _token(name: str) -> str:
+    """A name that no other task has, of this process or another."""
+    return f"phasemap-{name.replace('_', '')}-{uuid.uuid4().hex}"
 
 
-def _part(values: Array) -> Array | float:
-    """Part of a map in memory; one number where it is the same everywhere."""
-    return float(values[0, 0]) if not any(values.strides) else values
+def _graph(name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
+    """Tasks on top of those of collections."""
+    from dask.highlevelgraph import HighLevelGraph
+
+    return HighLevelGraph.from_collections(name, tasks, below)
+
+
+def _one(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
+    """One of these tasks, on top of those of collections."""
+    from dask.delayed import Delayed
+
+    return Delayed(key, _graph(name, tasks, below), layer=name)
 
 
 def _placeholder(surface: Surface) -> Surface:
@@ -141,72 +140,76 @@ def _placeholder(surface: Surface) -> Surface:
     return Surface(1.0, **loss, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
 
 
-def _surface(job: Job, place: Place, maps: list[Any]) -> Surface:
-    """The surface of a block."""
-    shape = next(value.shape for value in maps if isinstance(value, np.ndarray))
-    given = dict(zip(QUANTITIES, maps, strict=True))
-    try:
-        return Surface(**given, pixel_size=job.surface.pixel_size, shape=shape, allow_nan=job.surface.allow_nan)
-    except InputError as error:
-        where = f"Counted from row {place.row}, column {place.column} of the image, where this block begins."
-        raise InputError(error.name, error.value, error.allowed, f"{error.hint} {where}".strip()) from error
+def _planned(job: Job, tiny: Any, maps: Maps) -> Any:
+    """The plan of the image, after a survey of each block."""
+    most, token, joined = painter_of(job.control).most(job), _token("survey"), _token("join")
+    tasks: dict[Any, Any] = {}
+    for part in (part for beside in maps.parts() for part in beside):
+        tasks[token, len(tasks)] = (partial(_survey, most, part.place, part.lines), tiny.key, part.pieces)
+    keys = list(tasks)
+    while len(keys) > 1:
+        groups = [keys[i : i + FAN] for i in range(0, len(keys), FAN)]
+        keys = [(joined, len(tasks) + n) for n in range(len(groups))]
+        tasks |= {key: (partial(_join, most), group) for key, group in zip(keys, groups, strict=True)}
+    plan = _token("plan")
+    tasks[plan] = (plan_image, tiny.key, keys[0])
+    return _one(plan, token, tasks, [tiny, *maps.lazy])
 
 
-def _survey(job: Job, most: int, place: Place, maps: list[Any]) -> Survey:
-    return survey(_surface(job, place, maps), most, place)
+def _survey(most: int, place: Place, lines: slice, job: Job, pieces: list[Any]) -> Survey:
+    return survey(Part(place, lines, pieces).surface(job.surface), most, place)
 
 
-def _surveyed(surveys: list[Any], most: int) -> Any:
-    """One task for the survey of all."""
-    delayed, _ = _dask()
-    while len(surveys) > 1:
-        surveys = [delayed(_join)(surveys[i : i + FAN], most) for i in range(0, len(surveys), FAN)]
-    return surveys[0]
+def _join(most: int, surveys: list[Survey]) -> Survey:
+    return reduce(lambda one, other: one.joined(other, most), surveys)
 
 
-def _join(surveys: list[Survey], most: int) -> Survey:
-    first, *others = surveys
-    for other in others:
-        first = first.joined(other, most)
-    return first
+def _painted(job: Job, tiny: Any, maps: Maps, plan: Any) -> Painted:
+    """The parts of the image, each with a task of its own."""
+    lines = maps.lines() if job.control.directions else None
+    keys: dict[tuple[int, int], Key] = {}
+    heights: list[int] = []
+    state, last = None, plan
+    for rows in maps.rows() if job.control.carried else [maps]:
+        fresh, token, tasks = rows.after(last), _token("paint"), dict[Any, Any]()
+        for beside in fresh.parts(lines):
+            for column, part in enumerate(beside):
+                key = token, len(tasks)
+                tasks[key] = (partial(_paint, part.place, part.lines), tiny.key, plan.key, state, part.pieces)
+                keys[len(heights), column] = key
+            if job.control.carried:
+                state = _token("state")
+                tasks[state] = (getitem, key, 2)
+            heights.append(part.lines.stop - part.lines.start)
+        last = _one(state or key, token, tasks, [tiny, plan, last, *fresh.lazy])
+    widths = maps.chunks[1] if lines is None else (sum(maps.chunks[1]),)
+    return Painted(keys, (tuple(heights), widths), last)
 
 
-def _paint(
-    job: Job, stretches: list[Stretch], state: Any, place: Place, maps: list[Any]
-) -> tuple[dict[str, Array], dict[str, float], Any]:
-    """Variables of a block, what the control found out, and the state in which the tip leaves it."""
-    part = replace(job, surface=_surface(job, place, maps), place=place)
+def _paint(place: Place, lines: slice, job: Job, stretches: list[Stretch], state: Any, pieces: list[Any]) -> Painting:
+    part = replace(job, surface=Part(place, lines, pieces).surface(job.surface), place=place)
     canvas = Canvas(part.surface, job.names, job.control.directions)
     state = paint_part(part, stretches, canvas, state)
     return canvas.arrays(), canvas.notes, state
 
 
-def _variables(job: Job, chunks: Chunks, painted: list[Any]) -> dict[str, Any]:
-    """Dask arrays of the image variables, from the tasks that paint the blocks."""
-    delayed, da = _dask()
-    front = (len(job.control.directions),) if job.control.directions else ()
-    rows, columns = chunks
-
-    def variable(name: str) -> Any:
-        dtype = np.int8 if name in FLAGS else np.float64
-        of_name = (delayed(dict.__getitem__)(arrays, name) for arrays in painted)
-        grid = [[da.from_delayed(next(of_name), (*front, h, w), dtype) for w in columns] for h in rows]
-        return da.block(grid)
-
-    return {name: variable(name) for name in job.names}
-
-
-def _notes(job: Job, notes: list[Any]) -> dict[str, Any]:
+def _notes(job: Job, painted: Painted) -> dict[str, Any]:
     """What a control finds out, as variables that are not known before they are computed."""
+    import dask.array as da
     import xarray as xr
+    from dask.delayed import delayed
 
-    delayed, da = _dask()
-    whole = delayed(_joined_notes)(notes)
-    scalars = {}
-    for name, long_name in painter_of(job.control).notes.items():
-        value = da.from_delayed(delayed(dict.__getitem__)(whole, name), (), np.float64)
-        scalars[name] = xr.DataArray(value, attrs={"long_name": long_name})
-    return scalars
+    long_names, token = painter_of(job.control).notes, _token("notes")
+    tasks: dict[Any, Any] = {(token, n): (getitem, key, 1) for n, key in enumerate(painted.keys.values())}
+    whole = _token("notes")
+    tasks[whole] = (_joined_notes, list(tasks))
+    notes = _one(whole, token, tasks, [painted.last])
+    return {
+        name: xr.DataArray(
+            da.from_delayed(delayed(getitem)(notes, name), (), np.float64), attrs={"long_name": long_name}
+        )
+        for name, long_name in long_names.items()
+    }
 
 
 def _joined_notes(notes: list[dict[str, float]]) -> dict[str, Array]:

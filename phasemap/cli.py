@@ -58,6 +58,7 @@ BENCH_EXAMPLES = """examples:
   phasemap bench --seed 7 --pixels 80 --no-peers
   phasemap bench --hard
   phasemap bench --scan
+  phasemap bench --blocks
 
 Peers (numbalsoda, heyoka, scipy) are measured where they are installed: pip install "afm-phasemap[bench]".
 A full run takes some four minutes, and times mean something only if nothing else runs on the machine.
@@ -241,6 +242,7 @@ def _parser() -> argparse.ArgumentParser:
         "--hard", action="store_true", help="solve the hard cases instead, and say what became of each"
     )
     instead.add_argument("--scan", action="store_true", help="compare the two engines of a scan in time instead")
+    instead.add_argument("--blocks", action="store_true", help="measure simulation block by block with Dask instead")
     bench.add_argument("--pixels", type=_positive, metavar="N", help="cases a regime that are compared; default: 40")
     bench.add_argument("--seed", type=int, default=1, help="of the cases drawn; default: 1")
     bench.add_argument("--no-peers", action="store_true", help="measure the solvers of phasemap only")
@@ -297,8 +299,8 @@ def _complain(sentence: str) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> None:
-    """Measure every solver, solve the hard cases, or compare the engines of a scan."""
-    if arguments.hard or arguments.scan:
+    """Measure every solver, or what there are tables of their own for."""
+    if arguments.hard or arguments.scan or arguments.blocks:
         _bench_of_its_own(arguments)
         return
     from phasemap.bench import PIXELS, QUICK_PIXELS, bench
@@ -326,8 +328,8 @@ def _bench(arguments: argparse.Namespace) -> None:
 
 
 def _bench_of_its_own(arguments: argparse.Namespace) -> None:
-    """Solve the hard cases, or compare the engines of a scan in time."""
-    kind = "hard" if arguments.hard else "scan"
+    """Solve the hard cases, compare the engines of a scan in time, or measure block by block."""
+    kind = "hard" if arguments.hard else "scan" if arguments.scan else "blocks"
     for name in ("output", "plot", "pixels"):
         if getattr(arguments, name) is not None:
             raise PhasemapError(f"--{name} does not go with --{kind}, which prints a table of its own cases.")
@@ -336,10 +338,14 @@ def _bench_of_its_own(arguments: argparse.Namespace) -> None:
             from phasemap.bench.hard import hard
 
             said = hard(progress=say)
-        else:
+        elif kind == "scan":
             from phasemap.bench.scan import scan
 
             said = scan(progress=say)
+        else:
+            from phasemap.bench.blocks import blocks
+
+            said = blocks(progress=say)
     print(said)
 
 

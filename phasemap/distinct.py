@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.errors import InputError, Word
+
 Array = NDArray[np.float64]
 
 BLOCK = 1 << 15  # pixels that are worked on together
@@ -47,11 +49,20 @@ class Distinct:
         return int(taken)
 
     def numbers(self, materials: Array) -> NDArray[np.int32]:
-        """Which member each material is."""
+        """Which member each material is.
+
+        Raises
+        ------
+        InputError
+            If one is no member: the maps are not what they were.
+        """
         from phasemap._kernels.distinct import look_up
 
         out = np.empty(len(materials), np.int32)
         look_up(_bits(materials), self._table, self._known, out)
+        if (out < 0).any():
+            hint = "What is random needs a seed; surface.compute() or persist() keep what was computed."
+            raise InputError("surface", Word("not the same"), "maps that are the same whenever they are computed", hint)
         return out
 
 
