@@ -115,8 +115,8 @@ def simulate(
     Of a surface whose maps are Dask arrays the image has Dask arrays too, of the same numbers: to compute them, or to
     write them with ``to_zarr`` or ``to_netcdf``, simulates block by block, on a cluster if there is one. What is only
     known then is missing among the attributes, and the gains of a feedback are variables. All variables that are wanted
-    should be computed at once. The maps are computed twice, for a survey and to be painted, so that none is kept; persist
-    those that cost more time than memory.
+    should be computed at once. The maps are computed twice, for a survey and to be painted, so that none is kept;
+    persist those that cost more time than memory.
 
     Beside the maps and what is returned, this takes less than 256 MiB for images of up to 4096 x 4096 pixels.
 
