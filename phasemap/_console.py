@@ -6,6 +6,8 @@ import os
 import signal
 import sys
 import threading
+import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
@@ -13,6 +15,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
+LENIENCE = 1.0  # seconds after Ctrl-C in which another one changes nothing
 PATIENCE = 3.0  # seconds without a first result after which a word is due
 STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
 
@@ -29,11 +32,29 @@ def patience() -> Iterator[Callable[[], None]]:
         timer.cancel()
 
 
+@contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Let warnings that are for users be one sentence, without the line of code that they come from."""
+    usual = warnings.formatwarning
+
+    def sentence(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+    ) -> str:
+        plain = category is UserWarning
+        return f"phasemap: {message}\n" if plain else usual(message, category, filename, lineno, line)
+
+    warnings.formatwarning = sentence
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
+
+
 class EndlessError(Exception):
     """Work that did not end in its time."""
 
 
-_left: list[threading.Thread] = []  # threads nobody waits for any more
+_left: list[threading.Event] = []  # the ends of what nobody waits for any more
 
 
 def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
@@ -56,21 +77,22 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
     """
     done: list[T] = []
     failed: list[BaseException] = []
+    ended = threading.Event()  # until Python 3.13 a thread is taken for dead once its `join` was interrupted
 
     def work() -> None:
         try:
             done.append(task())
         except BaseException as error:
             failed.append(error)
+        finally:
+            ended.set()
 
-    worker = threading.Thread(target=work, daemon=True)
-    worker.start()
+    threading.Thread(target=work, daemon=True).start()
     try:
-        worker.join(limit)
-        if worker.is_alive():
+        if not ended.wait(limit):
             raise EndlessError
     except BaseException:
-        _left.append(worker)
+        _left.append(ended)
         raise
     if failed:
         raise failed[0]
@@ -79,23 +101,56 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
 
 def still_busy() -> bool:
     """Whether something goes on in the background: end the process by `os._exit`, or it waits for that, or crashes."""
-    return any(worker.is_alive() for worker in _left)
+    return not all(ended.is_set() for ended in _left)
 
 
 @contextmanager
-def starting() -> Iterator[None]:
-    """Let Ctrl-C end the process at once while nothing is done yet: in an import, libraries make other errors of it."""
+def ending_at_once(done: str = "nothing was written") -> Iterator[None]:
+    """Let Ctrl-C end the process at once and say what is done: in an import, libraries make other errors of it."""
 
-    def end(*_: object) -> None:
-        print("phasemap: interrupted; nothing was written.", file=sys.stderr, flush=True)
+    def end() -> None:
+        print(f"phasemap: interrupted; {done}.", file=sys.stderr, flush=True)
         os._exit(INTERRUPTED)
 
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    with _at_interrupt(end):
+        yield
+
+
+@contextmanager
+def interrupted_once() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt once: the impatient should not break what that sets going."""
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    with _at_interrupt(interrupt):
+        yield
+
+
+class _Once:
+    """What to do at Ctrl-C; at another one after some time, for the first may have been lost, the process ends."""
+
+    def __init__(self, do: Callable[[], None]) -> None:
+        self._do = do
+        self._since: float | None = None
+
+    def __call__(self, *_: object) -> None:
+        if self._since is None:
+            self._since = time.monotonic()
+            self._do()
+        elif time.monotonic() - self._since > LENIENCE:
+            os._exit(INTERRUPTED)
+
+
+@contextmanager
+def _at_interrupt(do: Callable[[], None]) -> Iterator[None]:
+    """Do something at Ctrl-C, unless that is seen to by others."""
+    before, in_main = signal.getsignal(signal.SIGINT), threading.current_thread() is threading.main_thread()
+    if not in_main or not (isinstance(before, _Once) or before is signal.default_int_handler):
         yield
         return
-    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGINT, _Once(do))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, before)

@@ -110,9 +110,20 @@ class Canvas:
         return part
 
     def restore(self, arrays: Mapping[str, Array]) -> None:
-        """Fill in what `arrays` gave earlier, for the same pixels."""
-        for name, values in arrays.items():
-            self._arrays[name][:] = values.reshape(self._arrays[name].shape)
+        """Fill in what `arrays` gave earlier, for the same pixels.
+
+        Raises
+        ------
+        ValueError
+            If it is not that; nothing is filled in then.
+        """
+        forms = [
+            {name: (values.shape, values.dtype) for name, values in some.items()} for some in (arrays, self.arrays())
+        ]
+        if forms[0] != forms[1]:
+            raise ValueError(f"{forms[0]} instead of {forms[1]}")
+        for name, values in self.arrays().items():
+            values[...] = arrays[name]
 
     def arrays(self) -> dict[str, Array]:
         """The variables, shape (ny, nx), or (directions, ny, nx)."""

@@ -7,10 +7,10 @@ import inspect
 import json
 import os
 import re
+import sys
 import time
 import uuid
 import warnings
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -19,9 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from phasemap._kernels.columns import RELEASE
 from phasemap.canvas import Canvas, joined_notes
 from phasemap.dataset import provenance
 from phasemap.errors import FileError
+from phasemap.interaction import ContactLaw
 from phasemap.io.netcdf import replacing
 from phasemap.job import Job, Values
 from phasemap.painting import Stretch, paint_part, painter_of
@@ -31,7 +33,9 @@ from phasemap.surface_dataset import QUANTITIES
 __all__ = ["Checkpoint", "discard", "paint_kept"]
 
 EVERY = 2.0  # seconds of work that may be lost
-GROWTH = 4  # at most, of the number of lines that are painted at a time
+GROWTH = 4  # at most, of what is done at a time
+PROBED = (1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which one's own law is known by its forces
+LIST = "names"  # of what is in a file, for a damaged one may have lost some
 PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 
 
@@ -79,31 +83,44 @@ class Checkpoint:
     """
 
     def __init__(
-        self, folder: str | os.PathLike[str], surface: Surface, law: object, configuration: Mapping[str, Any]
+        self, folder: str | os.PathLike[str], surface: Surface, law: ContactLaw, configuration: Mapping[str, Any]
     ) -> None:
         self.folder = Path(folder)
-        if self.folder.exists() and not self.folder.is_dir():
+        if os.path.exists(self.folder) and not os.path.isdir(self.folder):
             raise FileError(f"cannot keep what is done in {self.folder}: it is no folder.")
         self._name = _identity(surface, law, configuration)
         self._writes, self._last = True, time.monotonic()
+
+    def portions(self, first: int, last: int, least: int, most: int) -> Iterator[slice]:
+        """See `phasemap.job.Memo`: as many as take the time between two files, by what the last ones took."""
+        size = GROWTH * least
+        while first < last:
+            began = time.monotonic()
+            yield slice(first, min(first + size, last))
+            first, wanted = first + size, size * EVERY / max(time.monotonic() - began, 1e-6)
+            size = least * max(1, int(min(wanted, GROWTH * size, most)) // least)
 
     def recall(self, name: str) -> Values:
         """What was kept under this name; empty if nothing was, or it cannot be read."""
         return _read(self.folder / f"{self._name}-{name}.npz")
 
+    @property
+    def due(self) -> bool:
+        """Whether the last file is some seconds ago."""
+        return time.monotonic() - self._last >= EVERY
+
     def remember(self, name: str, values: Values) -> None:
-        """Keep it, if the last is some seconds ago."""
-        if time.monotonic() - self._last >= EVERY:
-            self._write(name, values)
+        """Keep it."""
+        self._write(f"{self._name}-{name}.npz", values)
 
     def lines(self) -> Iterator[Lines]:
         """What was kept of the image, from its first line on as far as there is no gap."""
-        kept: dict[int, int] = {}
+        bounds: list[list[int]] = []
         with suppress(OSError):
-            for name in os.listdir(self.folder):
-                if name.startswith(f"{self._name}-lines-") and PART.fullmatch(name):
-                    first, last = map(int, name.removesuffix(".npz").split("-")[2:])
-                    kept[first] = max(last, kept.get(first, 0))
+            names = [name for name in os.listdir(self.folder) if PART.fullmatch(name)]
+            mine = [name.removesuffix(".npz") for name in names if name.startswith(f"{self._name}-lines-")]
+            bounds = [[int(bound) for bound in name.split("-")[2:]] for name in mine]
+        kept = {first: last for first, last in sorted(bounds) if first < last}  # the longest that begin there
         first = 0
         while first in kept:
             last = kept[first]
@@ -127,12 +144,11 @@ class Checkpoint:
     def _write(self, name: str, values: Values) -> None:
         if not self._writes:
             return
-        file = self.folder / (name if name.endswith(".npz") else f"{self._name}-{name}.npz")
         try:
             self.folder.mkdir(exist_ok=True)
-            with replacing(file, overwrite=True) as temporary:
-                np.savez(temporary, **values)
-        except OSError as error:
+            with replacing(self.folder / name, overwrite=True) as temporary:
+                np.savez(temporary, **{**values, LIST: np.array(list(values))})
+        except (OSError, ValueError) as error:  # ValueError: a folder that no file system can name
             self._writes = False
             warnings.warn(f"nothing is kept for another try: {error}", stacklevel=2)
         self._last = time.monotonic()
@@ -147,20 +163,32 @@ def discard(folder: str | os.PathLike[str]) -> None:
         os.rmdir(folder)
 
 
-def _source(law: object) -> str:
-    """The code of a law that is not phasemap's own: with another formula it is another law."""
+def _law_in_words(law: ContactLaw) -> str:
+    """What tells a law that is not phasemap's own from others: its parameters, its code, and what comes of both.
+
+    The code may depend on variables that are not in the same file; the forces show it.
+    """
     if type(law).__module__.startswith("phasemap."):
         return ""
     try:
-        return inspect.getsource(type(law))
-    except (OSError, TypeError):  # typed into a shell
+        modules = sorted({kind.__module__ for kind in type(law).__mro__ if issubclass(kind, ContactLaw)})
+        code = [inspect.getsource(sys.modules[name]) for name in modules]
+        stiffness, adhesion, radius = np.array([1e9]), np.array([0.05]), 1e-8
+        row = np.zeros(12)
+        for j, column in enumerate(law.columns(stiffness, adhesion, radius)):
+            row[j] = np.broadcast_to(column, 1)[0]
+        row[RELEASE] = np.broadcast_to(law.release(stiffness, adhesion, radius), 1)[0]
+        return repr(
+            [code, getattr(law, "__dict__", {}), row.tolist(), [float(law.force(depth, row)) for depth in PROBED]]
+        )
+    except Exception:  # typed into a shell, or a formula that does not work here: nothing that was kept is taken for it
         return str(uuid.uuid4())
 
 
-def _identity(surface: Surface, law: object, configuration: Mapping[str, Any]) -> str:
+def _identity(surface: Surface, law: ContactLaw, configuration: Mapping[str, Any]) -> str:
     """The SHA-256 of all that an image depends on."""
     digest = hashlib.sha256(provenance({}, "")["phasemap_version"].encode())
-    digest.update(json.dumps([_source(law), configuration], sort_keys=True, default=str).encode())
+    digest.update(json.dumps([_law_in_words(law), configuration], sort_keys=True, default=str).encode())
     for name in QUANTITIES:
         value = getattr(surface, name)
         digest.update(name.encode())
@@ -173,8 +201,11 @@ def _read(file: Path) -> Values:
     """The arrays in a file; empty if there is none, or it is damaged."""
     try:
         with file.open("rb") as opened, np.load(opened, allow_pickle=False) as found:
-            return dict(found)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            if found.zip.testzip() is not None:
+                return {}
+            arrays = dict(found)
+            return arrays if set(arrays.pop(LIST).tolist()) == set(arrays) else {}
+    except Exception:  # whatever the libraries meet in a damaged file
         return {}
 
 
@@ -188,33 +219,30 @@ def paint_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: C
 
     How many lines are painted at a time depends on how long they take; the numbers do not depend on it.
     """
-    painter, surface = painter_of(job.control), job.surface
+    painter, surface, lines = painter_of(job.control), job.surface, job.surface.shape[0]
     first, state = _restored(job, canvas, checkpoint)
-    waiting, height, since = Lines(first, first, {}, {}, {}), 4 * job.workers, time.monotonic()
-    while first < surface.shape[0]:
-        rows, began = slice(first, min(first + height, surface.shape[0])), time.monotonic()
-        part = canvas.part(surface.rows(rows), rows)
-        mine = replace(job, surface=surface.rows(rows), place=job.place._replace(row=first))
+    waiting, since = Lines(first, first, {}, {}, {}), time.monotonic()
+    at_once = 1 if job.control.carried else job.workers  # lines that threads may share
+    for rows in checkpoint.portions(first, lines, at_once, lines):
+        mine = replace(job, surface=surface.rows(rows), place=job.place._replace(row=rows.start))
+        part = canvas.part(mine.surface, rows)
         state = paint_part(mine, stretches, part, state)
         canvas.note(part.notes)
         waiting = waiting._replace(last=rows.stop, notes=joined_notes(waiting.notes, part.notes))
-        first, now = rows.stop, time.monotonic()
-        if now - since >= EVERY:
+        if time.monotonic() - since >= EVERY:
             done = slice(waiting.first, waiting.last)
             arrays = canvas.part(surface.rows(done), done).arrays()
             checkpoint.keep(waiting._replace(arrays=arrays, state=painter.freeze(state)))
-            waiting, since = Lines(first, first, {}, {}, {}), time.monotonic()
-        height = max(1, min(GROWTH * height, int(height * EVERY / max(now - began, 1e-6))))
+            waiting, since = Lines(rows.stop, rows.stop, {}, {}, {}), time.monotonic()
 
 
 def _restored(job: Job, canvas: Canvas, checkpoint: Checkpoint) -> tuple[int, Any]:
     """Fill in the lines that were kept; returns the first that is not, and the state in which the tip comes to it."""
-    first, state = 0, None
-    for kept in checkpoint.lines():
-        rows = slice(kept.first, kept.last)
-        canvas.part(job.surface.rows(rows), rows).restore(kept.arrays)
-        canvas.note(kept.notes)
-        first, state = kept.last, painter_of(job.control).thaw(kept.state)
-    if first:
-        job.report(first * job.surface.shape[1])
+    first, state, thaw = 0, None, painter_of(job.control).thaw
+    with suppress(KeyError, TypeError, ValueError):  # of what does not fit, which is painted again
+        for kept in checkpoint.lines():
+            left, rows = thaw(kept.state), slice(kept.first, kept.last)
+            canvas.part(job.surface.rows(rows), rows).restore(kept.arrays)
+            canvas.note(kept.notes)
+            first, state = kept.last, left
     return first, state

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from phasemap import cli_check, cli_compare, cli_contrast, cli_invert, cli_measured, cli_run, cli_sweep
-from phasemap._console import INTERRUPTED, starting, still_busy
+from phasemap._console import INTERRUPTED, ending_at_once, interrupted_once, plain_warnings, still_busy
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt.
     """
-    with starting():
+    with ending_at_once():
         parser = _parser()
         arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if not _belongs(word, arguments)]
@@ -86,11 +86,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
         arguments.overrides += rest
-    code = _called(arguments)
-    if still_busy():
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
+    with interrupted_once(), plain_warnings():
+        code = _called(arguments)
+        if still_busy():
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
     return code
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap._console import patience
+from phasemap._console import ending_at_once, patience
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -45,9 +45,10 @@ def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None
         return
     with patience() as first_result, _bar(first_result) as shown, _resumable(output, shown) as watched:
         ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
-    print_ensemble(ensemble)
-    print(f"failed      {_failed(output)}")
-    print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
+    with ending_at_once(f"the images are in {output}"):
+        print_ensemble(ensemble)
+        print(f"failed      {_failed(output)}")
+        print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
 
 
 def print_ensemble(ensemble: Ensemble) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap import cli_ensemble
-from phasemap._console import interruptible, patience, starting
+from phasemap._console import ending_at_once, interruptible, patience
 from phasemap.errors import PhasemapError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Simulate a scene into a file."""
     started = time.perf_counter()
-    with starting():
+    with ending_at_once():
         from phasemap.checkpoint import discard
         from phasemap.io.netcdf import check_target, save
         from phasemap.scene import load_scene
@@ -50,14 +50,15 @@ def run(arguments: argparse.Namespace) -> None:
     parts = output.with_name(f"{output.name}.parts")
     try:
         image = _simulated(scene, arguments, parts)
-        save(image, output, arguments.overwrite)
+        interruptible(lambda: save(image, output, arguments.overwrite))
     except KeyboardInterrupt:
         kept = f"what is done is kept in {parts}; run the same command again to go on"
         raise KeyboardInterrupt(kept if parts.exists() else "") from None
-    discard(parts)
-    if not arguments.quiet:
-        _print_summary(scene, image)
-        print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
+    with ending_at_once(f"the image is in {output}"):
+        discard(parts)
+        if not arguments.quiet:
+            _print_summary(scene, image)
+            print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
 
 
 def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.Dataset:

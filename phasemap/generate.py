@@ -427,7 +427,7 @@ def roughness(
     0.5
     """
     ny_nx, sides = _sized(shape, 32), pixel_pair(pixel_size)
-    number("rms", rms, "m", minimum=0)
+    number("rms", rms, "m", minimum=0, maximum=WIDEST)
     number("hurst", hurst, "1", above=0, maximum=1)
     _at_least("correlation_length", correlation_length, max(sides), "one pixel")
     extent = min(n * side for n, side in zip(ny_nx, sides, strict=True))

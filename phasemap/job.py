@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
@@ -26,18 +26,30 @@ Values = dict[str, Any]
 """An array for each variable."""
 
 CHUNK = 1 << 15  # distinct materials that are solved together
-KEPT_CHUNK = 1 << 9  # where what is solved is kept on disk
+FEWEST = 1 << 4  # for each thread, where what is solved is kept on disk
 
 
 class Memo(Protocol):
     """Where results of a long run are kept, so that it can go on after an end that was not expected."""
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time to keep something."""
+        ...
+
+    def portions(self, first: int, last: int, least: int, most: int) -> Iterator[slice]:
+        """Slices from `first` to `last`, to be worked on one after the other, so long that it is due after each.
+
+        They have multiples of `least`, and mostly no more than `most`.
+        """
+        ...
 
     def recall(self, name: str) -> Values:
         """What was kept under this name, empty if nothing was."""
         ...
 
     def remember(self, name: str, values: Values) -> None:
-        """Keep it, if it is worth the time since the last."""
+        """Keep it, in place of what was kept under this name."""
         ...
 
 
@@ -112,22 +124,23 @@ class Job:
         self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None
     ) -> Values:
         """Variables of materials, which are the last axis, from those of so many at a time."""
-        name, memo = f"materials-{self.place.row}", self.memo
-        kept = {} if memo is None else memo.recall(name)
-        parts = [kept] if kept else []
-        done = next(iter(kept.values())).shape[-1] if kept else 0
-        size = CHUNK if memo is None else KEPT_CHUNK
-        for first in range(done, max(len(materials), 1), size):
-            later = None if progress is None else _shifted(progress, first, len(materials))
-            parts.append(solve(materials[first : first + size], later))
-            if memo is not None:
+        total = max(len(materials), 1)
+        if self.memo is None:
+            some = (slice(first, first + CHUNK) for first in range(0, total, CHUNK))
+            return _joined([solve(materials[part], _shifted(progress, part.start, len(materials))) for part in some])
+        name = f"materials-{self.place.row}"
+        kept = self.memo.recall(name)
+        parts, done = [kept] if kept else [], next(iter(kept.values())).shape[-1] if kept else 0
+        for part in self.memo.portions(done, total, FEWEST * self.workers, CHUNK):
+            parts.append(solve(materials[part], _shifted(progress, part.start, len(materials))))
+            if self.memo.due:
                 parts = [_joined(parts)]
-                memo.remember(name, parts[0])
+                self.memo.remember(name, parts[0])
         return _joined(parts)
 
 
-def _shifted(progress: Progress, start: int, total: int) -> Progress:
-    return lambda done, _: progress(start + done, total)
+def _shifted(progress: Progress | None, start: int, total: int) -> Progress | None:
+    return None if progress is None else lambda done, _: progress(start + done, total)
 
 
 def _joined(parts: list[Values]) -> Values:

@@ -131,7 +131,11 @@ def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
 def _all_of_few(surface: Surface, most: int) -> Array | None:
     """All distinct materials, or None if there are more than so many."""
     if surface.found is not None and len(surface.found[0]) <= most:
-        return surface.found[0]
+        materials, numbers = surface.found
+        seen = np.zeros(len(materials), np.bool_)
+        for part in _parts(surface):
+            seen[numbers.reshape(-1)[part]] = True
+        return materials if seen.all() else materials[seen]  # some rows of a surface may not have all
     known = Distinct(min(most, surface.shape[0] * surface.shape[1]))
     for part in _parts(surface):
         some = surface.materials(part)

@@ -30,7 +30,7 @@ IMPATIENT = """
 import sys
 from phasemap import cli, cli_run
 def run(arguments, run=cli_run.run):
-    with cli_run.starting():
+    with cli_run.ending_at_once():
         from phasemap import checkpoint
     checkpoint.EVERY = 0.1  # seconds
     run(arguments)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import errno
+import importlib.util
 import itertools
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +25,7 @@ from hypothesis import strategies as st
 import phasemap as pm
 from phasemap import checkpoint
 from phasemap.checkpoint import Checkpoint, discard
-from phasemap.interaction import Interaction
+from phasemap.interaction import ContactLaw, Interaction
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 RNG = np.random.default_rng(4)
@@ -99,6 +101,15 @@ def test_an_image_that_was_killed_twice_is_the_same_to_the_last_bit(
     assert not folder.exists()
 
 
+def test_surfaces_that_are_equal_give_equal_images_whatever_was_known_of_one() -> None:
+    soft_above_stiff = {0: pm.Material(0.3e9, 0.05, 0.01), 1: pm.Material(9e9, 0.05)}
+    labelled = pm.Surface.from_labels(np.repeat([[0], [1]], 4, axis=1), soft_above_stiff, pixel_size=4e-9)
+    soft = labelled.rows(slice(0, 1))
+    afresh = pm.Surface(soft.modulus, soft.adhesion, soft.damping, pixel_size=4e-9)
+    a, b = (pm.simulate(one, SCOPE, 0.7, control=pm.Feedback(line_rate=8.0)) for one in (soft, afresh))
+    assert soft == afresh and same_data(a, b)
+
+
 @settings(max_examples=25, deadline=None)
 @given(cuts=st.sets(st.integers(1, 23)), name=st.sampled_from([name for name in CASES if CASES[name][0] is FEW]))
 def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) -> None:
@@ -162,6 +173,144 @@ def test_a_damaged_part_is_painted_again(damage: str, tmp_path: Path) -> None:
     assert same_data(pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path), expected)
 
 
+Arrays = dict[str, np.ndarray]
+MISFITS: dict[str, Callable[[Arrays], Arrays]] = {
+    "of fewer lines": lambda part: {**part, "variable.phase": part["variable.phase"][:, :1]},
+    "with other numbers": lambda part: {**part, "variable.phase": part["variable.phase"].astype(np.float32)},
+    "with one variable less": lambda part: {name: one for name, one in part.items() if name != "variable.phase"},
+    "with one variable more": lambda part: {**part, "variable.colour": part["variable.phase"]},
+    "without a state": lambda part: {name: one for name, one in part.items() if not name.startswith("state")},
+}
+
+
+@pytest.mark.parametrize("misfit", MISFITS)
+@pytest.mark.usefixtures("eager")
+def test_a_part_that_does_not_fit_is_painted_again(misfit: str, tmp_path: Path) -> None:
+    surface, options = CASES["raster, engaged once"]
+    expected = pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path)
+    file = sorted(tmp_path.glob("*-lines-*"))[1]
+    with np.load(file) as found:
+        part = MISFITS[misfit](dict(found))
+    np.savez(file, **{**part, checkpoint.LIST: np.array([name for name in part if name != checkpoint.LIST])})
+    assert same_data(pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path), expected)
+
+
+@pytest.mark.usefixtures("eager")
+def test_the_state_of_another_lever_is_never_handed_to_compiled_code() -> None:
+    from phasemap._kernels import columns as col
+    from phasemap.feedback.lines import Tip
+
+    state = Tip(col.AVERAGING).freeze()
+    for wrong in ({**state, "y": state["y"][:1]}, {**state, "loop": np.zeros(1)}, {**state, "engine": np.array(9)}):
+        with pytest.raises((KeyError, ValueError)):
+            Tip.thaw(wrong)
+
+
+@pytest.mark.usefixtures("eager")
+def test_a_part_without_lines_is_passed_over(tmp_path: Path) -> None:
+    expected = pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path)
+    first = min(tmp_path.glob("*-lines-*"))
+    first.rename(first.with_name(f"{first.stem.split('-')[0]}-lines-{0:08}-{0:08}.npz"))
+    assert same_data(pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path), expected)
+
+
+@pytest.mark.usefixtures("eager")
+def test_a_part_with_a_wrong_bit_is_read_whole_or_not_at_all(tmp_path: Path) -> None:
+    pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path)
+    file = min(tmp_path.glob("*-lines-*"))
+    whole, content, draw = checkpoint._read(file), file.read_bytes(), random.Random(7)
+    directory = content.index(b"PK\x01\x02")  # the end of the file, which no checksum guards
+    bits = [draw.randrange(8 * directory) for _ in range(50)] + [*range(8 * directory, 8 * len(content), 17)]
+    for bit in bits:
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(damaged)
+        found = checkpoint._read(file)
+        assert not found or {name: one.tobytes() for name, one in found.items()} == {
+            name: one.tobytes() for name, one in whole.items()
+        }
+
+
+def test_materials_that_were_kept_are_not_solved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from phasemap import job
+
+    surface = pm.Surface(np.linspace(1e9, 4e9, 400).reshape(20, 20), 0.05, 0.01, pixel_size=4e-9)
+    options: dict[str, Any] = {
+        "solver": "averaging", "control": pm.Raster(), "realism": pm.Realism(tip_change=pm.TipChange(9, 20e-9)),
+        "threads": 1,
+    }  # fmt: skip
+    expected = pm.simulate(surface, SCOPE, 0.7, **options)
+    monkeypatch.setattr(checkpoint, "EVERY", 0.0)
+    solved: list[tuple[float, float]] = []
+    real, remember = job.Job.work, Checkpoint.remember
+
+    def work(self: job.Job, materials: np.ndarray) -> Any:
+        solved.extend((modulus, self.scope.tip.radius) for modulus in materials[:, 0])
+        return real(self, materials)
+
+    def remember_and_die(self: Checkpoint, name: str, values: Any) -> None:
+        remember(self, name, values)
+        if len(solved) > 500:  # with the second tip
+            raise Killed
+
+    monkeypatch.setattr(job.Job, "work", work)
+    monkeypatch.setattr(Checkpoint, "remember", remember_and_die)
+    with pytest.raises(Killed):
+        pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path)
+    monkeypatch.setattr(Checkpoint, "remember", remember)
+    assert same_data(pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path), expected)
+    assert len(solved) == len(set(solved)) == 2 * 400
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.3, 5.0])
+def test_portions_take_the_time_between_two_files_and_leave_no_thread_without_work(
+    seconds: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    monkeypatch.setattr(checkpoint.time, "monotonic", lambda: now)
+    sizes = []
+    for part in Checkpoint(tmp_path, FEW, Interaction().law, {}).portions(3, 10_000, 4, 1000):
+        now += seconds * (part.stop - part.start) / 4  # four lines at the same time
+        sizes.append(part.stop - part.start)
+    assert sum(sizes) == 10_000 - 3 and all(size % 4 == 0 for size in sizes[:-1])
+    # Between one and two files' time, or the least that there is.
+    assert all(size == max(4, min(1000, int(4 * checkpoint.EVERY / seconds + 0.01) // 4 * 4)) for size in sizes[4:-1])
+
+
+@pytest.mark.usefixtures("eager")
+def test_progress_of_a_scan_that_goes_on_counts_lines(tmp_path: Path) -> None:
+    surface, options = CASES["feedback"]
+    pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path)
+    max(tmp_path.glob("*-lines-*")).unlink()
+    said: list[tuple[int, int]] = []
+    pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path, progress=lambda *numbers: said.append(numbers))
+    assert said and {total for _, total in said} == {24} and said[0][0] > 1 and said[-1][0] == 24
+
+
+@pytest.mark.parametrize("place", ["no such folder/parts", "null\0byte"])
+@pytest.mark.usefixtures("eager")
+def test_a_folder_that_cannot_be_made_costs_a_warning_and_not_the_image(place: str, tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="nothing is kept for another try"):
+        image = pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path / place)
+    assert same_data(image, pm.simulate(FEW, SCOPE, 0.7))
+
+
+@pytest.mark.usefixtures("eager")
+def test_a_folder_that_vanishes_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep, folder = Checkpoint.keep, tmp_path / "parts"
+
+    def keep_and_lose(self: Checkpoint, lines: checkpoint.Lines) -> None:
+        keep(self, lines)
+        if lines.first < 6:
+            discard(folder)  # as another run with the same output does in the end
+
+    monkeypatch.setattr(Checkpoint, "keep", keep_and_lose)
+    expected = pm.simulate(FEW, SCOPE, 0.7)
+    for _ in range(2):
+        assert same_data(pm.simulate(FEW, SCOPE, 0.7, checkpoint=folder, threads=1), expected)
+    assert folder.exists()
+
+
 @pytest.mark.usefixtures("eager")
 def test_a_full_disk_costs_a_warning_and_not_the_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(file: Path, **arrays: np.ndarray) -> None:
@@ -186,18 +335,41 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
         pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path / "parts")
 
 
+CONE = """
+import math
+from phasemap.interaction import ContactLaw
+HALF_ANGLE = {angle}
+class Cone(ContactLaw):
+    @staticmethod
+    def force(d, p):
+        return p[0] * math.tan(HALF_ANGLE) * d * d
+"""
+
+
 def test_a_law_with_another_formula_is_another_simulation(tmp_path: Path) -> None:
-    law = Interaction().law
+    def name_of(law: Any) -> str:
+        return Checkpoint(tmp_path, FEW, law, {})._name
 
-    def name_with(source: str) -> str:
-        namespace: dict[str, Any] = {"base": type(law)}
-        file = tmp_path / "mylaw.py"
-        file.write_text(source)
-        exec(compile(source, file, "exec"), namespace)
-        return Checkpoint(tmp_path, FEW, namespace["Law"](), {})._name
+    def in_file(source: str) -> Any:
+        (tmp_path / "mylaw.py").write_text(source)
+        spec = importlib.util.spec_from_file_location("mylaw", tmp_path / "mylaw.py")
+        assert spec is not None and spec.loader is not None
+        sys.modules["mylaw"] = module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module.Cone()
 
-    assert Checkpoint(tmp_path, FEW, law, {})._name == Checkpoint(tmp_path, FEW, Interaction().law, {})._name
-    assert name_with("class Law(base): pass") != name_with("class Law(base): x = 1")
+    def sloped(slope: float) -> Any:
+        class Sloped(ContactLaw):
+            @staticmethod
+            def force(d: float, p: np.ndarray) -> float:
+                return slope * p[0] * d * d
+
+        return Sloped()
+
+    assert name_of(Interaction().law) == name_of(Interaction().law)
+    assert name_of(in_file(CONE.format(angle=0.5))) == name_of(in_file(CONE.format(angle=0.5)))
+    assert name_of(in_file(CONE.format(angle=0.5))) != name_of(in_file(CONE.format(angle=0.6)))
+    assert name_of(sloped(0.5)) == name_of(sloped(0.5)) != name_of(sloped(0.6))
 
 
 # The command
@@ -237,3 +409,69 @@ def test_a_command_that_was_stopped_goes_on(stop: signal.Signals, undisturbed: x
     assert list(tmp_path.iterdir()) == [output]
     with xr.open_dataset(output) as image:
         assert same_data(image, undisturbed)
+
+
+def test_a_warning_of_the_command_is_one_sentence(tmp_path: Path) -> None:
+    output, parts = tmp_path / "image.nc", tmp_path / "image.nc.parts"
+    parts.symlink_to(tmp_path / "nowhere")
+    code = IMPATIENT.replace("0.1", "0.0")
+    run = subprocess.run([sys.executable, "-c", code, *SMALL, str(output)], capture_output=True, text=True)
+    assert run.returncode == 0 and output.exists()
+    assert run.stderr.startswith("phasemap: nothing is kept for another try: ") and run.stderr.count("\n") == 1
+
+
+SMALL = ["run", "samples/step.toml", "surface.shape=[8, 8]", "-o"]
+SAVING = """
+import hashlib, sys
+from phasemap import cli
+from phasemap.io import netcdf
+def save(*arguments):
+    print("saving", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"compiled", b"code", 10**8)  # a minute
+netcdf.save = save
+sys.exit(cli.main())
+"""
+GOING_ON = """
+import os, signal, threading
+from phasemap._console import interruptible, still_busy
+signal.signal(signal.SIGINT, signal.default_int_handler)
+go = threading.Event()
+threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    interruptible(go.wait)
+except KeyboardInterrupt:
+    print(still_busy(), flush=True)
+    go.set()
+"""
+SUMMING_UP = """
+import os, signal, sys
+from phasemap import cli, cli_run
+cli_run._print_summary = lambda *arguments: os.kill(os.getpid(), signal.SIGINT)
+sys.exit(cli.main())
+"""
+
+
+def test_an_interrupt_does_not_wait_for_the_file(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", SAVING, *SMALL, str(tmp_path / "image.nc")]
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes, preexec_fn=heeding) as run:
+        assert run.stdout is not None and run.stdout.readline() == "saving\n"
+        time.sleep(0.3)  # it is in compiled code then
+        for _ in range(3):  # as the impatient do
+            run.send_signal(signal.SIGINT)
+            time.sleep(0.01)
+        said = run.communicate(timeout=20)[1]
+    assert run.returncode == 130 and said.endswith("phasemap: interrupted; nothing was written.\n")
+
+
+def test_what_goes_on_after_an_interrupt_is_known() -> None:
+    run = subprocess.run([sys.executable, "-c", GOING_ON], capture_output=True, text=True)
+    assert run.stdout == "True\n" and run.stderr == ""
+
+
+def test_an_interrupt_after_the_file_was_written_says_so(tmp_path: Path) -> None:
+    output = tmp_path / "image.nc"
+    command = [sys.executable, "-c", SUMMING_UP, *SMALL, str(output)]
+    run = subprocess.run(command, capture_output=True, text=True, preexec_fn=heeding)
+    assert run.returncode == 130 and f"phasemap: interrupted; the image is in {output}.\n" in run.stderr
+    assert list(tmp_path.iterdir()) == [output]

@@ -637,3 +637,25 @@ def test_an_installed_package_that_a_scene_names_is_not_imported(
 def test_what_is_kept_in_a_file_is_json(folder: Path) -> None:
     tables = read_tables(STEP)
     assert json.loads(load_scene(STEP).to_json())["scan"]["setpoint"] == tables["scan"]["setpoint"]
+
+
+# Found by a later seed
+
+
+def test_a_relief_higher_than_numbers_is_refused() -> None:
+    with pytest.raises(pm.InputError, match=r"rms is 1\.78"):
+        pm.generate.roughness((8, 8), pixel_size=4e-9, rms=1.7e308 * 1.05, correlation_length=2e-8)
+
+
+def test_a_channel_has_a_name() -> None:
+    with pytest.raises(
+        pm.InputError, match="phase is a int too large to be shown; allowed: the name of a channel, or None"
+    ):
+        pm.read_image("image.gwy", phase=10**5000)
+
+
+def test_phases_at_the_end_of_numbers_overflow_nothing() -> None:
+    from phasemap.io.measured import on_one_turn
+
+    phases = np.array([-1.7e308, 1.7e308])
+    assert np.array_equal(on_one_turn(phases), phases)

@@ -46,10 +46,21 @@ class Tip:
 
     @classmethod
     def thaw(cls, arrays: Mapping[str, Array]) -> Tip:
-        """From what `freeze` gave."""
+        """From what `freeze` gave.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If it is not that.
+        """
         tip = cls(int(arrays["engine"]))
         tip.state = tip.state._replace(**{name: arrays[name] for name in tip.state._fields})
         tip.loop = arrays.get("loop")
+        like = cls(tip._engine)
+        like.loop = None if tip.loop is None else np.zeros(of.LOOP)
+        for name, own in like.freeze().items():
+            if (arrays[name].shape, arrays[name].dtype) != (own.shape, own.dtype):  # a kernel would not look
+                raise ValueError(name)
         return tip
 
     def copy(self) -> Tip:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["align_rows", "level_height", "level_rows", "on_one_turn", "one_scan", "row_medians", "segment_phase"]
 
+MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
+
 
 def one_scan(
     image: xr.Dataset, needed: Iterable[str] = ("height", "phase"), direction: str | None = None
@@ -253,7 +255,7 @@ def on_one_turn(phase: np.ndarray) -> np.ndarray:
 
     finite = np.isfinite(phase)
     known = phase[finite]
-    if not known.size or np.ptp(known) <= 180:
+    if not known.size or abs(known).max() > MOST_DEGREES or np.ptp(known) <= 180:
         return phase
     mean = np.degrees(np.angle(np.exp(1j * np.radians(known)).mean()))
     turns = np.round((known - mean) / 360)

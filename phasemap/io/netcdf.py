@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_target", "load", "load_sample", "opened", "replacing", "save"]
 
-LIMIT = 20.0  # seconds to open a file, which takes some thousandths
+LIMIT = 10.0  # seconds to open a file, which takes some thousandths
 HEADER = 1 << 24  # byte: longer headers of classic files are not read
 COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % smaller and took a quarter longer
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.errors import FileError
+from phasemap.errors import FileError, InputError
 from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.kinds import KINDS, Kind
 from phasemap.io.measured import on_one_turn
@@ -64,6 +64,8 @@ def read_image(
 
     Raises
     ------
+    InputError
+        If a name is no string.
     FileError
         If the file cannot be read, holds no such channel, or was not recorded in tapping mode.
     PhasemapError
@@ -80,12 +82,14 @@ def read_image(
     ...
     phasemap.errors.FileError: cannot read scan.nid: there is no such file.
     """
-    path = Path(path)
+    path, wanted = Path(path), {"height": height, "phase": phase, "amplitude": amplitude}
+    for kind, name in wanted.items():
+        if name is not None and not isinstance(name, str):
+            raise InputError(kind, name, "the name of a channel, or None")
     if path.suffix.lower() in NETCDF:
         return read_netcdf(path)
     channels = load_channels(path)
     mode = mode_of(path, merged(channels))
-    wanted = {"height": height, "phase": phase, "amplitude": amplitude}
     groups = {kind: _groups(path, channels, kind, wanted.get(kind)) for kind in KINDS}
     chosen, directions = _choose(path, groups, channels)
     own = [one for group in chosen.values() for one in group.values()]
