@@ -50,11 +50,17 @@ def solved(case: HardCase, solver: str) -> pm.Pixel:
     return pm.solve_pixel(case.material, case.scope, case.setpoint, solver)
 
 
+LONG = ("zero adhesion: drawn 13-3",)  # a minute of marching
+
+
 def open_cases(wrong: dict[str, str]) -> list[Any]:
     def marked(case: HardCase) -> Any:
         return pytest.param(case, marks=pytest.mark.xfail(reason=wrong[case.name], strict=False))
 
-    return [marked(case) if case.name in wrong else case for case in CASES]
+    def patient(case: HardCase) -> Any:
+        return pytest.param(case, marks=pytest.mark.slow) if case.name in LONG else case
+
+    return [marked(case) if case.name in wrong else patient(case) for case in CASES]
 
 
 def test_the_answers_are_those_of_these_cases() -> None:
