@@ -379,6 +379,16 @@ SLOW = [
     "control.line_rate=8", "-o",
 ]  # fmt: skip
 IMPATIENT = "import sys, phasemap.checkpoint as c; c.EVERY = 0.1; from phasemap.cli import main; sys.exit(main())"
+WAITING = """
+import sys, threading, phasemap.checkpoint as c
+from phasemap.cli import main
+c.EVERY, keep = 0.1, c.Checkpoint.keep
+def keep_and_wait(self, lines):
+    keep(self, lines)
+    threading.Event().wait()  # in the middle of the work, whatever else the machine does
+c.Checkpoint.keep = keep_and_wait
+sys.exit(main())
+"""
 
 
 @pytest.fixture(scope="module")
@@ -396,7 +406,8 @@ def test_a_command_that_was_stopped_goes_on(stop: signal.Signals, undisturbed: x
     output = tmp_path / "image.nc"
     command = [sys.executable, "-c", IMPATIENT, *SLOW, str(output)]
     parts = tmp_path / "image.nc.parts"
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heeding) as run:
+    waiting = [WAITING if word == IMPATIENT else word for word in command]
+    with subprocess.Popen(waiting, stderr=subprocess.PIPE, text=True, preexec_fn=heeding) as run:
         while not list(written(parts)) and run.poll() is None:
             time.sleep(0.02)
         run.send_signal(stop)
