@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._files import digest_of
 from phasemap.dataset import provenance
 from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened, replacing
@@ -100,8 +101,7 @@ class _Digests:
         """Of the file with this name, None if there is none."""
         if name not in self._known:
             path = os.path.join(self._folder, name)
-            is_file = os.path.isfile(path)
-            self._known[name] = hashlib.sha256(Path(path).read_bytes()).hexdigest() if is_file else None
+            self._known[name] = digest_of(path, path) if os.path.isfile(path) else None
         return self._known[name]
 
 

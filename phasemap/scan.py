@@ -140,7 +140,7 @@ def simulate(
     names = check_variables(variables, variables_of(control))
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)
-    if not surface.lazy:
+    else:
         check_image(surface.shape, names, control.directions, workspace(realism))
     surface = drifted(surface, realism.drift)
     method = by_name(solver)
