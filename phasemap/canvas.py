@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes
+from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ PENDING = -1  # status of a pixel that is not filled yet
 
 def values_of(names: tuple[str, ...], rows: Array, status: Array, used: Array) -> dict[str, Any]:
     """Variables of result rows, shape (..., COLUMNS), with their codes, on a flat surface."""
-    flags = {"status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows)}
+    flags = {
+        "status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows),
+        "motion": lambda: motion_of(rows),
+    }  # fmt: skip
     return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in names}
 
 

@@ -37,6 +37,11 @@ def _column(index: int, scale: float = 1.0) -> Callable[[Array], Array]:
     return lambda rows: rows[..., index] * scale if scale != 1.0 else rows[..., index]
 
 
+def _spread(index: int, scale: float = 1.0) -> Callable[[Array], Array]:
+    """A spread, which no solver of periodic orbits fills in: 0 there, NaN where there is no motion."""
+    return lambda rows: np.where(np.isnan(rows[..., col.AMPLITUDE]), np.nan, np.nan_to_num(rows[..., index]) * scale)
+
+
 def _multiplier(rows: Array) -> Array:
     """The Floquet multiplier of larger modulus, from trace and determinant of the monodromy matrix."""
     half = rows[..., col.TRACE] / 2 + 0j
@@ -54,6 +59,12 @@ FLOATS: dict[str, Variable] = {
     "amplitude": Variable("amplitude of the first harmonic", "m", _column(col.AMPLITUDE)),
     "amplitude_error": Variable("amplitude less setpoint amplitude", "m", _column(col.AMPLITUDE_ERROR)),
     "tip_offset": Variable("tip offset (rest position of the tip above the surface)", "m", _column(col.TIP_OFFSET)),
+    "amplitude_spread": Variable(
+        "standard deviation of the amplitude behind the lock-in", "m", _spread(col.SPREAD_AMPLITUDE)
+    ),
+    "phase_spread": Variable(
+        "standard deviation of the phase behind the lock-in", "degree", _spread(col.SPREAD_PHASE, 180 / np.pi)
+    ),
     "mean_deflection": Variable("mean deflection, positive towards the surface", "m", _column(col.MEAN)),
     "indentation": Variable("largest indentation, negative without contact", "m", _column(col.INDENTATION)),
     "dissipation": Variable("energy dissipated in the surface per cycle", "J", _column(col.DISSIPATION)),
@@ -70,7 +81,13 @@ FLOATS: dict[str, Variable] = {
     "multiplier_real": Variable("real part of the larger Floquet multiplier", "1", lambda rows: _multiplier(rows).real),
     "multiplier_imag": Variable("its imaginary part", "1", lambda rows: _multiplier(rows).imag),
 }  # fmt: skip
+LOCK_IN = (
+    "0 for a periodic orbit; else of a lock-in with a first-order low-pass at a hundredth of the drive frequency, "
+    "of which amplitude and phase are the mean"
+)
 DESCRIPTIONS = {
+    "amplitude_spread": LOCK_IN,
+    "phase_spread": LOCK_IN,
     "error_phase": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
     "error_height": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
     "energy_closure": "of the first harmonic alone where the solver is averaging or interpolated",
@@ -83,12 +100,14 @@ IN_TIME = {
 """What an image in time says instead of error_phase, error_height and energy_closure."""
 FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
     "branch": ("sign of the mean interaction", (-1, 0, 1), ("none", "attractive", "repulsive")),
+    "motion": ("motion of the tip", (-1, 0, 1), ("none", "periodic", "irregular")),
     "status": ("status of the solution", tuple(s.code for s in Status), tuple(s.name for s in Status)),
     "solver": ("solver used", tuple(range(-1, len(SOLVER_NAMES))), ("none", *SOLVER_NAMES)),
 }
 IMAGE_VARIABLES = (
     "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
-    "branch", "status", "solver", "error_phase", "error_height", "energy_closure",
+    "branch", "status", "solver", "error_phase", "error_height", "energy_closure", "amplitude_spread", "phase_spread",
+    "motion",
 )  # fmt: skip
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
 """Of a scan in time."""
@@ -135,6 +154,12 @@ def branch_of(rows: Array) -> Array:
     """Branch codes: 0 attractive, 1 repulsive, -1 where there is no orbit."""
     stiffening = rows[..., col.STIFFENING]
     return np.where(np.isnan(stiffening), -1, stiffening > 0).astype(np.int8)
+
+
+def motion_of(rows: Array) -> Array:
+    """Motion codes: 0 periodic, 1 irregular, -1 where there is none."""
+    irregular = rows[..., col.SPREAD_AMPLITUDE] > 0
+    return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, irregular).astype(np.int8)
 
 
 def variables_of(control: Control) -> tuple[str, ...]:

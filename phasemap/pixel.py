@@ -17,6 +17,7 @@ from phasemap.dataset import (
     describe,
     flag_attributes,
     float_attributes,
+    motion_of,
     provenance,
 )
 from phasemap.errors import InputError, SolveError
@@ -52,10 +53,14 @@ class Pixel:
         Energy in less energy out, over energy in [1]; NaN if the solver does not know it.
     error_phase, error_height : float
         Estimated errors [degree, m]; NaN if there is no estimate.
+    amplitude_spread, phase_spread : float
+        Of motion that is not periodic, as a lock-in shows it [m, degree]; 0 for a periodic orbit.
     stable : bool
         Whether the controller can stay on the orbit.
     branch : str
         "attractive", "repulsive" or "none".
+    motion : str
+        "periodic", "irregular" or "none".
     solver : str
         "averaging", "orbit", "march", or "none" where there was nothing to solve.
     status : Status
@@ -75,8 +80,11 @@ class Pixel:
     energy_closure: float
     error_phase: float
     error_height: float
+    amplitude_spread: float
+    phase_spread: float
     stable: bool
     branch: str
+    motion: str
     solver: str
     status: Status
 
@@ -135,9 +143,9 @@ def solve_pixel(
         raise SolveError(state.value)
     numbers = {name: float(FLOATS[name].value(rows)[0]) for name in Pixel.__annotations__ if name in FLOATS}
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
-    return Pixel(
-        **numbers, stable=state is Status.good, branch=branch, solver=FLAGS["solver"][2][int(used[0]) + 1], status=state
-    )
+    motion = FLAGS["motion"][2][int(motion_of(rows)[0]) + 1]
+    by = FLAGS["solver"][2][int(used[0]) + 1]
+    return Pixel(**numbers, stable=state is Status.good, branch=branch, motion=motion, solver=by, status=state)
 
 
 def orbits(

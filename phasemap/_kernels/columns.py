@@ -22,25 +22,27 @@ STIFFENING = 9  # <F cos>/(k A) * 2 = omega_e^2 - 1 [1]: negative attractive, po
 CLOSURE = 10  # energy in - energy out, over energy in [1]
 ERROR_PHASE = 11  # estimated [rad]
 ERROR_HEIGHT = 12  # estimated [m]
-COLUMNS = 13
+SPREAD_AMPLITUDE = 13  # of motion that is not periodic, as a lock-in shows it [m]; 0 or NaN for a periodic orbit
+SPREAD_PHASE = 14  # the same of the phase [rad]
+COLUMNS = 15
 
 # Columns of a row of a scan in time: TIP_OFFSET, PHASE, AMPLITUDE and STIFFENING, averaged over a pixel, and
 AMPLITUDE_ERROR = 5  # amplitude less setpoint [m]
 
 # Columns of a full row, shape (FULL,): the above, and
-MEAN_FORCE = 13  # of the surface on the tip [N], positive repulsive
-PEAK_FORCE = 14  # largest [N]
-LEAST_FORCE = 15  # smallest [N]
-CONTACT_TIME = 16  # in contact, necks included, over the period [1]
-HARMONIC = 17  # amplitudes of the harmonics 2 ... 6 of the deflection [m]
+MEAN_FORCE = 15  # of the surface on the tip [N], positive repulsive
+PEAK_FORCE = 16  # largest [N]
+LEAST_FORCE = 17  # smallest [N]
+CONTACT_TIME = 18  # in contact, necks included, over the period [1]
+HARMONIC = 19  # amplitudes of the harmonics 2 ... 6 of the deflection [m]
 HARMONICS = 5
-TRACE = 22  # of the monodromy matrix [1]
-PRODUCT = 23  # of the two multipliers [1]
-START_Z, START_V, START_HELD = 24, 25, 26  # z [m], dz/dtau [m], whether in contact or neck, at drive phase 0
-PARAMETER = 27  # m [1]
-KIND = 28  # what made the row: one of those below
-INDEX = 29  # of the value asked for
-FULL = 30
+TRACE = 24  # of the monodromy matrix [1]
+PRODUCT = 25  # of the two multipliers [1]
+START_Z, START_V, START_HELD = 26, 27, 28  # z [m], dz/dtau [m], whether in contact or neck, at drive phase 0
+PARAMETER = 29  # m [1]
+KIND = 30  # what made the row: one of those below
+INDEX = 31  # of the value asked for
+FULL = 32
 ON_THE_WAY, WANTED, FOLD, END, TURN = 0, 1, 2, 3, 4  # FOLD: the control turns; TURN: the value wanted does
 
 # Status codes; `phasemap.status.Status` says them in words.
