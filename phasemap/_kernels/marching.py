@@ -9,12 +9,10 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.approach import far_start, free_amplitude, scale_of
+from phasemap._kernels.in_time import approach, settle
 from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.march import approach, settle
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
-
-MOST_PERIODS = 200_000  # that a march may take to settle
 
 
 @njit(**OPTIONS)
@@ -24,29 +22,25 @@ def march_rows(
     lever: np.ndarray,
     amplitudes: np.ndarray,
     eta: float,
-    first: int,
-    last: int,
+    most: int,
     out: np.ndarray,
     status: np.ndarray,
-    solver: np.ndarray,
 ) -> None:
-    """Settled orbit of every row in [first, last) by time integration, started near the orbit in `out`.
+    """Motion that holds each amplitude in time, started near the orbit in `out`, for at most so many periods.
 
-    Where neither averaging nor the curve of exact orbits said which one that is, the tip is engaged from far in time.
+    Where the status is not GOOD, no orbit is known to start from, and the tip is engaged from far.
     """
     start = np.zeros(4)
     free = free_amplitude(lever)
-    for i in range(first, last):
-        p, amplitude, done = parameters(rows[i]), amplitudes[i], status[i]
-        solver[i] = col.MARCH
-        if done == col.GOOD:
+    for i in range(len(rows)):
+        p, amplitude = parameters(rows[i]), amplitudes[i]
+        if status[i] == col.GOOD:
             start[0], start[1] = out[i, col.TIP_OFFSET], out[i, col.MEAN]
             start[2], start[3] = amplitude, 0.5 * math.pi - out[i, col.PHASE]
-            done = settle(law, rows[i], lever, amplitude, start, eta, 1.0, MOST_PERIODS, out[i])
-        elif done == col.NOT_CONVERGED or done == col.TOO_MANY_CONTACTS:
+            status[i] = settle(law, rows[i], lever, amplitude, start, eta, most, out[i])
+        else:
             far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
             step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free
-            done = approach(law, rows[i], lever, amplitude, far, step, eta, 1.0, MOST_PERIODS, out[i])
-        if done != col.GOOD:
+            status[i] = approach(law, rows[i], lever, amplitude, far, step, eta, most, out[i])
+        if status[i] != col.GOOD:
             out[i] = math.nan
-        status[i] = done

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
-from phasemap.solvers.march import March
 from phasemap.solvers.orbit import solve_exactly
 from phasemap.work import Work
 
@@ -32,7 +30,3 @@ class Auto:
     ) -> None:
         """See `phasemap.solvers.Solver`."""
         solve_exactly(work, accuracy.phase, accuracy.height, True, first, last, out, status, solver)
-        beyond = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS)
-        for i in range(first, last):
-            if status[i] in beyond:
-                March().solve(work, accuracy, i, i + 1, out, status, solver)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.work import Work
@@ -12,7 +13,8 @@ from phasemap.work import Work
 class Averaging:
     """First-order Krylov-Bogolyubov-Mitropolsky averaging (Wang 1999, Eqs. 5-8): fast, and good in air.
 
-    Which branch it is on is decided as for every solver, by engagement. It does not look at `Accuracy`: its error is
+    Which branch it is on is decided as for every solver, by engagement; where the motion is not periodic it is marched
+    in time. It does not look at `Accuracy`: its error is
     what it is, and `phasemap bench` measures it over regimes.
     """
 
@@ -32,13 +34,17 @@ class Averaging:
         """See `phasemap.solvers.Solver`."""
         from phasemap._kernels.cheap import averaged_near_rows
 
-        if engage_averaged(work, first, last, out, status, solver):
-            averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
+        if not engage_averaged(work, first, last, out, status, solver):
+            return
+        # What is not periodic has no averaged orbit: the march's mean stands.
+        kept = first + np.flatnonzero(out[first:last, col.SPREAD_AMPLITUDE] > 0)
+        rows = out[kept]
+        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
+        out[kept], status[kept], solver[kept] = rows, col.GOOD, col.MARCH
 
 
 def engage_averaged(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> bool:
     """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
-    from phasemap._kernels import columns as col
     from phasemap._kernels.cheap import averaging_rows
 
     waiting = averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)

@@ -8,19 +8,20 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
-from phasemap.solvers.averaging import engage_averaged
 from phasemap.work import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
 ERROR_PHASE, ERROR_HEIGHT = math.radians(5e-5), 1e-14  # [rad, m], found against independent orbits
+MOST_PERIODS = 100_000  # of one material
 
 
 class March:
-    """Time integration with Runge-Kutta steps of order 8 and the contact located, until the orbit repeats itself.
+    """Time integration with Runge-Kutta steps of order 8 and the contact located, until the motion is known.
 
-    Slow, and independent of the other solvers from the equation on: it is what they are checked against. Only orbits
-    that time leads to are found, so that an orbit that settles is stable.
+    Slow, and independent of the other solvers from the equation on: it is what they are checked against. Only motion
+    that time leads to is found, so that an orbit that settles is stable. Motion that does not repeat itself is held on
+    the amplitude that a slow lock-in shows.
 
     Parameters
     ----------
@@ -47,21 +48,32 @@ class March:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        engage_averaged(work, first, last, out, status, solver)
-        self.settle(work, first, last, out, status, solver)
+        from phasemap.solvers.averaging import engage_averaged
 
-    def settle(
-        self, work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray
-    ) -> None:
-        """March from the orbits in `out`, or from far where there is none that converged."""
+        engage_averaged(work, first, last, out, status, solver)
+        decided = np.isin(status[first:last], (col.GOOD, col.NO_STABLE_ORBIT))
+        in_time = solver[first:last] == col.MARCH  # engaged from far, with the steps of the default
+        again = first + np.flatnonzero(~decided | (status[first:last] == col.GOOD))
+        if self.eta == ETA:
+            again = again[~in_time[again - first]]
+        self.settle(work, again, out, status, solver)
+
+    def settle(self, work: Work, chosen: np.ndarray, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:
+        """March the chosen rows, an array of numbers: from the orbits in `out`, or from far where none is GOOD."""
         from phasemap._kernels.marching import march_rows
 
+        if not len(chosen):
+            return
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
-        march_rows(work.law, work.rows, work.lever, work.amplitudes, eta, first, last, out, status, solver)
-        held = first + np.flatnonzero(status[first:last] == col.GOOD)
+        some, codes = out[chosen], status[chosen]
+        rows = np.ascontiguousarray(work.rows[chosen])
+        march_rows(work.law, rows, work.lever, work.amplitudes[chosen], eta, MOST_PERIODS, some, codes)
+        periodic = (codes == col.GOOD) & ~(some[:, col.SPREAD_AMPLITUDE] > 0)
         coarser = max(self.eta / ETA, 1.0) ** 8
-        out[held, col.ERROR_PHASE], out[held, col.ERROR_HEIGHT] = coarser * ERROR_PHASE, coarser * ERROR_HEIGHT
+        errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
+        some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
+        out[chosen], status[chosen], solver[chosen] = some, codes, col.MARCH
 
 
 class FromFar(March):
@@ -80,5 +92,5 @@ class FromFar(March):
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        status[first:last] = col.NOT_CONVERGED  # for `settle`: there is no orbit to begin with
-        self.settle(work, first, last, out, status, solver)
+        status[first:last] = col.PENDING  # for `settle`: there is no orbit to begin with
+        self.settle(work, np.arange(first, last), out, status, solver)

@@ -6,18 +6,23 @@ import math
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
+from phasemap.solvers.march import March
 from phasemap.work import Work
 
+NO_ORBIT = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS, col.UNSTABLE)
+"""Where no periodic orbit was found; what the tip does there is asked of time."""
 PHASE, LENGTH = 1e-3, 1e-12  # [degree, m], estimated errors that the cheap path may leave
 
 
 class Orbit:
-    """Exact periodic orbit at the setpoint.
+    """Exact periodic orbit at the setpoint, or what a lock-in shows of a motion that is not periodic.
 
     Where the lever's response to the force converges, that is enough; its own estimate must be within 1e-3 degree and
     1 pm, or within `Accuracy` where that is less, and is some hundred times what is wrong. Elsewhere collocation split
-    at the contact points and Newton's method leave 1e-6 degree and 1e-3 pm.
+    at the contact points and Newton's method leave 1e-6 degree and 1e-3 pm. Which motion a contact with hysteresis
+    comes to, or one of which no periodic orbit is found, is decided by engaging in time.
 
     Parameters
     ----------
@@ -44,6 +49,7 @@ class Orbit:
         """See `phasemap.solvers.Solver`."""
         phase, height = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
         solve_exactly(work, phase, height, False, first, last, out, status, solver)
+        polish(work, first, last, out, status, solver)
 
 
 def solve_exactly(
@@ -57,29 +63,38 @@ def solve_exactly(
     status: np.ndarray,
     solver: np.ndarray,
 ) -> None:
-    """Take the cheap path where its error is below `phase` [degree] and `height` [m], else collocation.
+    """Take the cheap path where its error is below `phase` [degree] and `height` [m], else collocation, else time.
 
-    With `average` an averaged orbit may stand. Collocation is compiled when the first pixel needs it. Curves of laws
-    with a neck are in pieces: where one does not lead to the setpoint, all of them are followed.
+    With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
+    A contact with hysteresis goes to time at once: between far and the setpoint there may be no periodic orbit.
     """
-    from phasemap._kernels import columns as col
     from phasemap._kernels.cheap import cheap_rows
 
-    waiting = last - first
     if phase > 0:
         limits = np.array([math.radians(phase), height])
-        waiting = cheap_rows(
-            work.law, work.rows, work.lever, work.amplitudes, limits, average, first, last, out, status, solver
-        )
+        cheap_rows(work.law, work.rows, work.lever, work.amplitudes, limits, average, first, last, out, status, solver)
     else:
         status[first:last] = col.PENDING
-    if waiting:
+    hysteretic = work.rows[first:last, col.RELEASE] != 0
+    in_time = hysteretic & (status[first:last] == col.PENDING)
+    status[first:last][in_time] = col.NOT_CONVERGED
+    if (status[first:last] == col.PENDING).any():
         from phasemap._kernels.batch import exact_rows
         from phasemap._kernels.tables import TABLES
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
-        necks = work.rows[first:last, col.RELEASE] != 0
-        for i in first + np.flatnonzero(necks & (status[first:last] == col.NOT_CONVERGED)):
-            from phasemap.curves.engage import engage
+    March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), out, status, solver)
 
-            status[i] = engage(work, int(i), out[i])
+
+def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:
+    """Replace periodic orbits that were found in time by those of collocation beside them."""
+    periodic = (solver[first:last] == col.MARCH) & (status[first:last] == col.GOOD)
+    chosen = first + np.flatnonzero(periodic & ~(out[first:last, col.SPREAD_AMPLITUDE] > 0))
+    if not len(chosen):
+        return
+    from phasemap._kernels.beside import rows_beside
+    from phasemap._kernels.tables import TABLES
+
+    rows, done = out[chosen], np.empty(len(chosen), np.bool_)
+    rows_beside(work.law, work.rows[chosen], work.lever, TABLES, work.amplitudes[chosen], rows, done)
+    out[chosen[done]], solver[chosen[done]] = rows[done], col.ORBIT

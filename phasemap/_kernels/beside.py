@@ -1,0 +1,51 @@
+"""Exact orbits by collocation beside orbits that are known nearly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE, FINEST, judge, polish, tolerance_of
+from phasemap._kernels.collocation import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbit import begin, newton
+from phasemap._kernels.quick import parameters
+
+MOST_STEPS = 15
+SAME = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
+
+
+@njit(**OPTIONS)
+def rows_beside(
+    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitudes: np.ndarray, out: np.ndarray,
+    done: np.ndarray,
+) -> None:  # fmt: skip
+    """Replace each result row by that of the exact orbit beside it; `done` says where there is one."""
+    orbit, spare, target = new_orbit(), new_orbit(), np.zeros(4)
+    guess, row = np.zeros(6), np.zeros(col.COLUMNS)
+    for i in range(len(rows)):
+        p, amplitude, near = parameters(rows[i]), amplitudes[i], out[i]
+        tolerance = tolerance_of(law, p, lever)
+        guess[0], guess[1], guess[2] = near[col.TIP_OFFSET], near[col.MEAN], amplitude
+        guess[3] = near[col.STIFFENING] * amplitude
+        guess[4] = -near[col.DISSIPATION] / (math.pi * lever[col.STIFFNESS] * amplitude)
+        done[i] = False
+        for level in range(FINEST + 1):
+            if not begin(law, p, lever, tables, orbit, guess, level):
+                break
+            status, _, orbit, spare = newton(
+                law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
+            )
+            if status == col.GOOD:
+                status, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+            apart = abs(row[col.TIP_OFFSET] - near[col.TIP_OFFSET]) / amplitude
+            apart = max(apart, abs(row[col.PHASE] - near[col.PHASE]))
+            if status == col.GOOD and judge(row) == col.GOOD and apart < SAME:
+                for j in range(col.COLUMNS):
+                    near[j] = row[j]
+                near[col.ERROR_PHASE], near[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+                done[i] = True
+                break

@@ -1,0 +1,310 @@
+"""Which motion the controller finds, by engaging in time: the answer where no curve of periodic orbits gives it.
+
+A lever that swings freely is lowered from far while the equation of motion is marched. As long as the motion repeats
+itself every period, the periodic orbit is followed by Newton's method on the map of one period (`period_map`). A
+contact with hysteresis that is just touched, a period that doubles, or a tip that sticks for some periods leaves no
+such orbit. There the tip offset falls slowly, from period to period, and what counts is what a lock-in shows: the mean
+phasor of the first harmonic. Where its modulus comes to the setpoint an integral controller holds it there, as an
+instrument does, and averages over time are the result, with their spread behind a lock-in of stated bandwidth.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.approach import free_amplitude
+from phasemap._kernels.march import march_period
+from phasemap._kernels.period_map import (
+    Tip,
+    fill,
+    hold_periodic,
+    new_tip,
+    relaxed,
+    rest,
+    ring_down,
+    skip,
+    slope_of,
+)
+from phasemap._kernels.tableau import STEADY
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+    from phasemap._kernels.tableau import Numbers
+
+BANDWIDTH = 0.01
+"""Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
+
+PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
+COARSE = 2.0  # steps on the way to the setpoint, over those of a periodic orbit
+LOOSE = 100.0  # the same of the precision
+LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
+FALL = 4e-3  # of the free amplitude, by which the tip offset falls in a ring-down time without a periodic orbit
+DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
+FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
+GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
+EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
+PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
+WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
+PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
+AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
+STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
+SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
+"""How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
+# What is added up over periods: the seven of `march_period`, their number, amplitude and angle behind the lock-in and
+# their squares. Carried on: the phasor behind the lock-in, the one from which angles count, that of the last period;
+# and the largest change of it from one period to the next.
+COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 7, 8, 9, 10, 11, 12
+LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, SUMS = 12, 13, 14, 15, 16, 17, 18, 19
+
+
+@njit(**STEADY)
+def begin_sums(acc: np.ndarray) -> np.ndarray:
+    """Return empty sums of a lock-in that shows the phasor of the last period."""
+    sums = np.zeros(SUMS)
+    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[0]
+    sums[LOW_SIN] = sums[FROM_SIN] = sums[LAST_SIN] = acc[1]
+    return sums
+
+
+@njit(**STEADY)
+def average(
+    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, fall: float, tip: Tip, sums: np.ndarray
+) -> bool:
+    """March so many periods, z0 falling by `fall` [m] in each, and put into `sums` what is seen."""
+    for j in range(ADDED):
+        sums[j] = 0.0
+    sums[CHANGE] = 0.0
+    keep = math.exp(-2.0 * math.pi * BANDWIDTH)
+    acc = tip.acc
+    for _ in range(count):
+        tip.u[3] -= fall
+        tip.periods[0] += 1
+        if march_period(law, p, lever, tip.u[3], eta, tip.u, acc) < 0:
+            return False
+        for j in range(7):
+            sums[j] += acc[j]
+        x = keep * sums[LOW_COS] + (1.0 - keep) * acc[0]
+        y = keep * sums[LOW_SIN] + (1.0 - keep) * acc[1]
+        from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
+        size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+        sums[COUNT] += 1.0
+        sums[SIZE] += size
+        sums[SIZE2] += size * size
+        sums[ANGLE] += angle
+        sums[ANGLE2] += angle * angle
+        sums[CHANGE] = max(sums[CHANGE], math.hypot(acc[0] - sums[LAST_COS], acc[1] - sums[LAST_SIN]))
+        sums[LOW_COS], sums[LOW_SIN], sums[LAST_COS], sums[LAST_SIN] = x, y, acc[0], acc[1]
+    return True
+
+
+@njit(**STEADY)
+def seen(sums: np.ndarray) -> float:
+    """Amplitude [m] of the mean phasor."""
+    return math.hypot(sums[0], sums[1]) / sums[COUNT]
+
+
+@njit(**STEADY)
+def block_of(lever: np.ndarray) -> int:
+    """Periods that are averaged at a time: a multiple of 12, in which orbits of 2, 3, 4 or 6 periods repeat."""
+    return 12 * (max(FEWEST, ring_down(lever)) // 12 + 1)
+
+
+@njit(**STEADY)
+def follow_down(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, how: Numbers, most: int, tip: Tip
+) -> int:
+    """Lower the tip along periodic orbits until the amplitude is reached; returns SEEN, LEFT, SPENT or LOWEST.
+
+    Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
+    ends; what comes next is then for time to say, at first for some ring-down times.
+    """
+    u, linear, before = tip.u, tip.linear, np.empty(4)
+    lowest, rings = -15.0 * lever[col.BASE] / lever[col.ALPHA0], ring_down(lever)
+    stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
+    while tip.periods[0] < most:
+        if u[3] < lowest:
+            return LOWEST
+        for j in range(4):
+            before[j] = u[j]
+        z, v = u[0] - z_slope * stride, u[1] - v_slope * stride
+        u[0], u[1], u[3] = z, v, u[3] - stride
+        rests = skip(law, p, lever, how, 0.0, tip)
+        off = math.hypot(u[0] - z, u[1] - v) if rests else math.inf
+        turned = rests and slope_of(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
+        small = stride <= SHORTEST * step
+        if not small and (turned or off > PREDICTED * amplitude):
+            stride *= 0.25
+            for j in range(4):
+                u[j] = before[j]
+            continue
+        if not rests:
+            for j in range(4):
+                u[j] = before[j]
+            u[3] -= stride
+            if not rest(law, p, lever, how, int(DISTURBED * rings), tip):
+                return LEFT
+        if math.hypot(tip.acc[0], tip.acc[1]) <= amplitude:
+            return SEEN
+        slope = slope_of(linear)
+        z_slope, v_slope = relaxed(linear, linear[12], linear[13])
+        if stride == 0.0:
+            stride = 0.1 * step
+        elif off < 0.1 * PREDICTED * amplitude:
+            stride = min(2.0 * stride, LONGEST * step)
+    return SPENT
+
+
+@njit(**STEADY)
+def lower_slowly(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, least: float, how: Numbers, most: int, tip: Tip
+) -> int:
+    """Lower the tip period by period until the mean amplitude is reached; returns SEEN, AGAIN, SPENT or LOWEST.
+
+    AGAIN is said where the motion repeats itself every period, but not before z0 has fallen by `least` [m].
+    """
+    block, from_z0 = block_of(lever), tip.u[3]
+    lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
+    fall = FALL * free_amplitude(lever) / ring_down(lever)
+    sums = begin_sums(tip.acc)
+    while tip.periods[0] < most and average(law, p, lever, how[0], block, fall, tip, sums):
+        if seen(sums) <= amplitude:
+            return SEEN
+        if tip.u[3] < lowest:
+            return LOWEST
+        still = sums[CHANGE] < STILL * amplitude and from_z0 - tip.u[3] > least
+        if still and skip(law, p, lever, how, 0.0, tip):
+            return AGAIN
+    return SPENT
+
+
+@njit(**STEADY)
+def hold_mean(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
+    """Hold the mean amplitude by an integral controller and fill the row with averages over time.
+
+    The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small; twice that is the
+    error stated. NOT_SETTLED if it is still large when `most` periods were marched: then nothing is held.
+    """
+    for j in range(len(row)):
+        row[j] = math.nan
+    block, sums, total, group = block_of(lever), begin_sums(tip.acc), np.zeros(ADDED), np.zeros(4)
+    for _ in range(3 * GROUP):
+        if not average(law, p, lever, eta, block, 0.0, tip, sums):
+            return col.NOT_SETTLED
+        tip.u[3] += EAGER * (amplitude - seen(sums))
+    sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT], sums[1] / sums[COUNT]
+    # Mean and sum of squared deviations of the groups: of the tip offset, and of the phase.
+    groups, z_mean, z_square, a_mean, a_square = 0, 0.0, 0.0, 0.0, 0.0
+    z_error = a_error = math.inf
+    while tip.periods[0] < most:
+        for j in range(4):
+            group[j] = 0.0
+        for _ in range(GROUP):
+            if not average(law, p, lever, eta, block, 0.0, tip, sums):
+                return col.NOT_SETTLED
+            for j in range(ADDED):
+                total[j] += sums[j]
+            group[0] += tip.u[3] / GROUP
+            group[1] += sums[0]
+            group[2] += sums[1]
+            tip.u[3] += SLOW * (amplitude - seen(sums))
+        x, y, from_x, from_y = group[1], group[2], sums[FROM_COS], sums[FROM_SIN]
+        z = group[0] + amplitude - math.hypot(x, y) / (GROUP * block)
+        a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+        groups += 1
+        off = z - z_mean
+        z_mean += off / groups
+        z_square += off * (z - z_mean)
+        off = a - a_mean
+        a_mean += off / groups
+        a_square += off * (a - a_mean)
+        if groups >= LEAST_GROUPS:
+            z_error = math.sqrt(z_square / (groups - 1) / groups)
+            a_error = math.sqrt(a_square / (groups - 1) / groups)
+            if z_error < LENGTH and a_error < PHASE:
+                break
+    if not (z_error < WORST_LENGTH and a_error < WORST_PHASE):
+        return col.NOT_SETTLED
+    count = total[COUNT]
+    for j in range(ADDED):
+        total[j] /= count
+    fill(lever, z_mean, total, row)
+    row[col.AMPLITUDE] = amplitude
+    row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
+    row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = 2.0 * a_error, 2.0 * z_error
+    return col.GOOD
+
+
+@njit(**STEADY)
+def hold(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
+    """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row."""
+    how = (eta, PRECISE[0] * amplitude, PRECISE[1])
+    status = hold_periodic(law, p, lever, how, amplitude, most, tip, row)
+    if status != col.NOT_SETTLED:
+        return status
+    return hold_mean(law, p, lever, amplitude, COARSE * eta, most, tip, row)
+
+
+@njit(**STEADY)
+def settle(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, start: np.ndarray, eta: float, most: int,
+    row: np.ndarray,
+) -> int:  # fmt: skip
+    """Hold an amplitude [m] in time, starting from (z0, mean, amplitude, lag), and fill a result row.
+
+    The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
+    """
+    z = start[1] + start[2] * math.cos(start[3])
+    tip = new_tip(z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
+    return hold(law, p, lever, amplitude, eta, most, tip, row)
+
+
+@njit(**STEADY)
+def approach(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, z0: float, step: float, eta: float, most: int,
+    row: np.ndarray,
+) -> int:  # fmt: skip
+    """Engage from z0 [m]: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
+
+    Parameters
+    ----------
+    step : float
+        Length on which orbits change as the tip comes near [m].
+    eta : float
+        As for `march_period`.
+    most : int
+        Periods that may be marched.
+
+    Returns
+    -------
+    int
+        GOOD; NOT_SETTLED after `most` periods; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    """
+    omega = lever[col.OMEGA]
+    free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
+    tip = new_tip(free.real, -omega * free.imag, z0)
+    how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
+    for j in range(len(row)):
+        row[j] = math.nan
+    least = AWAY * abs(free)
+    while True:
+        ends = follow_down(law, p, lever, amplitude, step, how, most, tip)
+        if ends == SEEN:
+            return hold(law, p, lever, amplitude, eta, most, tip, row)
+        if ends == LEFT:
+            ends = lower_slowly(law, p, lever, amplitude, least, how, most, tip)
+            least *= 2.0
+        if ends == SEEN:
+            return hold_mean(law, p, lever, amplitude, COARSE * eta, most, tip, row)
+        if ends != AGAIN:
+            return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT

@@ -1,0 +1,237 @@
+"""Periodic orbits in time: Newton's method on the map of one period of the drive, by differences of marched periods."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.law import contact_force
+from phasemap._kernels.march import march_period
+from phasemap._kernels.tableau import STEADY
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+    from phasemap._kernels.tableau import Numbers
+
+PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
+
+
+class Tip(NamedTuple):
+    """A tip in time.
+
+    Attributes
+    ----------
+    u : ndarray, shape (4,)
+        z, z' [m] at drive phase 0, whether it is in contact or in the neck, and the tip offset z0 [m].
+    acc : ndarray, shape (7,)
+        What the last period gave, as `march_period` has it.
+    linear : ndarray, shape (16,)
+        [0:3] is the change of z, that of z' and the amplitude A of a period from u; [4 j : 4 j + 3], j = 1, 2, 3, are
+        their derivatives by z, z' and z0.
+    periods : ndarray of int, shape (1,)
+        How many were marched.
+    """
+
+    u: np.ndarray
+    acc: np.ndarray
+    linear: np.ndarray
+    periods: np.ndarray
+
+
+@njit(**STEADY)
+def new_tip(z: float, v: float, z0: float) -> Tip:
+    """Return a tip out of contact, or as its depth says."""
+    return Tip(np.array([z, v, 0.0, z0]), np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
+
+
+@njit(**STEADY)
+def ring_down(lever: np.ndarray) -> int:
+    """Periods in which the amplitude of the free lever falls to 1/e, Q / pi at resonance; at least 1."""
+    return int(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0])) + 1
+
+
+@njit(**STEADY)
+def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
+    """March a tip for a period of the drive."""
+    tip.periods[0] += 1
+    return march_period(law, p, lever, tip.u[3], eta, tip.u, tip.acc) >= 0
+
+
+@njit(**STEADY)
+def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
+    """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
+    u, acc, linear = tip.u, tip.acc, tip.linear
+    size = 3e-8 * (math.hypot(u[0], u[1]) + lever[col.BASE])
+    y = np.empty(3)
+    for j in range(4):
+        z = u[0] + (size if j == 1 else 0.0)
+        v = u[1] + (size if j == 2 else 0.0)
+        y[0], y[1], y[2] = z, v, u[2]
+        tip.periods[0] += 1
+        if march_period(law, p, lever, u[3] + (size if j == 3 else 0.0), eta, y, acc) < 0 or y[2] != u[2]:
+            return False
+        linear[4 * j], linear[4 * j + 1], linear[4 * j + 2] = y[0] - z, y[1] - v, math.hypot(acc[0], acc[1])
+        if j > 0:
+            for i in range(3):
+                linear[4 * j + i] = (linear[4 * j + i] - linear[i]) / size
+    return True
+
+
+@njit(**STEADY)
+def relaxed(linear: np.ndarray, r0: float, r1: float) -> tuple[float, float]:
+    """How far (z, z') goes to rest if it now changes by r a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
+    scale = 1 / (linear[4] * linear[9] - linear[8] * linear[5])
+    return (linear[8] * r1 - linear[9] * r0) * scale, (linear[5] * r0 - linear[4] * r1) * scale
+
+
+@njit(**STEADY)
+def slope_of(linear: np.ndarray) -> float:
+    """dA/dz0 after the transient."""
+    z, v = relaxed(linear, linear[12], linear[13])
+    return linear[14] + linear[6] * z + linear[10] * v
+
+
+@njit(**STEADY)
+def multiplier_of(linear: np.ndarray) -> float:
+    """Largest modulus of the Floquet multipliers: the eigenvalues of P'."""
+    half = 1 + 0.5 * (linear[4] + linear[9])
+    product = (1 + linear[4]) * (1 + linear[9]) - linear[8] * linear[5]
+    apart = 0.25 * (linear[4] - linear[9]) ** 2 + linear[8] * linear[5]
+    return abs(half) + math.sqrt(apart) if apart > 0 else math.sqrt(product)
+
+
+@njit(**STEADY)
+def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
+    """Way of (z, z', z0) to rest; with `hold`, z0 moves by the amplitude's error after the transient, over slope."""
+    z, v = relaxed(linear, r0, r1)
+    if not hold:
+        return z, v, 0.0
+    move = -(error + linear[6] * z + linear[10] * v) / slope_of(linear)
+    z_move, v_move = relaxed(linear, linear[12], linear[13])
+    return z + z_move * move, v + v_move * move, move
+
+
+@njit(**STEADY)
+def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float, tip: Tip) -> bool:
+    """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
+
+    The decay is measured, not assumed: neighbours must approach (Floquet multipliers inside the unit circle and, where
+    an amplitude `target` is held, a feedback that pulls back), and the way left after a skip must be at most a quarter
+    of the skip (Deuflhard's natural monotonicity test). Where that fails, u is left alone and time has to pass.
+
+    `how` is eta and the errors allowed in (z, z') and z0. Returns whether the tip is at rest.
+    """
+    eta, y_limit, z0_limit = how
+    hold = target > 0.0
+    u, acc, linear = tip.u, tip.acc, tip.linear
+    trial, y = np.empty(4), np.empty(3)
+    for _ in range(20):
+        if not linearise(law, p, lever, eta, tip):
+            return False
+        if not multiplier_of(linear) < 1 or (hold and not slope_of(linear) > 0):
+            return False
+        z, v, move = _ahead(linear, linear[0], linear[1], linear[2] - target, hold)
+        way = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
+        near = way * y_limit <= 1e-4 * (math.hypot(u[0], u[1]) + lever[col.BASE])
+        moved = False
+        while way > 1 or not moved:
+            trial[0], trial[1], trial[2], trial[3] = u[0] + z, u[1] + v, u[2], u[3] + move
+            y[0], y[1], y[2] = trial[0], trial[1], trial[2]
+            tip.periods[0] += 1
+            if march_period(law, p, lever, trial[3], eta, y, acc) < 0 or y[2] != u[2]:
+                return False
+            error = math.hypot(acc[0], acc[1]) - target
+            z, v, move = _ahead(linear, y[0] - trial[0], y[1] - trial[1], error, hold)
+            left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
+            if not (left <= 1 or left <= 0.25 * way):
+                break
+            for i in range(4):
+                u[i] = trial[i]
+            way, moved = left, True
+        if not moved:
+            return False
+        if way <= 1 and near:  # so near that the derivatives are those at the end
+            for _ in range(2):
+                u[0], u[1], u[3] = u[0] + z, u[1] + v, u[3] + move
+                y[0], y[1], y[2] = u[0], u[1], u[2]
+                tip.periods[0] += 1
+                if march_period(law, p, lever, u[3], eta, y, acc) < 0 or y[2] != u[2]:
+                    return False
+                error = math.hypot(acc[0], acc[1]) - target
+                z, v, move = _ahead(linear, y[0] - u[0], y[1] - u[1], error, hold)
+            return True
+    return False
+
+
+@njit(**STEADY)
+def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, tip: Tip) -> bool:
+    """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
+    end = tip.periods[0] + most
+    wait = max(3, int(lever[col.OMEGA] / (4 * math.pi * lever[col.ALPHA0])))  # half the lever's decay time
+    while tip.periods[0] < end:
+        if skip(law, p, lever, how, 0.0, tip):
+            return True
+        if not multiplier_of(tip.linear) < 1:
+            # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
+            tip.u[0] *= 1 + 1e-6
+            tip.u[1] *= 1 + 1e-6
+        for _ in range(wait):
+            if not pass_period(law, p, lever, how[0], tip):
+                return False
+    return False
+
+
+@njit(**STEADY)
+def hold_periodic(
+    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
+    """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
+
+    Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
+    NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    """
+    snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
+    farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
+    stride = 0.1 * amplitude
+    last = 0.0
+    patience = int(PATIENCE * ring_down(lever))
+    while not skip(law, p, lever, how, amplitude, tip):
+        if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
+            return col.NOT_SETTLED
+        error = math.hypot(tip.acc[0], tip.acc[1]) - amplitude
+        if error * last < 0:
+            stride *= 0.5
+        last = error
+        # A setpoint inside a jump is passed again and again, and one above the free amplitude is never reached.
+        if stride < 1e-4 * amplitude or not abs(tip.u[3]) < farthest:
+            return col.NO_STABLE_ORBIT
+        tip.u[3] -= max(-stride, min(error / max(slope_of(tip.linear), 0.2), stride))
+    for j in range(len(row)):
+        row[j] = math.nan
+    fill(lever, tip.u[3], tip.acc, row)
+    row[col.FLOQUET] = multiplier_of(tip.linear)
+    row[col.SLOPE] = slope_of(tip.linear)
+    return col.GOOD
+
+
+@njit(**STEADY)
+def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None:
+    """Fill a result row from what a period gave, or many in the mean: their balances are the same, for they are linear.
+
+    In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); energy, what the drive gives is dissipated.
+    """
+    lag = math.atan2(acc[1], acc[0])
+    row[col.TIP_OFFSET] = z0
+    row[col.MEAN] = acc[2]
+    row[col.PHASE] = math.pi / 2 - lag
+    row[col.AMPLITUDE] = math.hypot(acc[0], acc[1])
+    row[col.INDENTATION] = acc[5]
+    row[col.DISSIPATION] = acc[3]
+    row[col.VIRIAL] = acc[4]
+    row[col.STIFFENING] = lever[col.BASE] * math.cos(lag) / row[col.AMPLITUDE] - 1 + lever[col.OMEGA] ** 2
+    supplied = math.pi * lever[col.STIFFNESS] * lever[col.BASE] * acc[1]
+    row[col.CLOSURE] = (supplied - acc[3] - acc[6]) / supplied
