@@ -23,7 +23,9 @@ from phasemap._kernels.period_map import (
     Tip,
     fill,
     hold_periodic,
+    multiplier_of,
     new_tip,
+    pass_period,
     relaxed,
     rest,
     ring_down,
@@ -160,23 +162,26 @@ def follow_down(
 
 
 @njit(**STEADY)
-def lower_slowly(
+def move_slowly(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, least: float, how: Numbers, most: int, tip: Tip
 ) -> int:
-    """Lower the tip period by period until the mean amplitude is reached; returns SEEN, AGAIN, SPENT or LOWEST.
+    """Lower or raise the tip period by period until the mean amplitude is reached: SEEN, AGAIN, SPENT or LOWEST.
 
-    AGAIN is said where the motion repeats itself every period, but not before z0 has fallen by `least` [m].
+    AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
     block, from_z0 = block_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
-    fall = FALL * free_amplitude(lever) / ring_down(lever)
+    pace = FALL * free_amplitude(lever) / ring_down(lever)
     sums = begin_sums(tip.acc)
-    while tip.periods[0] < most and average(law, p, lever, how[0], block, fall, tip, sums):
-        if seen(sums) <= amplitude:
+    if not average(law, p, lever, how[0], block, 0.0, tip, sums):
+        return SPENT
+    down = seen(sums) > amplitude
+    while tip.periods[0] < most and average(law, p, lever, how[0], block, pace if down else -pace, tip, sums):
+        if (seen(sums) <= amplitude) == down:
             return SEEN
-        if tip.u[3] < lowest:
+        if not abs(tip.u[3]) < -lowest:
             return LOWEST
-        still = sums[CHANGE] < STILL * amplitude and from_z0 - tip.u[3] > least
+        still = sums[CHANGE] < STILL * amplitude and abs(from_z0 - tip.u[3]) > least
         if still and skip(law, p, lever, how, 0.0, tip):
             return AGAIN
     return SPENT
@@ -190,31 +195,32 @@ def hold_mean(
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
     the one that would hold the setpoint. Averaging ends when the standard error of groups is small; twice that is the
-    error stated. NOT_SETTLED if it is still large when `most` periods were marched: then nothing is held.
+    error stated. NOT_SETTLED if it is still large when `most` periods were marched: then nothing is held. An
+    `amplitude` of 0 leaves the tip offset alone.
     """
     for j in range(len(row)):
         row[j] = math.nan
-    block, sums, total, group = block_of(lever), begin_sums(tip.acc), np.zeros(ADDED), np.zeros(4)
+    held = amplitude > 0.0
+    block, sums, total, group = block_of(lever), begin_sums(tip.acc), np.zeros(ADDED), np.zeros(3)
     for _ in range(3 * GROUP):
-        if not average(law, p, lever, eta, block, 0.0, tip, sums):
+        if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
             return col.NOT_SETTLED
-        tip.u[3] += EAGER * (amplitude - seen(sums))
+        tip.u[3] += EAGER * (amplitude - seen(sums)) if held else 0.0
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT], sums[1] / sums[COUNT]
-    # Mean and sum of squared deviations of the groups: of the tip offset, and of the phase.
+    # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square = 0, 0.0, 0.0, 0.0, 0.0
     z_error = a_error = math.inf
     while tip.periods[0] < most:
-        for j in range(4):
-            group[j] = 0.0
+        group[0] = group[1] = group[2] = 0.0
         for _ in range(GROUP):
-            if not average(law, p, lever, eta, block, 0.0, tip, sums):
+            if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
                 return col.NOT_SETTLED
             for j in range(ADDED):
                 total[j] += sums[j]
             group[0] += tip.u[3] / GROUP
             group[1] += sums[0]
             group[2] += sums[1]
-            tip.u[3] += SLOW * (amplitude - seen(sums))
+            tip.u[3] += SLOW * (amplitude - seen(sums)) if held else 0.0
         x, y, from_x, from_y = group[1], group[2], sums[FROM_COS], sums[FROM_SIN]
         z = group[0] + amplitude - math.hypot(x, y) / (GROUP * block)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
@@ -230,13 +236,18 @@ def hold_mean(
             a_error = math.sqrt(a_square / (groups - 1) / groups)
             if z_error < LENGTH and a_error < PHASE:
                 break
+        if held and sums[CHANGE] < STILL * amplitude:  # it repeats itself by now
+            how = (eta, PRECISE[0] * amplitude, PRECISE[1])
+            if skip(law, p, lever, how, amplitude, tip):
+                return hold_periodic(law, p, lever, how, amplitude, most, tip, row)
     if not (z_error < WORST_LENGTH and a_error < WORST_PHASE):
         return col.NOT_SETTLED
     count = total[COUNT]
     for j in range(ADDED):
         total[j] /= count
-    fill(lever, z_mean, total, row)
-    row[col.AMPLITUDE] = amplitude
+    fill(lever, z_mean if held else tip.u[3], total, row)
+    if held:
+        row[col.AMPLITUDE] = amplitude
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = 2.0 * a_error, 2.0 * z_error
@@ -252,7 +263,7 @@ def hold(
     status = hold_periodic(law, p, lever, how, amplitude, most, tip, row)
     if status != col.NOT_SETTLED:
         return status
-    return hold_mean(law, p, lever, amplitude, COARSE * eta, most, tip, row)
+    return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
 
 
 @njit(**STEADY)
@@ -302,9 +313,52 @@ def approach(
         if ends == SEEN:
             return hold(law, p, lever, amplitude, eta, most, tip, row)
         if ends == LEFT:
-            ends = lower_slowly(law, p, lever, amplitude, least, how, most, tip)
+            ends = move_slowly(law, p, lever, amplitude, least, how, most, tip)
             least *= 2.0
         if ends == SEEN:
-            return hold_mean(law, p, lever, amplitude, COARSE * eta, most, tip, row)
+            return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
         if ends != AGAIN:
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
+
+
+@njit(**STEADY)
+def carry_to(
+    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
+) -> int:
+    """Move a tip in state u = (z, z', touching, its tip offset) slowly to z0 [m], and fill a row with its motion there.
+
+    Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
+    """
+    tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
+    pace = FALL * free_amplitude(lever) / ring_down(lever)
+    count = int(abs(u[3] - z0) / pace)
+    if not pass_period(law, p, lever, eta, tip):
+        return col.NOT_SETTLED
+    if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(tip.acc)):
+        return col.NOT_SETTLED
+    u[3] = z0
+    how = (eta, PRECISE[0] * free_amplitude(lever), PRECISE[1])
+    if rest(law, p, lever, how, int(DISTURBED * ring_down(lever)), tip):
+        for j in range(len(row)):
+            row[j] = math.nan
+        fill(lever, z0, tip.acc, row)
+        row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), slope_of(tip.linear)
+        return col.GOOD
+    return hold_mean(law, p, lever, 0.0, eta, tip.periods[0] + most, tip, row)
+
+
+@njit(**STEADY)
+def carry_on(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
+) -> int:
+    """Move a tip in state u slowly until its amplitude is the one asked for, hold it, and fill a row; as `approach`."""
+    tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
+    if not pass_period(law, p, lever, eta, tip):
+        return col.NOT_SETTLED
+    how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
+    ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), how, most, tip)
+    if ends == AGAIN:
+        return hold(law, p, lever, amplitude, eta, most, tip, row)
+    if ends == SEEN:
+        return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
+    return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT

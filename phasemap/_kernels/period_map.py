@@ -194,6 +194,8 @@ def hold_periodic(
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
+    for j in range(len(row)):
+        row[j] = math.nan
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride = 0.1 * amplitude
@@ -210,8 +212,6 @@ def hold_periodic(
         if stride < 1e-4 * amplitude or not abs(tip.u[3]) < farthest:
             return col.NO_STABLE_ORBIT
         tip.u[3] -= max(-stride, min(error / max(slope_of(tip.linear), 0.2), stride))
-    for j in range(len(row)):
-        row[j] = math.nan
     fill(lever, tip.u[3], tip.acc, row)
     row[col.FLOQUET] = multiplier_of(tip.linear)
     row[col.SLOPE] = slope_of(tip.linear)

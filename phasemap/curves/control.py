@@ -73,15 +73,11 @@ class Question:
 
 def fixed_path(question: Question) -> tuple[Law, Fixed]:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
-    return fixed_path_of(question.work(), 0)
-
-
-def fixed_path_of(work: Work, i: int) -> tuple[Law, Fixed]:
-    """The same for a pixel of a work."""
     from phasemap._kernels.path import fixed
     from phasemap._kernels.quick import parameters
 
-    return work.law, fixed(work.law, parameters(work.rows[i]), work.lever)
+    work = question.work()
+    return work.law, fixed(work.law, parameters(work.rows[0]), work.lever)
 
 
 @dataclass(frozen=True)

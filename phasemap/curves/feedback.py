@@ -3,29 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.curves.in_time import Adrift
 from phasemap.curves.pieces import Curves
-from phasemap.curves.walk import BESIDE, Jump, Segment, land, segments
+from phasemap.curves.walk import BESIDE, Jump, Segment, is_periodic, land, like, segments
 
 MOST_TURNS = 12  # landings before the feedback is taken to hunt for ever
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where the tip is: on a segment, at a tip offset."""
+    """Where the tip is: at a tip offset on a segment, or on none."""
 
-    segment: Segment
+    on: Segment | Adrift
     z0: float
 
-    @property
-    def amplitude(self) -> float:
-        """Amplitude there [m]."""
-        row = self.segment.row_at(self.z0)
-        assert row is not None
-        return float(row[col.AMPLITUDE])
+
+class Held(NamedTuple):
+    """Where a feedback holds an amplitude.
+
+    Attributes
+    ----------
+    place : Place or None
+        None if the tip hunts, or nothing can be held.
+    row : ndarray, shape (FULL,), or None
+    trace : ndarray, shape (2, samples), or None
+        None too where the motion is not periodic.
+    jump : Jump or None
+        If the feedback lost its orbit on the way: from where it was last held, to where it is held again.
+    """
+
+    place: Place | None
+    row: np.ndarray | None
+    trace: np.ndarray | None
+    jump: Jump | None
 
 
 class Feedback:
@@ -62,31 +77,17 @@ class Feedback:
                 best, place = apart, Place(part, float(row[col.TIP_OFFSET]))
         return place
 
-    def _next(self, z0: float, down: bool) -> Place | None:
-        """The first place that a tip reaches that is lowered, or raised, from where nothing is stable."""
-        if down:
-            part = max((part for part in self.parts if part.x[-1] < z0), key=lambda part: part.x[-1], default=None)
-            return None if part is None else Place(part, float(part.x[-1]))
-        part = min((part for part in self.parts if part.x[0] > z0), key=lambda part: part.x[0], default=None)
-        return None if part is None else Place(part, float(part.x[0]))
-
-    def seek(self, place: Place, index: int, direction: int) -> tuple[Place | None, int, Jump | None]:
-        """Move the tip until the amplitude is the wanted value `index`.
-
-        Returns
-        -------
-        place : Place or None
-            Where it is held; None if the tip hunts, or no orbit is left.
-        row : int
-            Row of the segment, -1 if none.
-        jump : Jump or None
-            If the feedback lost its orbit on the way: from where it was last held, to where it is held again.
-        """
+    def seek(self, place: Place, index: int, direction: int) -> Held:
+        """Move the tip until the amplitude is the wanted value `index`."""
         target = float(self.curves.wanted[index])
         lost: np.ndarray | None = None
         for _ in range(MOST_TURNS):
-            down = place.amplitude > target
-            rows, x = place.segment.rows, place.segment.x
+            if isinstance(place.on, Adrift):
+                return self._in_time(place.on, index, direction, lost)
+            here = place.on.row_at(place.z0)
+            assert here is not None
+            down = float(here[col.AMPLITUDE]) > target
+            rows, x = place.on.rows, place.on.x
             ahead = np.flatnonzero((x <= place.z0) if down else (x >= place.z0))
             ahead = ahead[::-1] if down else ahead
             wanted = (rows[ahead, col.KIND] == col.WANTED) & (rows[ahead, col.INDEX] == index)
@@ -97,17 +98,24 @@ class Feedback:
             if wanted.any():
                 best = int(ahead[first])
                 jump = None if lost is None else Jump(direction, lost, rows[best])
-                return Place(place.segment, float(x[best])), best, jump
+                return Held(Place(place.on, float(x[best])), rows[best], place.on.traces[best], jump)
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
-            landed = land(self.curves, col.TIP_OFFSET, self.parts, edge, beyond)
-            if landed is not None:
-                place = Place(landed, beyond)
-                continue
-            # The tip taps irregularly, about as high as it is above the surface, until a stable orbit appears.
-            following = self._next(beyond, down)
-            if following is None:
-                break
-            place = following
-        return None, -1, Jump(direction, lost, None) if lost is not None else None
+            place = Place(land(self.curves, col.TIP_OFFSET, self.parts, edge, beyond), beyond)
+        return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
+
+    def _in_time(self, tip: Adrift, index: int, direction: int, lost: np.ndarray | None) -> Held:
+        """What the feedback of an instrument finds that moves a tip on no periodic orbit."""
+        status, row = tip.go(self.curves, col.AMPLITUDE, float(self.curves.wanted[index]))
+        if status != col.GOOD:
+            return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
+        jump, z0 = None if lost is None else Jump(direction, lost, row), float(row[col.TIP_OFFSET])
+        segment = like(self.parts, z0, row) if is_periodic(row) else None
+        if segment is None:
+            return Held(Place(tip, z0), row, None, jump)
+        known = (segment.rows[:, col.KIND] == col.WANTED) & (segment.rows[:, col.INDEX] == index)
+        near = int(np.argmin(np.where(known, np.abs(segment.x - z0), np.inf)))
+        if not known.any():
+            return Held(Place(segment, z0), row, None, jump)
+        return Held(Place(segment, float(segment.x[near])), segment.rows[near], segment.traces[near], jump)

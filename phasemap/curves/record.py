@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.curves.pieces import Curves
 from phasemap.curves.walk import Jump, Visit, stable
-from phasemap.dataset import FLOATS, branch_of, describe, flag_attributes, float_attributes, provenance
+from phasemap.dataset import FLOATS, branch_of, describe, flag_attributes, float_attributes, motion_of, provenance
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 NAMES = (
     "amplitude", "phase", "height", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
     "mean_force", "peak_force", "least_force", "contact_time", "floquet", "multiplier_real", "multiplier_imag",
-    "feedback_slope", "energy_closure",
+    "feedback_slope", "energy_closure", "amplitude_spread", "phase_spread",
 )  # fmt: skip
 Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
 HARMONICS = np.arange(2, 2 + col.HARMONICS)
@@ -97,6 +97,7 @@ def _variables(prefix: str, rows: np.ndarray, dims: tuple[str, ...], axis: str) 
     attributes = {"long_name": "amplitude of a harmonic of the deflection", "units": "m"}
     data[prefix + "harmonics"] = ((*dims, "harmonic"), amplitudes, attributes)
     data[prefix + "branch"] = (dims, branch_of(rows), flag_attributes("branch"))
+    data[prefix + "motion"] = (dims, motion_of(rows), flag_attributes("motion"))
     return data
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.curves.control import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.curves.feedback import Feedback, Place
+from phasemap.curves.in_time import Adrift
 from phasemap.curves.pieces import Curves
 from phasemap.curves.record import Axis, dataset
-from phasemap.curves.walk import Jump, Segment, Visit, segments, walk
+from phasemap.curves.walk import Jump, Segment, Visit, like, segments, walk
 from phasemap.curves.whole import FAINT, complete, held_curves, mend
 from phasemap.material import Material
 from phasemap.microscope import Microscope
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 
 STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin the curve from
-LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
 
 
 def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple[np.ndarray, bool]:
@@ -107,8 +107,10 @@ def _at(parts: list[Segment], x: float) -> Segment | None:
     return next((part for part in parts if part.row_at(x) is not None), None)
 
 
-def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | None:
-    """The segment on which a sweep down to x has ended."""
+def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | Adrift | None:
+    """Where a sweep down to x has ended."""
+    if isinstance(visit.ended, Adrift):
+        return visit.ended
     row = visit.rows[0]
     there = [part for part in parts if part.row_at(x) is not None]
     same = [part for part in there if np.isclose(part.rows[0, col.AMPLITUDE], row[col.AMPLITUDE], rtol=1e-9)]
@@ -124,13 +126,12 @@ def _hold(feedback: Feedback, place: Place | None, order: range, direction: int)
     for k in order:
         if place is None:
             continue
-        found, row, jump = feedback.seek(place, k, direction)
-        if jump is not None:
-            jumps.append(jump)
-        if found is not None:
-            place = found
-            rows[k], traces[k] = found.segment.rows[row], found.segment.traces[row]
-            status[k] = Status.good.code
+        held = feedback.seek(place, k, direction)
+        if held.jump is not None:
+            jumps.append(held.jump)
+        if held.place is not None and held.row is not None:
+            place, rows[k], status[k] = held.place, held.row, Status.good.code
+            traces[k] = np.nan if held.trace is None else held.trace
     return Visit(rows, traces, status, jumps), place
 
 
@@ -172,32 +173,24 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     """Up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves.pieces, col.PARAMETER, held=True)
 
-    def landing(edge: np.ndarray | None, m: float) -> Segment | None:
+    def landing(edge: np.ndarray, m: float) -> Segment | Adrift:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
+        return engaged(m, edge) or Adrift(edge)
+
+    def engaged(m: float, edge: np.ndarray | None = None) -> Segment | Adrift | None:
+        """Where the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.at(name, float(scale.value(m)))
         feedback = Feedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.free_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None
-        found, row, _ = feedback.seek(place, 0, 0)
-        return None if found is None else _like(parts, m, found.segment.rows[row])
+        held = feedback.seek(place, 0, 0)
+        if held.place is None or held.row is None:
+            return None
+        return held.place.on if isinstance(held.place.on, Adrift) else like(parts, m, held.row)
 
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
-        first = landing(None, float(x))
+        first = engaged(float(x))
         visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction, landing))
     return visits[0], visits[1]
-
-
-def _like(parts: list[Segment], m: float, row: np.ndarray) -> Segment | None:
-    """The segment that passes this orbit at m."""
-    best, like = LIKE, None
-    for part in parts:
-        here = part.row_at(m)
-        if here is None:
-            continue
-        apart = abs(here[col.PHASE] - row[col.PHASE])
-        apart += abs(here[col.TIP_OFFSET] - row[col.TIP_OFFSET]) / row[col.AMPLITUDE]
-        if apart < best:
-            best, like = apart, part
-    return like

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.curves.in_time import Adrift
 from phasemap.curves.pieces import Curves, Piece
 from phasemap.status import Status
 
@@ -15,6 +16,7 @@ BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 MOST_LANDINGS = 8  # between two values wanted
 NEAR = 2e-3  # of the free amplitude: as near to an orbit the tip is on it
+LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +60,16 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """What a sweep in one direction saw: a row, a trace and a status for each value wanted."""
+    """What a sweep in one direction saw: a row, a trace and a status for each value wanted, and where it ended."""
 
     rows: np.ndarray
     traces: np.ndarray
     status: np.ndarray
     jumps: list[Jump]
+    ended: Segment | Adrift | None = None
 
 
-Landing = Callable[[np.ndarray, float], Segment | None]
+Landing = Callable[[np.ndarray, float], Segment | Adrift]
 
 
 def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
@@ -113,7 +116,7 @@ def _segment(number: int, piece: Piece, part: slice, column: int, held: bool) ->
 def walk(
     curves: Curves,
     column: int,
-    first: Segment | None,
+    first: Segment | Adrift | None,
     parts: list[Segment],
     down: bool,
     direction: int,
@@ -121,7 +124,8 @@ def walk(
 ) -> Visit:
     """Go through the values wanted, from the highest down or from the lowest up, beginning on `first`.
 
-    `landing` says where a tip goes whose segment has ended; by default `land` does.
+    `landing` says where a tip goes whose segment has ended; by default `land` does. As long as it follows no periodic
+    orbit it goes on in time, and its rows are means, with their spread.
     """
     wanted = curves.wanted
     n = len(wanted)
@@ -132,14 +136,23 @@ def walk(
     for k in range(n - 1, -1, -1) if down else range(n):
         x = float(wanted[k])
         for _ in range(MOST_LANDINGS):
-            if here is None or here.x[0] <= x <= here.x[-1]:
+            if not isinstance(here, Segment) or here.x[0] <= x <= here.x[-1]:
                 break
             edge = here.rows[0 if down else -1]
             at = float(edge[column])
             beyond = max(at - beside, x) if down else min(at + beside, x)
-            landed = landing(edge, beyond) if landing else land(curves, column, parts, edge, beyond)
-            jumps.append(Jump(direction, edge, None if landed is None else landed.row_at(beyond)))
-            here = landed
+            here = landing(edge, beyond) if landing else land(curves, column, parts, edge, beyond)
+            jumps.append(Jump(direction, edge, here.row_at(beyond) if isinstance(here, Segment) else None))
+        if isinstance(here, Adrift):
+            status[k], row = here.go(curves, column, x)
+            if jumps and jumps[-1].after is None and status[k] == col.GOOD:
+                jumps[-1] = Jump(direction, jumps[-1].before, row)
+            again = like(parts, x, row) if is_periodic(row) else None
+            if again is None:
+                rows[k] = row
+                here = here if status[k] == col.GOOD else None
+                continue
+            here = again
         if here is None:
             # Nothing was reached on which the tip stays: it is found again where there is only one such orbit.
             there = [part for part in parts if part.row_at(x) is not None]
@@ -152,7 +165,7 @@ def walk(
         status[k] = Status.good.code if len(found) else Status.not_converged.code
         if len(found):
             rows[k], traces[k] = here.rows[found[0]], here.traces[found[0]]
-    return Visit(rows, traces, status, jumps)
+    return Visit(rows, traces, status, jumps, here)
 
 
 def patience(lever: np.ndarray) -> int:
@@ -160,13 +173,38 @@ def patience(lever: np.ndarray) -> int:
     return int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200
 
 
-def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | None:
-    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x."""
+def is_periodic(row: np.ndarray) -> bool:
+    """Whether a row is that of a periodic orbit."""
+    return bool(np.isfinite(row[col.AMPLITUDE]) and not row[col.SPREAD_AMPLITUDE] > 0)
+
+
+def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
+    """The segment that passes this orbit at x."""
+    best, found = LIKE, None
+    for part in parts:
+        here = part.row_at(x)
+        if here is None:
+            continue
+        apart = abs(here[col.PHASE] - row[col.PHASE])
+        apart += abs(here[col.TIP_OFFSET] - row[col.TIP_OFFSET]) / row[col.AMPLITUDE]
+        apart += abs(here[col.AMPLITUDE] - row[col.AMPLITUDE]) / row[col.AMPLITUDE]
+        if apart < best:
+            best, found = apart, part
+    return found
+
+
+def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | Adrift:
+    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x, if it does.
+
+    One that is the only one there is taken to be the one, but not by a contact with hysteresis, which may tap
+    irregularly beside it.
+    """
     there = [(part, part.row_at(x)) for part in parts]
     reached = [(part, row) for part, row in there if row is not None]
+    hysteretic = curves.standing(x if column == col.PARAMETER else 0.0)[0][col.RELEASE] != 0
     if not reached:
-        return None
-    if len(reached) == 1:
+        return Adrift(start)
+    if len(reached) == 1 and not hysteretic:
         return reached[0][0]
     from phasemap._kernels.approach import free_amplitude
     from phasemap._kernels.landing import land_on
@@ -181,4 +219,4 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     most = patience(lever)
     free = float(free_amplitude(lever))
     which, _ = land_on(curves.law, p, lever, z0, state, targets, NEAR * free, most)
-    return reached[which][0] if which >= 0 else None
+    return reached[which][0] if which >= 0 else Adrift(start)

@@ -1,0 +1,46 @@
+"""A tip on no periodic orbit, which a sweep takes along in time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap.curves.pieces import START, Curves
+from phasemap.solvers.march import ETA, MOST_PERIODS
+
+
+class Adrift:
+    """A tip that left its orbit and follows no other yet.
+
+    Parameters
+    ----------
+    edge : ndarray, shape (FULL,)
+        Row of the last orbit it was on.
+    """
+
+    def __init__(self, edge: np.ndarray) -> None:
+        self._state = np.append(edge[START], edge[col.TIP_OFFSET])
+
+    def go(self, curves: Curves, column: int, x: float) -> tuple[int, np.ndarray]:
+        """Move slowly to a value of the control, and return a status code and a full row of what a lock-in shows there.
+
+        Parameters
+        ----------
+        curves : Curves
+        column : int
+            Of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
+        x : float
+            Its value.
+        """
+        from phasemap._kernels.in_time import carry_on, carry_to
+        from phasemap._kernels.path import HELD_AMPLITUDE, Swept, held_at
+
+        row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
+        p, lever = curves.standing(x if column == col.PARAMETER else 0.0)
+        if column == col.PARAMETER:
+            assert isinstance(curves.path, Swept)
+            target, by_amplitude = held_at(curves.path, x), curves.path.kind == HELD_AMPLITUDE
+            row[col.PARAMETER] = x
+        move = carry_on if by_amplitude else carry_to
+        status = move(curves.law, np.array(p), lever, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        return int(status), row
