@@ -91,7 +91,7 @@ def stable_branches(
     status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
     valid = np.flatnonzero(status[ENGAGED] == col.GOOD)
     if len(valid) < count:
-        found = stable_branches(_part(work, valid), solver, accuracy, workers, progress)
+        found = stable_branches(work.part(valid), solver, accuracy, workers, progress)
         rows[:, valid], status[:, valid], used[:, valid] = found
         return Branches(rows, status, used)
 
@@ -103,10 +103,6 @@ def stable_branches(
     spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
     close(rows, work.lever)
     return Branches(rows, status, used)
-
-
-def _part(work: Work, chosen: NDArray[np.intp]) -> Work:
-    return Work(work.law, np.ascontiguousarray(work.rows[chosen]), work.lever, work.amplitudes[chosen])
 
 
 def _others(
@@ -167,7 +163,7 @@ def _march(work: Work, solver: March, first: int, last: int, rows: Array, status
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
         some, done, by = rows[slot, other], status[slot, other], used[slot, other]
-        solver.settle(_part(work, other), np.arange(len(other)), some, done, by)
+        solver.settle(work.part(other), np.arange(len(other)), some, done, by)
         gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
         rows[slot, other], status[slot, other], used[slot, other] = some, done, by
