@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# Three standard errors of a mean over a hundred times that the lock-in remembers, in standard deviations behind it.
+MEAN = 0.3
+
 
 @dataclass(frozen=True, eq=False)
 class Picture:
@@ -87,6 +90,16 @@ class Picture:
         """Where there should be numbers: good pixels, and those of a scanner at the end of its range."""
         kept = [col.GOOD, col.OUT_OF_RANGE] if self.claims.control.in_time else [col.GOOD]
         return np.isin(self.raw("status"), kept)
+
+    @cached_property
+    def irregular(self) -> NDArray[np.bool_]:
+        """Where the image says that the motion is not periodic: phase and amplitude are means there."""
+        return np.asarray(self.raw("motion") == 1) if "motion" in self else np.zeros(self.shape, bool)
+
+    def spread(self, name: str) -> Array:
+        """Standard deviation behind the lock-in that the image states [degree or m], 0 where it states none."""
+        stated = f"{name}_spread"
+        return np.asarray(np.nan_to_num(self.raw(stated))) if stated in self else np.zeros(self.shape)
 
     def unknown_phase(self) -> Array:
         """By how much the phase may be off [rad]: what the image states, and its quantisation; 0 where not stated."""
