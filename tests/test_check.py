@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
+from phasemap._kernels import columns as col
 from phasemap.checking.again import carried, other_solver
 from phasemap.checking.claims import claims_of, microscope_from
 from phasemap.checking.picture import Picture
@@ -23,6 +24,8 @@ from phasemap.interaction import ContactLaw, LinearSpring, MaugisDugdale, Neck
 from phasemap.io.netcdf import save
 from phasemap.realism import Realism, TipChange
 from phasemap.scene import load_scene, scene_from_json
+from phasemap.solvers.march import FromFar
+from phasemap.solvers.orbit import Orbit
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 STEP = str(SAMPLES / "step.toml")
@@ -144,6 +147,9 @@ BALANCE = "energy and virial balance with the phase"
 ONE = "pixels of one material show the same"
 REPEATED = "solved again by the same solver: the same"
 PHASE = "solved again: phase within estimated error"
+HEIGHT = "solved again: height within estimated error"
+MOTION = "solved again: the same motion"
+UNDECIDED = "solved again: what no other solver decides"
 
 
 @pytest.mark.parametrize(
@@ -199,7 +205,7 @@ def test_a_material_that_is_not_the_images_is_found_by_the_second_solver() -> No
     stiffer = {**MATERIALS, 1: pm.Material(3e9, adhesion=0.02)}
     surface = pm.Surface.from_labels(LABELS, stiffer, pixel_size=2e-9, topography=RELIEF)
     found = failures(image_of(), surface)
-    assert PHASE in found and all(about.startswith("solved again") for about in found)
+    assert HEIGHT in found and all(about.startswith("solved again") for about in found)
 
 
 def test_the_branch_on_which_a_raster_comes_is_that_of_the_pixel_before() -> None:
@@ -286,6 +292,50 @@ def test_the_second_solver_is_independent_of_the_first() -> None:
     for made_by, wanted in (("auto", "orbit"), ("march", "march"), ("auto", "averaging")):
         with pytest.raises(pm.InputError, match="independent"):
             other_solver(made_by, wanted)
+
+
+def test_what_comes_to_no_rest_on_the_way_from_far_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The image's orbit is no place to begin at: that a tip stays there says nothing of how it came there."""
+    image = image_of()
+
+    def solve(_: FromFar, _work: Any, _accuracy: Any, first: int, last: int, out: Any, status: Any, _used: Any) -> None:
+        out[first:last], status[first:last] = np.nan, col.NOT_SETTLED
+
+    monkeypatch.setattr(FromFar, "solve", solve)
+    found = pm.check(image, SURFACE)
+    by_another = [claim for claim in found.claims if claim.about.startswith("solved again:")]
+    assert len(by_another) == 10 and {claim.result for claim in by_another} == {OPEN}
+    (left,) = [claim for claim in by_another if claim.about == UNDECIDED]
+    assert left.pixels == 24 and found.verdict.endswith("10 could not be judged.")
+
+
+@pytest.mark.parametrize(
+    ("phase", "height", "spread", "failed"),
+    [
+        (0.05, 10e-12, 0.2, []),
+        (0.11, 0.0, 0.02, [PHASE]),
+        (0.15, 0.0, 0.2, []),  # of a spread of 0.2 degree the mean is known to 0.06, and 0.1 is allowed anyway
+        (0.0, 25e-12, 0.2, [HEIGHT]),
+        (0.0, 0.0, 0.0, [MOTION]),
+    ],
+)
+def test_of_irregular_motion_the_means_are_compared(
+    phase: float, height: float, spread: float, failed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a solver that finds means that are off by so much, and this spread of the phase [degree]."""
+
+    def solve(_: FromFar, work: Any, accuracy: Any, first: int, last: int, out: Any, status: Any, used: Any) -> None:
+        Orbit().solve(work, accuracy, first, last, out, status, used)
+        out[first:last, col.PHASE] += np.radians(phase)
+        out[first:last, col.TIP_OFFSET] += height
+        out[first:last, col.SPREAD_PHASE] = np.radians(spread)
+        out[first:last, col.SPREAD_AMPLITUDE] = 1e-12 if spread else 0.0
+
+    monkeypatch.setattr(FromFar, "solve", solve)
+    image = image_of()
+    image["motion"][...], image["amplitude_spread"][...] = 1, 1e-12
+    image["phase_spread"][...] = spread or 0.3
+    assert [about for about in failures(image) if about.startswith("solved again:")] == failed
 
 
 @pytest.mark.parametrize(

@@ -189,6 +189,7 @@ ALTERATIONS: dict[str, Change] = {
     "drift": said("realism", "drift", value=[4e-9, 0.0, 0.0]),
     "a tip that changed": said("realism", "tip_change", value={"kind": "tipchange", "line": 6, "radius": 11e-9}),
     "quantised": said("realism", "bits", value=12),
+    "quantised in part": both(said("realism", "bits", value=12), every("phase", lambda values: values.round(3))),
     "another stiffness": said("microscope", "cantilever", "stiffness", value=10.01),
     "another quality factor": said("microscope", "cantilever", "quality_factor", value=200.1),
     "another radius": said("microscope", "tip", "radius", value=10.01e-9),

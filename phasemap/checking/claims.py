@@ -161,9 +161,6 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
             raise
         hint = "A law of one's own is not in the file: give the microscope too, pm.check(image, surface, scope)."
         raise InputError("contact law of the image", error.value, "one of phasemap's", hint) from None
-    for name, kind in PARTS.items():
-        if not isinstance(part := getattr(scope, name), kind):
-            raise InputError(f"{name} of the image", part, f"a {kind.__name__}")
     return scope
 
 
@@ -195,6 +192,9 @@ def _object(stored: Any) -> Any:
     known = [field.name for field in dataclasses.fields(KINDS[kind])]
     if set(fields) - set(known):
         raise InputError(f"configuration of {kind}", ", ".join(fields), ", ".join(known))
+    for name, part in PARTS.items() if kind == "microscope" else ():
+        if not isinstance(fields.get(name), part):
+            raise InputError(f"{name} of the image", fields.get(name), f"a {part.__name__}")
     try:
         return KINDS[kind](**fields)
     except TypeError as error:  # one is missing, or no number

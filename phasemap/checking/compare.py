@@ -117,7 +117,8 @@ def _branch(picture: Picture, again: Again, both: Mask, same: Mask) -> Claim:
 def _agreement(picture: Picture, again: Again, name: str, quantity: _Quantity, both: Mask) -> Claim:
     """The image is as near to the other solution as it says."""
     unit, scale = UNITS[FLOATS[name].units]
-    about = f"solved again: {name.replace('_', ' ')} within estimated error"
+    whose = "estimated" if name in Errors._fields else "its"  # which follows from those that are estimated
+    about = f"solved again: {name.replace('_', ' ')} within {whose} error"
     apart, largest = quantity.apart, quantity.allowed
     known = both & ~np.isnan(largest)
     if not known.any():
@@ -133,8 +134,6 @@ def _agreement(picture: Picture, again: Again, name: str, quantity: _Quantity, b
 
 def _judged(about: str, picture: Picture, again: Again, bad: Mask, by: Array | Mask, at: Mask, found: str) -> Claim:
     """`judged`, of sampled pixels."""
-    if not at.any():
-        return Claim(about, OPEN, 0, "there is no pixel to compare")
     size = int(np.prod(picture.shape))
     values = np.zeros((3, size))
     values[0, again.pixels], values[1, again.pixels], values[2, again.pixels] = bad, by, at

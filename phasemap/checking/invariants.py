@@ -22,6 +22,7 @@ from phasemap.dataset import FLAGS
 from phasemap.energy import lost_in_air, supplied
 from phasemap.feedback.program import mean_ground
 from phasemap.paint import stiffening
+from phasemap.realism import DIGITISED
 from phasemap.surface import Surface
 from phasemap.work import lever_of
 
@@ -45,6 +46,8 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
         As it passed under the tip, drift and all.
     """
     yield _numbers(picture)
+    if picture.claims.realism.bits is not None:
+        yield _digits(picture)
     if picture.has("height", "tip_offset"):
         yield _height(picture, surface)
     if picture.claims.control.in_time:
@@ -81,6 +84,19 @@ def _numbers(picture: Picture) -> Claim:
     failed = int(np.count_nonzero(~picture.good))
     found = "every pixel is solved" if not failed else f"{failed} without a solution"
     return judged("numbers where solved, none elsewhere", picture, wrong, wrong, np.ones(picture.shape, bool), found)
+
+
+def _digits(picture: Picture) -> Claim:
+    """Channels that an instrument records take no values between those of its converter."""
+    apart, allowed = np.zeros(picture.shape), np.zeros(picture.shape)
+    for name in filter(picture.__contains__, DIGITISED):
+        values, step = picture.raw(name), 2 * picture.coarse(name)
+        if step > 0:
+            digits = (values - np.nanmin(values)) / step
+            apart = np.fmax(apart, np.abs(digits - np.rint(digits)))
+            allowed = np.fmax(allowed, 1e-3 + 1e-15 * np.abs(values) / step)
+    found = f"{picture.claims.realism.bits} bits"
+    return judged("values are quantised", picture, apart > allowed, apart, picture.solved, found)
 
 
 def _height(picture: Picture, surface: Surface) -> Claim:

@@ -72,9 +72,9 @@ class Picture:
         return {name: added[name].values.reshape(self.shape) for name in flat if "comment" in added[name].attrs}
 
     def coarse(self, name: str) -> float:
-        """Half the step of the quantisation, in the variable's unit; 0 without one."""
+        """Half the step of the quantisation, in the variable's unit; 0 without one, or without the variable."""
         bits = self.claims.realism.bits
-        if bits is None or name not in DIGITISED:
+        if bits is None or name not in DIGITISED or name not in self:
             return 0.0
         values = self.raw(name)
         known = values[np.isfinite(values.astype(np.float64))].astype(np.float64)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phasemap.checking.again import solve_again
 from phasemap.checking.picture import MEAN, Picture
 from phasemap.checking.result import FAILS, OPEN, Claim, judged
-from phasemap.checking.tolerance import Errors, allowed, spread, stated, values_again
+from phasemap.checking.tolerance import Errors, allowed, spread, values_again
 from phasemap.control import Engage
 from phasemap.dataset import FLAGS, provenance
 from phasemap.paint import FEW
@@ -25,6 +25,7 @@ from phasemap.surface import Surface
 
 __all__ = ["repeat"]
 
+Array = NDArray[Any]
 Pixels = NDArray[np.intp]
 
 SHARE = 0.1  # of the stated error, within which a solver finds the same on another machine
@@ -52,18 +53,10 @@ def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | No
     wrong, at = np.zeros(picture.shape, bool), np.zeros(picture.shape, bool)
     at.reshape(-1)[pixels], differ = True, []
     for name in names:
-        claimed, found = picture[name].reshape(-1)[pixels], again[name]
-        if name in FLAGS:
-            bad = claimed != found
-        elif name.startswith("error_"):
-            bad = ~((claimed >= found / FACTOR) & (claimed <= found * FACTOR))
-        else:
-            bad = ~(np.abs(claimed - found) <= largest[name])
-        if name not in FLAGS:
-            bad &= ~(np.isnan(claimed) & np.isnan(found)) & ~np.isnan(largest.get(name, claimed * 0 + 1))
-        if bad.any():
+        same = _same(name, picture[name].reshape(-1)[pixels], again[name], largest)
+        if not same.all():
             differ.append(name)
-            wrong.reshape(-1)[pixels] |= bad
+            wrong.reshape(-1)[pixels] |= ~same
     about = "solved again by the same solver: the same"
     claim = judged(about, picture, wrong, wrong, at, f"{len(names)} variables, by {picture.claims.solver!r}")
     if claim.result != FAILS:
@@ -91,20 +84,26 @@ def _made_again(picture: Picture, surface: Surface, pixels: Pixels, threads: int
     return {str(name): values.values.reshape(-1)[pixels] for name, values in image.data_vars.items()}
 
 
-def _largest(picture: Picture, pixels: Pixels, again: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+def _same(name: str, claimed: Array, found: Array, largest: dict[str, Array]) -> NDArray[np.bool_]:
+    """Where a variable is what it was."""
+    if name in FLAGS:
+        return np.asarray(claimed == found)
+    if name.startswith("error_"):
+        same = (claimed >= found / FACTOR) & (claimed <= found * FACTOR)
+    else:
+        same = (np.abs(claimed - found) <= largest[name]) | np.isnan(largest[name])
+    return np.asarray(same | (np.isnan(claimed) & np.isnan(found)))
+
+
+def _largest(picture: Picture, pixels: Pixels, again: dict[str, Any]) -> dict[str, Array]:
     """By how much each variable may differ."""
-    least = [
-        SHARE * np.nan_to_num(error) + rounding
-        for error, rounding in zip(stated(picture, pixels), ROUNDING, strict=True)
-    ]
-    exact = np.zeros(len(pixels), bool)
-    largest = allowed(picture, pixels, again, Errors(*least), exact)
-    relief = 1e-15 * np.abs(again["height"])
-    largest["height"] = largest["tip_offset"] = largest["height"] + relief
-    amplitude = MEAN * spread(picture, pixels, again, "amplitude")
-    largest["amplitude"] = (
-        RELATIVE * picture.claims.amplitude + amplitude + picture.coarse("amplitude") * ("amplitude" in picture)
-    )
-    largest["amplitude_spread"], largest["phase_spread"] = amplitude, MEAN * spread(picture, pixels, again, "phase")
+    errors = (SHARE * np.nan_to_num(again[f"error_{name}"]) for name in Errors._fields)
+    exact = Errors(*(error + rounding for error, rounding in zip(errors, ROUNDING, strict=True)))
+    largest = allowed(picture, pixels, again, exact, np.zeros(len(pixels), bool))
+    largest["height"] = largest["tip_offset"] = largest["height"] + 1e-15 * np.abs(again["height"])
+    for name in ("amplitude", "phase"):
+        largest[f"{name}_spread"] = MEAN * spread(picture, pixels, again, name)
+    amplitude = RELATIVE * picture.claims.amplitude + picture.coarse("amplitude")
+    largest["amplitude"] = amplitude + largest["amplitude_spread"]
     largest["energy_closure"] = np.full(len(pixels), CLOSES)
     return largest

@@ -91,7 +91,7 @@ class Check:
 
 
 def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:
-    """The claim that no pixel is bad.
+    """The claim that no pixel is bad; not judged where there is none to look at.
 
     Parameters
     ----------
@@ -106,6 +106,8 @@ def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked
     """
     pixels, bad = int(np.count_nonzero(looked_at)), bad & looked_at
     count = int(np.count_nonzero(bad))
+    if not pixels:
+        return Claim(about, OPEN, 0, "there is no such pixel")
     if not count:
         return Claim(about, HOLDS, pixels, found)
     at = np.flatnonzero(bad)

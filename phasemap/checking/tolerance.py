@@ -60,14 +60,15 @@ def allowed(
 ) -> dict[str, Array]:
     """Largest differences of `QUANTITIES`, for such errors of phase and height in all; NaN where one says nothing.
 
-    The force gives the drive's work pi k u0 A cos(phase), the virial k u0 A sin(phase) / 2 and, as its mean is at most
-    its first harmonic, a mean deflection of at most u0 |sin(phase)|: hence what an error of the phase does to them.
-    Those of approximate pixels, averaged or interpolated ones, are as exact as the image was asked to be
-    (`paint.tolerances_of`). Of irregular motion the means of phase and height are compared.
+    An error e of the phase is one of the force's first harmonic, k u0 e, of the drive's work, pi k u0 A e, and of the
+    virial, k u0 A e / 2; of a force that acts for a part of the period the mean is at most half the first harmonic.
+    Twice as much is allowed, and more for the virial. Approximate pixels, averaged or interpolated ones, are as exact
+    as the image was asked to be (`paint.tolerances_of`). Of irregular motion the means of phase and height are
+    compared.
     """
     claims, lever = picture.claims, lever_of(picture.claims.microscope)
     base, length = lever[col.BASE], np.where(approximate, claims.accuracy.height, 0.0)
-    phase = np.radians(np.where(approximate, np.fmax(errors.phase, claims.accuracy.phase), errors.phase))
+    phase = np.radians(np.where(approximate, np.maximum(errors.phase, claims.accuracy.phase), errors.phase))
     work = np.pi * lever[col.STIFFNESS] * base * claims.amplitude * phase
     largest = {
         "phase": errors.phase,
@@ -81,7 +82,7 @@ def allowed(
     means = dict(zip(("phase", "height"), IRREGULAR, strict=True))
     for name, values in largest.items():
         mean = means[name] + MEAN * spread(picture, pixels, again, OF[name]) if name in means else np.nan
-        largest[name] = np.where(irregular, mean, values) + (picture.coarse(name) if name in picture else 0.0)
+        largest[name] = np.where(irregular, mean, values) + picture.coarse(name)
     return largest
 
 
