@@ -121,5 +121,5 @@ def _header(image: xr.Dataset) -> list[str]:
     control = " ".join(filter(None, (str(claims.control), str(claims.realism) and f"with {claims.realism}")))
     return [
         f"image    {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm",
-        f"made by  phasemap {image.attrs.get('phasemap_version', '')}, solver {claims.solver}, {control}",
+        f"made by  phasemap {str(image.attrs.get('phasemap_version', ''))[:20]}, solver {claims.solver}, {control}",
     ]

@@ -27,6 +27,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
+FAR = 2.0**40  # pixels: drift beyond every image
 DIGITISED = ("height", "phase", "amplitude", "amplitude_error")  # channels that an instrument records
 
 
@@ -244,7 +245,7 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
         return surface
     (ny, nx), (dy, dx) = surface.shape, surface.pixel_size
     part = np.arange(ny) / ny
-    right, down = drift[0] / dx * part, drift[1] / dy * part  # pixels
+    right, down = (min(max(way / side, -FAR), FAR) * part for way, side in zip(drift, (dx, dy), strict=False))
     relief = None if surface.topography is None else _carried(surface.topography, right, down)
     if drift[2]:
         relief = (0.0 if relief is None else relief) + np.broadcast_to(drift[2] * part[:, np.newaxis], surface.shape)
@@ -255,7 +256,7 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
 
 def _nearest(pixels: FloatArray) -> NDArray[np.int64]:
     """Whole pixels, halves upwards, so that all pixels of a line move by the same."""
-    return np.clip(np.floor(pixels + 0.5), -(1 << 40), 1 << 40).astype(np.int64)
+    return np.floor(pixels + 0.5).astype(np.int64)
 
 
 def _carried(relief: FloatArray, right: FloatArray, down: FloatArray) -> FloatArray:

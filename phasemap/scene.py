@@ -493,8 +493,8 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     try:
         tables = dict(json.loads(text))
         files = dict(tables.pop("files"))
-    except (ValueError, TypeError, KeyError):
-        raise InputError("scene", text[:40], "what Scene.to_json gives: the tables of a scene, and its files") from None
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise InputError("scene", text, "what Scene.to_json gives: the tables of a scene, and its files") from None
     realism = _table(tables, "realism")
     if realism.get("tip_change", 0) is None:  # no table that a scene could have
         tables["realism"] = {key: value for key, value in realism.items() if key != "tip_change"}

@@ -17,7 +17,7 @@ from phasemap.errors import InputError
 from phasemap.microscope import Microscope
 from phasemap.realism import scopes_by_row
 from phasemap.solvers import Solver
-from phasemap.solvers.march import FromFar, March
+from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
 from phasemap.surface import Surface
 from phasemap.work import Work, make_work
@@ -27,32 +27,27 @@ __all__ = ["Again", "other_solver", "solve_again"]
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.intp]
-
-UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_AVERAGED_ORBIT, col.UNSTABLE)
-"""Status codes by which a solver gives up, or says that the tip comes to no rest: it may then end on any orbit."""
-DEEPEST = -15.0  # tip offset, over u0 / alpha0, below which engaging in time does not lower the tip (`march.approach`)
+Codes = NDArray[np.int8]
 
 
 class Again(NamedTuple):
-    """What another solver found, for n pixels.
+    """What a solver found, for n pixels.
 
     Attributes
     ----------
     pixels : ndarray of int, shape (n,)
         Flat, in the order of the picture.
     rows : ndarray, shape (n, COLUMNS)
-    status : ndarray of int8, shape (n,)
+    status, solver : ndarray of int8, shape (n,)
     materials : int
         How many distinct ones these pixels have.
-    started : int
-        In how many the march began at the image's orbit, for it did not come to rest on the way from far.
     """
 
     pixels: Pixels
     rows: Array
-    status: NDArray[np.int8]
+    status: Codes
+    solver: Codes
     materials: int
-    started: int
 
 
 @dataclass(frozen=True)
@@ -101,21 +96,22 @@ def solve_again(
     threads, progress
         As in `phasemap.simulate`.
     """
-    claims, carried = picture.claims, isinstance(picture.claims.control, Raster)
-    rows, status = np.full((len(pixels), col.COLUMNS), np.nan), np.zeros(len(pixels), np.int8)
-    materials = started = done = 0
+    claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
+    rows = np.full((len(pixels), col.COLUMNS), np.nan)
+    status, used = np.zeros(len(pixels), np.int8), np.zeros(len(pixels), np.int8)
+    materials = done = 0
     for part in _parts(picture, surface, pixels):
         report = None if progress is None else _after(progress, done, len(pixels))
-        if carried:
+        at: tuple[NDArray[np.intp], ...]
+        if carries:
             found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
-            at = _slots(picture, pixels[part.pixels], part.numbers, found.stable, found.engaged)
-            rows[part.pixels], status[part.pixels] = found.rows[at, part.numbers], found.status[at, part.numbers]
+            at = _slots(picture, pixels[part.pixels], part.numbers, found.stable, found.engaged), part.numbers
+            several = found.rows, found.status, found.solver
         else:
-            some, codes, _ = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
-            started += _finish(picture, pixels[part.pixels], part, some, codes)
-            rows[part.pixels], status[part.pixels] = some[part.numbers], codes[part.numbers]
+            at, several = (part.numbers,), run(solver, part.work, claims.accuracy, threads=threads, progress=report)
+        rows[part.pixels], status[part.pixels], used[part.pixels] = (values[at] for values in several)
         materials, done = materials + len(part.work), done + len(part.pixels)
-    return Again(pixels, rows, status, materials, started)
+    return Again(pixels, rows, status, used, materials)
 
 
 def _after(progress: Progress, done: int, total: int) -> Progress:
@@ -139,30 +135,6 @@ def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float)
     """Work of the distinct materials of pixels, and which each pixel has."""
     materials, numbers = np.unique(surface.materials(pixels), axis=0, return_inverse=True)
     return make_work(materials, surface.viscosity is not None, scope, amplitude), numbers.reshape(-1)
-
-
-def _finish(picture: Picture, pixels: Pixels, part: _Part, rows: Array, status: NDArray[np.int8]) -> int:
-    """March from the image's orbits where time did not come to rest on the way from far; returns in how many pixels.
-
-    Where a tip just touches it may tap irregularly, and the amplitude passes the setpoint at random.
-    """
-    names = {col.TIP_OFFSET: "tip_offset", col.MEAN: "mean_deflection", col.PHASE: "phase"}
-    if not picture.has(*names.values()):
-        return 0
-    work, first = part.work, np.empty(len(part.work), np.intp)
-    first[part.numbers[::-1]] = pixels[::-1]
-    restless = np.isin(status, (col.NOT_SETTLED, col.UNSTABLE))
-    deep = picture["tip_offset"].reshape(-1)[first] < DEEPEST * work.lever[col.BASE] / work.lever[col.ALPHA0]
-    deep &= status == col.NO_STABLE_ORBIT
-    waiting = np.flatnonzero((restless | deep) & picture.good.reshape(-1)[first])
-    some, codes, used = rows[waiting], np.zeros(len(waiting), np.int8), np.zeros(len(waiting), np.int8)
-    for column, name in names.items():
-        values = picture[name].reshape(-1)[first[waiting]]
-        some[:, column] = np.radians(values) if column == col.PHASE else values
-    less = Work(work.law, work.rows[waiting], work.lever, work.amplitudes[waiting])
-    March().settle(less, 0, len(waiting), some, codes, used)
-    rows[waiting], status[waiting] = some, codes
-    return int(np.isin(part.numbers, waiting).sum())
 
 
 def _slots(

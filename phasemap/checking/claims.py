@@ -106,12 +106,8 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
         raise InputError(
             "image", "an ensemble", "one image", "Simulate a sample of it as a scene of its own, and check that."
         )
-    try:
-        stored = json.loads(image.attrs["configuration"])
-        missing = [name for name in NEEDED if name not in dict(stored)]
-    except (KeyError, TypeError, ValueError):
-        stored, missing = {}, list(NEEDED)
-    if missing:
+    stored = _table(image.attrs.get("configuration"))
+    if missing := [name for name in NEEDED if name not in stored]:
         hint = "Is it an image that phasemap simulated?"
         raise InputError("configuration of the image", "without " + ", ".join(missing), "that of a simulation", hint)
     if scope is None:
@@ -125,6 +121,15 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
         scope, check_setpoint(stored["setpoint"]), by_name(stored["solver"]).name, control,
         _made(stored["accuracy"], Accuracy), realism, shape, pixel_pair(stored["pixel_size"]),
     )  # fmt: skip
+
+
+def _table(text: object) -> dict[str, Any]:
+    """The table that an attribute has as JSON, empty where it has none."""
+    try:
+        stored = json.loads(text) if isinstance(text, str) else None
+    except (ValueError, RecursionError):
+        stored = None
+    return stored if isinstance(stored, dict) else {}
 
 
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
@@ -156,9 +161,6 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
             raise
         hint = "A law of one's own is not in the file: give the microscope too, pm.check(image, surface, scope)."
         raise InputError("contact law of the image", error.value, "one of phasemap's", hint) from None
-    for name, kind in PARTS.items():
-        if not isinstance(part := getattr(scope, name), kind):
-            raise InputError(f"{name} of the image", part, f"a {kind.__name__}")
     return scope
 
 
@@ -170,7 +172,10 @@ def _made(stored: Any, *kinds: type[T]) -> T:
     InputError
         If it is of no known kind, or a value is not allowed.
     """
-    thing = _object(stored)
+    try:
+        thing = _object(stored)
+    except RecursionError:
+        raise InputError("configuration of the image", stored, "tables that are not nested so deeply") from None
     if not isinstance(thing, kinds):
         raise InputError("configuration of the image", stored, " or ".join(kind.__name__ for kind in kinds))
     return thing
@@ -187,13 +192,16 @@ def _object(stored: Any) -> Any:
     known = [field.name for field in dataclasses.fields(KINDS[kind])]
     if set(fields) - set(known):
         raise InputError(f"configuration of {kind}", ", ".join(fields), ", ".join(known))
+    for name, part in PARTS.items() if kind == "microscope" else ():
+        if not isinstance(fields.get(name), part):
+            raise InputError(f"{name} of the image", fields.get(name), f"a {part.__name__}")
     try:
         return KINDS[kind](**fields)
     except TypeError as error:  # one is missing, or no number
         raise InputError(f"configuration of {kind}", str(stored), "its arguments", f"{error}.") from None
 
 
-def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]]) -> Scene:
+def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape: tuple[int, int]) -> Scene:
     """Make the scene again that an image carries.
 
     Parameters
@@ -202,6 +210,8 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]]) -> Sc
         Written by ``phasemap run``, or returned by `phasemap.scene.Scene.simulate`.
     folders : iterable of path-like
         Where files that the scene names may be.
+    shape : (int, int)
+        Rows and columns of the image; a scene that says others is not made.
 
     Returns
     -------
@@ -211,6 +221,8 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]]) -> Sc
     ------
     PhasemapError
         If the image has no scene.
+    InputError
+        If it is none, or has another shape.
     FileError
         If a file that the scene names is in none of the folders, or has changed.
     """
@@ -219,10 +231,13 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]]) -> Sc
             "the image does not carry the scene that it was made of, so nothing says which materials it shows. "
             "Give its surface: --scene SCENE.toml or --surface SURFACE.nc; in Python pm.check(image, surface)."
         )
-    failed: FileError | None = None
+    text, failed = image.attrs["scene"], None
+    surface = _table(text).get("surface")
+    if isinstance(surface, dict) and surface.get("shape", list(shape)) != list(shape):
+        raise InputError("shape of the image's scene", surface["shape"], f"{list(shape)}, that of the image")
     for folder in folders:
         try:
-            return scene_from_json(image.attrs["scene"], Path(folder))
+            return scene_from_json(text, Path(folder))
         except FileError as error:
             failed = failed or error
     raise FileError(f"{failed} Lay it beside the image, or give --scene SCENE.toml or --surface SURFACE.nc.")

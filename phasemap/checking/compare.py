@@ -8,11 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap.checking.again import UNDECIDED, Again
+from phasemap.checking.again import Again
 from phasemap.checking.picture import Picture
 from phasemap.checking.result import OPEN, Claim, in_words, judged
-from phasemap.dataset import FLOATS, branch_of, flag_attributes
+from phasemap.checking.tolerance import (
+    IRREGULAR,
+    QUANTITIES,
+    Errors,
+    Values,
+    allowed,
+    spread,
+    stated,
+    values_again,
+)
+from phasemap.dataset import FLOATS, flag_attributes
 from phasemap.surface import Surface
+from phasemap.work import lever_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,15 +33,18 @@ __all__ = ["compare"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-WORDS = {"phase": ("degree", 1.0), "height": ("pm", 1e12)}
+UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_AVERAGED_ORBIT, col.UNSTABLE)
+"""Status codes by which a solver gives up, or says that the tip comes to no rest: it may then end on any orbit."""
+DEEPEST = -15.0  # tip offset, over u0 / alpha0, below which engaging in time does not lower the tip (`march.approach`)
+UNITS = {"degree": ("degree", 1.0), "m": ("pm", 1e12), "J": ("aJ", 1e18)}
 
 
 class _Quantity(NamedTuple):
-    """Phase or height of the sampled pixels: as in the image, as found again, and how far apart they may be."""
+    """One of `QUANTITIES` of the sampled pixels: as in the image, as found again, and how far apart they may be."""
 
     claimed: Array
     again: Array
-    allowed: Array  # NaN where the image states no error
+    allowed: Array  # NaN where nothing says
 
     @property
     def apart(self) -> Array:
@@ -50,27 +64,47 @@ def compare(picture: Picture, surface: Surface, again: Again, by: str) -> tuple[
         What solved them, in words.
     """
     claimed, found = picture.raw("status").reshape(-1)[again.pixels], again.status == col.GOOD
-    decided = ~np.isin(again.status, UNDECIDED) & ~np.isin(claimed, UNDECIDED)
+    decided = _decided(picture, again)
     claims = [_status(picture, again, decided, by)]
-    both = found & (claimed == col.GOOD)
+    if not decided.all():
+        left = "time comes to no rest on the way from far: any orbit may be right there"
+        claims.append(Claim("solved again: what no other solver decides", OPEN, int((~decided).sum()), left))
+    both, values = found & (claimed == col.GOOD), values_again(again, surface)
+    claims.append(_motion(picture, again, both, values))
     if "branch" in picture:
-        same = picture.raw("branch").reshape(-1)[again.pixels] == branch_of(again.rows)
+        same = picture.raw("branch").reshape(-1)[again.pixels] == values["branch"]
         claims.append(_branch(picture, again, both, same))
         both &= same
-    quantities = {name: _quantity(picture, surface, again, name) for name in ("phase", "height") if name in picture}
+    quantities = _quantities(picture, again, values)
     claims += [_agreement(picture, again, name, quantity, both) for name, quantity in quantities.items()]
     return claims, _dataset(picture, again, quantities)
+
+
+def _decided(picture: Picture, again: Again) -> Mask:
+    """Where both solvers say that there is an orbit, or that there is none."""
+    decided = ~np.isin(again.status, UNDECIDED)
+    decided &= ~np.isin(picture.raw("status").reshape(-1)[again.pixels], UNDECIDED)
+    if "tip_offset" in picture:
+        lever = lever_of(picture.claims.microscope)
+        deep = picture["tip_offset"].reshape(-1)[again.pixels] < DEEPEST * lever[col.BASE] / lever[col.ALPHA0]
+        decided &= ~(deep & (again.status == col.NO_STABLE_ORBIT))
+    return decided
 
 
 def _status(picture: Picture, again: Again, decided: Mask, by: str) -> Claim:
     """There is a solution where the image has one, and none where it says that there is none."""
     wrong = (picture.good.reshape(-1)[again.pixels] != (again.status == col.GOOD)) & decided
     found = f"{again.materials} materials, {by}"
-    if again.started:
-        found += f"; {in_words(again.started)} at no rest on the way from far, so begun at the image's orbit"
-    if not decided.all():
-        found += f"; {in_words(int(np.count_nonzero(~decided)))} undecided"
     return _judged("solved again: solutions where the status says", picture, again, wrong, wrong, decided, found)
+
+
+def _motion(picture: Picture, again: Again, both: Mask, values: Values) -> Claim:
+    """The motion is periodic where the image says so; one that hardly spreads may be called either."""
+    claimed, found = picture.irregular.reshape(-1)[again.pixels], values["motion"] == 1
+    phase, amplitude = (spread(picture, again.pixels, values, name) for name in ("phase", "amplitude"))
+    bad = (claimed != found) & ((phase > IRREGULAR[0]) | (amplitude > IRREGULAR[1]))
+    said = f"irregular in {in_words(int(np.count_nonzero(both & found)))}"
+    return _judged("solved again: the same motion", picture, again, bad, phase, both, said)
 
 
 def _branch(picture: Picture, again: Again, both: Mask, same: Mask) -> Claim:
@@ -82,17 +116,20 @@ def _branch(picture: Picture, again: Again, both: Mask, same: Mask) -> Claim:
 
 def _agreement(picture: Picture, again: Again, name: str, quantity: _Quantity, both: Mask) -> Claim:
     """The image is as near to the other solution as it says."""
-    unit, scale = WORDS[name]
-    about = f"solved again: {name} within estimated error"
-    if not both.any():
-        return Claim(about, OPEN, 0, "there is no pixel to compare")
-    apart, allowed = quantity.apart, quantity.allowed
-    worst = int(np.argmax(np.where(both, np.nan_to_num(apart / np.nan_to_num(allowed, nan=1.0), nan=np.inf), -1)))
-    found = f"apart by up to {scale * apart[both].max():.2g} {unit}"
-    if np.isnan(allowed[both]).all():
-        return Claim(about, OPEN, int(both.sum()), f"{found}; first-order averaging states no error")
-    found += f"; worst {scale * apart[worst]:.2g} of {scale * allowed[worst]:.2g} allowed"
-    return _judged(about, picture, again, ~(apart <= allowed), apart / allowed, both, found)
+    unit, scale = UNITS[FLOATS[name].units]
+    whose = "estimated" if name in Errors._fields else "its"  # which follows from those that are estimated
+    about = f"solved again: {name.replace('_', ' ')} within {whose} error"
+    apart, largest = quantity.apart, quantity.allowed
+    known = both & ~np.isnan(largest)
+    if not known.any():
+        why = "first-order averaging states no error" if both.any() else "there is no pixel to compare"
+        found = f"apart by up to {scale * apart[both].max():.2g} {unit}; " if both.any() else ""
+        return Claim(about, OPEN, int(both.sum()), found + why)
+    share = np.where(known, np.nan_to_num(apart / largest, nan=np.inf), -1.0)
+    worst = int(np.argmax(share))
+    found = f"apart by up to {scale * apart[known].max():.2g} {unit}"
+    found += f"; worst {scale * apart[worst]:.2g} of {scale * largest[worst]:.2g} allowed"
+    return _judged(about, picture, again, ~(apart <= largest), share, known, found)
 
 
 def _judged(about: str, picture: Picture, again: Again, bad: Mask, by: Array | Mask, at: Mask, found: str) -> Claim:
@@ -104,22 +141,19 @@ def _judged(about: str, picture: Picture, again: Again, bad: Mask, by: Array | M
     return judged(about, picture, wrong > 0, worst, looked_at > 0, found)
 
 
-def _quantity(picture: Picture, surface: Surface, again: Again, name: str) -> _Quantity:
-    """Phase [degree], or height [m]; errors of both solvers and the quantisation are allowed."""
-    rows = again.rows
-    if name == "phase":
-        found, own = np.degrees(rows[:, col.PHASE]), np.degrees(rows[:, col.ERROR_PHASE])
-    else:
-        found, own = rows[:, col.TIP_OFFSET] - rows[:, col.AMPLITUDE], rows[:, col.ERROR_HEIGHT]
-        if surface.topography is not None:
-            relief = surface.topography.reshape(-1)[again.pixels % surface.topography.size]
-            found, own = found + relief, own + 1e-15 * np.abs(relief)
-    stated = np.full(len(rows), np.nan)
-    if f"error_{name}" in picture:
-        stated = picture[f"error_{name}"].reshape(-1)[again.pixels]
-    elif picture.claims.solver != "averaging":
-        stated[:] = getattr(picture.claims.accuracy, name)
-    return _Quantity(picture[name].reshape(-1)[again.pixels], found, stated + own + picture.coarse(name))
+def _quantities(picture: Picture, again: Again, values: Values) -> dict[str, _Quantity]:
+    """What the image has of `QUANTITIES`; errors of both solvers and the quantisation are allowed."""
+    said = stated(picture, again.pixels)
+    own = Errors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
+    made = picture.raw("solver").reshape(-1)[again.pixels] if "solver" in picture else col.AVERAGING
+    approximate = np.isin(made, (col.AVERAGING, col.INTERPOLATED)) & np.ones(len(again.pixels), bool)
+    errors = Errors(said.phase + own.phase, said.height + own.height)
+    largest = allowed(picture, again.pixels, values, errors, approximate)
+    return {
+        name: _Quantity(picture[name].reshape(-1)[again.pixels], values[name], largest[name])
+        for name in QUANTITIES
+        if name in picture
+    }
 
 
 def _dataset(picture: Picture, again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
@@ -134,9 +168,9 @@ def _dataset(picture: Picture, again: Again, quantities: dict[str, _Quantity]) -
     flags = flag_attributes("status")
     data["status"] = "pixel", picture.raw("status").reshape(-1)[again.pixels], flags
     data["status_again"] = "pixel", again.status, {**flags, "long_name": "status of the other solution"}
-    for name, (claimed, found, allowed) in quantities.items():
+    for name, (claimed, found, largest) in quantities.items():
         units = {"units": FLOATS[name].units}
         data[name] = "pixel", claimed, {"long_name": f"{name} of the image", **units}
         data[f"{name}_again"] = "pixel", found, {"long_name": f"{name} by another solver", **units}
-        data[f"{name}_allowed"] = "pixel", allowed, {"long_name": "largest difference that was allowed", **units}
+        data[f"{name}_allowed"] = "pixel", largest, {"long_name": "largest difference that was allowed", **units}
     return xr.Dataset(data)

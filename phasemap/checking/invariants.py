@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap.checking.picture import Picture
-from phasemap.checking.result import Claim, judged
+from phasemap.checking.picture import MEAN, Picture
+from phasemap.checking.result import Claim, in_words, judged
+from phasemap.dataset import FLAGS
 from phasemap.energy import lost_in_air, supplied
 from phasemap.feedback.program import mean_ground
 from phasemap.paint import stiffening
+from phasemap.realism import DIGITISED
 from phasemap.surface import Surface
 from phasemap.work import lever_of
 
@@ -29,6 +31,8 @@ __all__ = ["invariants"]
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-8  # of what is compared; the solvers iterate until little less is left
+LEAST = 1e-9, 1e-20  # [degree, m] of errors: phase and height are not computed to more than twelve digits
+OF_ORBITS = ("error_phase", "error_height", "energy_closure")  # what only a periodic orbit has
 CLOSES = 1e-6  # energy closure of an exact orbit, as the tests assert it
 
 
@@ -42,6 +46,8 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
         As it passed under the tip, drift and all.
     """
     yield _numbers(picture)
+    if picture.claims.realism.bits is not None:
+        yield _digits(picture)
     if picture.has("height", "tip_offset"):
         yield _height(picture, surface)
     if picture.claims.control.in_time:
@@ -56,6 +62,8 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
             yield _closure(picture)
         if picture.claims.solver != "averaging" and picture.has("error_phase", "error_height", "solver"):
             yield _errors(picture)
+    if picture.has("motion", "amplitude_spread", "phase_spread"):
+        yield _motion(picture)
     if picture.has("branch", "phase", "amplitude"):
         yield _branch(picture)
     if not picture.claims.control.directions:
@@ -68,12 +76,27 @@ def _numbers(picture: Picture) -> Claim:
     for name in picture.floats():
         without = name.startswith("error_") and picture.claims.solver == "averaging"
         if not without:
-            wrong |= np.isfinite(picture.raw(name).astype(np.float64)) != solved
-    if "branch" in picture:
-        wrong |= (picture.raw("branch") >= 0) != solved
+            missing = np.isfinite(picture.raw(name).astype(np.float64)) != solved
+            wrong |= missing & ~(picture.irregular & (name in OF_ORBITS))
+    for name in FLAGS.keys() - {"status", "solver"}:
+        if name in picture:
+            wrong |= (picture.raw(name) >= 0) != solved
     failed = int(np.count_nonzero(~picture.good))
     found = "every pixel is solved" if not failed else f"{failed} without a solution"
     return judged("numbers where solved, none elsewhere", picture, wrong, wrong, np.ones(picture.shape, bool), found)
+
+
+def _digits(picture: Picture) -> Claim:
+    """Channels that an instrument records take no values between those of its converter."""
+    apart, allowed = np.zeros(picture.shape), np.zeros(picture.shape)
+    for name in filter(picture.__contains__, DIGITISED):
+        values, step = picture.raw(name), 2 * picture.coarse(name)
+        if step > 0:
+            digits = (values - np.nanmin(values)) / step
+            apart = np.fmax(apart, np.abs(digits - np.rint(digits)))
+            allowed = np.fmax(allowed, 1e-3 + 1e-15 * np.abs(values) / step)
+    found = f"{picture.claims.realism.bits} bits"
+    return judged("values are quantised", picture, apart > allowed, apart, picture.solved, found)
 
 
 def _height(picture: Picture, surface: Surface) -> Claim:
@@ -94,7 +117,8 @@ def _amplitude(picture: Picture) -> Claim:
     """The amplitude is that of the setpoint."""
     wanted = picture.claims.amplitude
     apart = np.abs(picture["amplitude"] - wanted)
-    bad = ~(apart <= ROUNDING * wanted + picture.coarse("amplitude"))
+    # The mean of an irregular motion is found as far as its spread allows.
+    bad = ~(apart <= ROUNDING * wanted + picture.coarse("amplitude") + MEAN * picture.spread("amplitude"))
     found = f"setpoint {picture.claims.setpoint:g} of {picture.claims.microscope.free_amplitude * 1e9:.4g} nm"
     return judged("the amplitude is that of the setpoint", picture, bad, apart, picture.good, found)
 
@@ -134,7 +158,8 @@ def _balances(picture: Picture) -> Claim:
     excess = np.maximum(np.maximum(below, above) - doubt, -power - power_unknown)
     found = f"higher harmonics take up to {100 * _largest(power * air / given, picture.good):.2g} % of the energy"
     about = "energy and virial balance with the phase"
-    return judged(about, picture, ~(excess <= 0), excess / doubt, picture.good, found)
+    # The sums are those of a period: motion that has none loses energy beside its harmonics, too.
+    return judged(about, picture, ~(excess <= 0), excess / doubt, picture.good & ~picture.irregular, found)
 
 
 def _closure(picture: Picture) -> Claim:
@@ -145,6 +170,7 @@ def _closure(picture: Picture) -> Claim:
         known = picture.good & (picture.raw("solver") != col.INTERPOLATED)  # that of interpolated has harmonics in it
     else:
         known = picture.good
+    known = known & ~picture.irregular
     bad = ~(closure <= CLOSES + picture.unknown_phase())
     found = (
         f"to within {_largest(np.abs(picture['energy_closure']), known):.2g} of the energy in" if known.any() else ""
@@ -153,14 +179,25 @@ def _closure(picture: Picture) -> Claim:
 
 
 def _errors(picture: Picture) -> Claim:
-    """What the solvers estimate is within the accuracy asked for."""
+    """What the solvers estimate is within the accuracy asked for, and more than rounding leaves to any solver."""
     accuracy = picture.claims.accuracy
     phase, height = picture["error_phase"], picture["error_height"]
-    bad = ~((phase <= accuracy.phase) & (height <= accuracy.height) & (phase >= 0) & (height >= 0))
+    bad = ~((phase <= accuracy.phase) & (height <= accuracy.height) & (phase >= LEAST[0]) & (height >= LEAST[1]))
     largest = _largest(phase, picture.good), _largest(height, picture.good)
     found = f"up to {largest[0]:.2g} degree and {largest[1] * 1e12:.2g} pm"
     about = f"estimated errors within {accuracy.phase:g} degree and {accuracy.height * 1e12:g} pm"
-    return judged(about, picture, bad, phase / accuracy.phase, picture.good, found)
+    return judged(about, picture, bad, phase / accuracy.phase, picture.good & ~picture.irregular, found)
+
+
+def _motion(picture: Picture) -> Claim:
+    """Motion that is not periodic has a spread, and no other has."""
+    phase, amplitude = picture.raw("phase_spread"), picture.raw("amplitude_spread")
+    spread = (phase >= 0) & (amplitude > 0)
+    bad = np.where(picture.irregular, ~spread, ~((phase == 0) & (amplitude == 0)))
+    found = f"irregular in {in_words(int(np.count_nonzero(picture.irregular)))}"
+    if picture.irregular.any():
+        found += f", phase spread up to {_largest(phase, picture.good):.2g} degree"
+    return judged("motion goes with its spread", picture, bad, picture.irregular, picture.solved, found)
 
 
 def _branch(picture: Picture) -> Claim:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phasemap.checking.claims import Claims
 from phasemap.checking.result import FAILS, HOLDS, Claim
@@ -48,7 +49,7 @@ def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
             yield f"{name} has dims {variable.dims}, not {dims}"
         elif name in FLAGS:
             yield from _wrong_flags(name, variable)
-        elif variable.dtype.kind != "f" or variable.attrs.get("units") != FLOATS[name].units:
+        elif variable.dtype.kind != "f" or not _says(variable, "units", FLOATS[name].units):
             units = variable.attrs.get("units")
             yield f"{name} is {variable.dtype} in {units!r}, not numbers in {FLOATS[name].units!r}"
 
@@ -57,7 +58,7 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
     for dim, count, step in zip(("y", "x"), claims.shape, claims.pixel_size, strict=True):
         if dim not in image.coords:
             yield f"there is no coordinate {dim}"
-        elif image.sizes.get(dim) == count and not np.allclose(image[dim], centres(count, step), rtol=1e-9, atol=0):
+        elif image.sizes.get(dim) == count and not _near(image[dim].values, centres(count, step)):
             yield f"{dim} is not at the centres of pixels of {step:g} m"
     names = list(claims.control.directions)
     if names and ("direction" not in image.coords or list(image["direction"].values) != names):
@@ -67,7 +68,17 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
 def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
     _, values, meanings = FLAGS[name]
     said = np.atleast_1d(variable.attrs.get("flag_values", ()))
-    if said.tolist() != list(values) or variable.attrs.get("flag_meanings") != " ".join(meanings):
+    if said.tolist() != list(values) or not _says(variable, "flag_meanings", " ".join(meanings)):
         yield f"the flags of {name} have other values or meanings"
-    elif not np.isin(variable.values, values).all():
+    elif variable.dtype.kind not in "iu" or not np.isin(variable.values, values).all():
         yield f"{name} has values that are none of its flags"
+
+
+def _says(variable: xr.DataArray, name: str, text: str) -> bool:
+    """Whether an attribute is this text: it may be an array, too."""
+    said = variable.attrs.get(name)
+    return isinstance(said, str) and said == text
+
+
+def _near(values: NDArray[Any], wanted: NDArray[np.float64]) -> bool:
+    return values.dtype.kind in "fiu" and np.allclose(values, wanted, rtol=1e-9, atol=0)

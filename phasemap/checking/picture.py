@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# Three standard errors of a mean over a hundred times that the lock-in remembers, in standard deviations behind it.
+MEAN = 0.3
+
 
 @dataclass(frozen=True, eq=False)
 class Picture:
@@ -69,9 +72,9 @@ class Picture:
         return {name: added[name].values.reshape(self.shape) for name in flat if "comment" in added[name].attrs}
 
     def coarse(self, name: str) -> float:
-        """Half the step of the quantisation, in the variable's unit; 0 without one."""
+        """Half the step of the quantisation, in the variable's unit; 0 without one, or without the variable."""
         bits = self.claims.realism.bits
-        if bits is None or name not in DIGITISED:
+        if bits is None or name not in DIGITISED or name not in self:
             return 0.0
         values = self.raw(name)
         known = values[np.isfinite(values.astype(np.float64))].astype(np.float64)
@@ -87,6 +90,16 @@ class Picture:
         """Where there should be numbers: good pixels, and those of a scanner at the end of its range."""
         kept = [col.GOOD, col.OUT_OF_RANGE] if self.claims.control.in_time else [col.GOOD]
         return np.isin(self.raw("status"), kept)
+
+    @cached_property
+    def irregular(self) -> NDArray[np.bool_]:
+        """Where the image says that the motion is not periodic: phase and amplitude are means there."""
+        return np.asarray(self.raw("motion") == 1) if "motion" in self else np.zeros(self.shape, bool)
+
+    def spread(self, name: str) -> Array:
+        """Standard deviation behind the lock-in that the image states [degree or m], 0 where it states none."""
+        stated = f"{name}_spread"
+        return np.asarray(np.nan_to_num(self.raw(stated))) if stated in self else np.zeros(self.shape)
 
     def unknown_phase(self) -> Array:
         """By how much the phase may be off [rad]: what the image states, and its quantisation; 0 where not stated."""

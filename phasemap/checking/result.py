@@ -30,7 +30,8 @@ class Claim:
     about : str
         The claim, in words.
     result : {"holds", "FAILS", "not judged"}
-        "not judged" where nothing was claimed that another solver could contradict.
+        "not judged" where nothing was claimed that could be contradicted, or what could contradict it comes to no
+        result.
     pixels : int
         In how many pixels it was looked at.
     found : str
@@ -54,8 +55,8 @@ class Check:
     ----------
     claims : tuple of Claim
     sample : xarray.Dataset or None
-        The pixels that were solved again, dim "pixel": direction, row, column; phase and height as in the image, but
-        for offsets of lines, and as found again; the difference that was allowed. None for an image in time.
+        The pixels that were solved again, dim "pixel": direction, row, column; phase, height and more as in the image,
+        but for offsets of lines, and as found again; the difference that was allowed. None for an image in time.
     """
 
     claims: tuple[Claim, ...]
@@ -90,7 +91,7 @@ class Check:
 
 
 def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:
-    """The claim that no pixel is bad.
+    """The claim that no pixel is bad; not judged where there is none to look at.
 
     Parameters
     ----------
@@ -105,6 +106,8 @@ def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked
     """
     pixels, bad = int(np.count_nonzero(looked_at)), bad & looked_at
     count = int(np.count_nonzero(bad))
+    if not pixels:
+        return Claim(about, OPEN, 0, "there is no such pixel")
     if not count:
         return Claim(about, HOLDS, pixels, found)
     at = np.flatnonzero(bad)

@@ -38,9 +38,9 @@ def sample(picture: Picture, pixels: int, seed: int) -> NDArray[np.intp]:
 
 
 def kinds(picture: Picture) -> NDArray[np.int64]:
-    """Number of the kind of each pixel, flat: by status, solver, branch, and whether a neighbour differs."""
+    """Number of the kind of each pixel, flat: by status, solver, branch, motion, and whether a neighbour differs."""
     code = np.zeros(picture.shape, np.int64)
-    for name in ("status", "solver", "branch"):
+    for name in ("status", "solver", "branch", "motion"):
         if name in picture:
             code = 64 * code + picture.raw(name).astype(np.int64) + 1
     beside = np.zeros(picture.shape, bool)
