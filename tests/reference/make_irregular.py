@@ -1,6 +1,6 @@
 """Makes tests/data/irregular.json: what a slow engagement in time holds where a tip sticks to a soft sample.
 
-    python tests/reference/make_irregular.py [named|random]
+    python tests/reference/make_irregular.py named|random|near
 
 Nothing here is shared with phasemap or with the other references but the equation of motion and the contact laws.
 
@@ -12,7 +12,7 @@ d_c < d < 0 (s - s_c is the coordinate, d tau = d'(s) d sigma, so that the squar
 step are found at the extrema of z.  The first harmonic of each drive period follows from the forces' integrals.
 
 Engagement.  The free lever, far away, comes down by `RAMP` A0 per ring-down time (Q/pi periods), from the start in small steps each
-period (four times as fast while more than 99.5 % of the amplitude are left).  Where the mean phasor over `BLOCK` ring-down times
+period (4 and 16 times as fast while more than 99.5 and 99.99 % of the amplitude are left).  Where the mean phasor over `BLOCK` ring-down times
 first falls to a setpoint the state is kept, and the descent goes on for the lower setpoints.  From each kept state a slow integral
 feedback (time constant 20 ring-down times, on the phasor behind a low-pass of one ring-down time) holds the amplitude; then
 the tip offset stays constant while the motion settles.
@@ -27,7 +27,7 @@ the tip offset stays constant while the motion settles.
 Fields of each setpoint: tip_offset [m], phase [degree] = 90 - lag of the mean phasor, mean_deflection [m], amplitude_spread [m] and
 phase_spread [degree] (standard deviation behind exp(-2 pi/100) per period), indentation [m] (largest), dissipation [J] into the
 surface per cycle, contact_share (share of periods with contact), period (drive periods; 0: not periodic), tip_offset_error,
-phase_error (standard errors; 0 where periodic, good to 1e-7 degree and 1e-16 m), settle (tip offset at which the descent first met the
+phase_error (standard errors; 0 where periodic, good to 1e-7 degree and 1e-16 m), met (tip offset at which the descent first met the
 setpoint).  stretches: tip offsets [from, to] where the approach was not of period one.
 """
 
@@ -42,7 +42,7 @@ from numba import njit
 from scipy.integrate._ivp import dop853_coefficients as _c
 
 OUT = pathlib.Path(__file__).parent.parent / "data" / "irregular.json"
-RAMP, BLOCK, MOST = 4e-4, 10, 400_000
+RAMP, BLOCK, MOST = 4.8e-4, 10, 250_000
 SETPOINTS = (0.9, 0.75, 0.6)
 A8, B8, E3, E5, C8 = (np.ascontiguousarray(m) for m in (_c.A[:12, :12], _c.B, _c.E3[:12], _c.E5[:12], _c.C[:12]))
 
@@ -108,24 +108,28 @@ def step(region, y, h, z0, p, k, yn, tol):
         yn[3] += h
         return 0.0
     for i in range(1, 12):
-        for n in range(N):
-            t = 0.0
-            for m in range(i):
-                t += A8[i, m] * k[m, n]
-            yn[n] = y[n] + h * t
+        yn[:] = y
+        for m in range(i):
+            w = h * A8[i, m]
+            if w != 0.0:
+                for n in range(N):
+                    yn[n] += w * k[m, n]
         rhs(region, yn, z0, p, k[i])
+    yn[:] = y
+    for m in range(12):
+        w = h * B8[m]
+        if w != 0.0:
+            for n in range(N):
+                yn[n] += w * k[m, n]
     e3 = e5 = 0.0
-    for n in range(N):
-        t = u3 = u5 = 0.0
+    for n in range(4):
+        u3 = u5 = 0.0
         for m in range(12):
-            t += B8[m] * k[m, n]
             u3 += E3[m] * k[m, n]
             u5 += E5[m] * k[m, n]
-        yn[n] = y[n] + h * t
-        if n < 4:
-            scale = tol * (p[AF] if n < 2 else 1.0)
-            e3 += (u3 / scale) ** 2
-            e5 += (u5 / scale) ** 2
+        scale = tol * (p[AF] if n < 2 else 1.0)
+        e3 += (u3 / scale) ** 2
+        e5 += (u5 / scale) ** 2
     if e3 == 0.0 and e5 == 0.0:
         return 0.0
     return abs(h) * e5 / math.sqrt((e5 + 0.01 * e3) * 4.0)
@@ -149,24 +153,37 @@ def value(what, region, y, z0, p, end):
 
 @njit(cache=True)
 def root(what, region, y, lo, hi, flo, fhi, z0, p, end, k, yn, tol):
-    """Step size in (lo, hi) at which the event happens (Illinois); yn holds the state there."""
-    x = hi
+    """Step size in (lo, hi) at which the event happens (Newton with the velocity, or Illinois); yn holds the state there."""
+    x, side = -1.0, 0
+    if what in (EDGE, TOP):  # Newton's start: the coordinate's rate is the velocity
+        x = lo + (hi - lo) * flo / (flo - fhi)
     for _ in range(80):
-        x = (lo * fhi - hi * flo) / (fhi - flo)
         if not lo < x < hi:
-            x = 0.5 * (lo + hi)
+            x = (lo * fhi - hi * flo) / (fhi - flo)
+            if not lo < x < hi:
+                x = 0.5 * (lo + hi)
         step(region, y, x, z0, p, k, yn, tol)
         f = value(what, region, yn, z0, p, end)
         if abs(f) < 1e-14 or hi - lo < 1e-15 * hi:
             break
         if (f > 0.0) == (fhi > 0.0):
             hi, fhi = x, f
-            flo *= 0.5
+            if side == 1:
+                flo *= 0.5
+            side = 1
         else:
-            lo, flo = hi, fhi
-            hi, fhi = x, f
-            if lo > hi:
-                lo, hi, flo, fhi = hi, lo, fhi, flo
+            lo, flo = x, f
+            if side == -1:
+                fhi *= 0.5
+            side = -1
+        if what in (EDGE, TOP):
+            v = motion(yn[0], yn[1], yn[3], p)[1]
+            change = f / v if what == TOP or region == OUTSIDE else -f / v
+            if abs(change) < 1e-15 * hi:
+                break
+            x -= change
+        else:
+            x = -1.0
     return x
 
 
@@ -408,7 +425,7 @@ def descend(case, setpoints):
     met, odd, trail = {}, [], []
     amplitude = af
     while len(met) < len(setpoints) and tip.state[3] > -0.2 * af:
-        rate = RAMP * af / tip.ring * (4.0 if amplitude > 0.995 * af else 1.0)
+        rate = RAMP * af / tip.ring * (16.0 if amplitude > 0.9999 * af else 4.0 if amplitude > 0.995 * af else 1.0)
         top = tip.state[3]
         rec = tip.go(n, ramp=-rate)
         amplitude = abs(phasor(rec))
@@ -433,17 +450,18 @@ def descend(case, setpoints):
 def newton(tip, state, n, goal, tol=1e-12):
     """Orbit of n drive periods that holds the goal, near a state; (state, multipliers, rec) or None."""
 
+    def started(x):
+        tip.at(state)
+        tip.state[0], tip.state[1], tip.state[3] = x
+        tip.state[2] = seat_now(tip)
+        return tip.state.copy()
+
     def cycle(x):
-        state2 = state.copy()
-        state2[0], state2[1], state2[3] = x
-        state2[2] = state2[4] = 0.0
-        rec = tip.at(state2).go(n, tol=tol)
-        if tip.state[2] != 0.0:
+        rec = tip.at(started(x)).go(n, tol=tol)
+        if (tip.state[2] == OUTSIDE) != (state[2] == OUTSIDE):
             raise ArithmeticError
         return np.array([tip.state[0] - x[0], tip.state[1] - x[1], abs(phasor(rec)) - goal])
 
-    if state[2] != 0.0:
-        return None
     x = np.array([state[0], state[1], state[3]])
     start = x.copy()
     try:
@@ -466,10 +484,7 @@ def newton(tip, state, n, goal, tol=1e-12):
     except (ArithmeticError, np.linalg.LinAlgError):
         return None
     multipliers = np.linalg.eigvals(jac[:2, :2] + np.eye(2))
-    state2 = state.copy()
-    state2[0], state2[1], state2[3] = x
-    state2[2] = state2[4] = 0.0
-    return state2, multipliers
+    return started(x), multipliers
 
 
 def repeats(rec, af):
@@ -514,8 +529,8 @@ def hold(tip, state, goal, most=None):
     notes = []
     long = 20 * ring
     for attempt in range(5):
-        tip.go(100 * ring, gain=1.0 / long, goal=goal)
-        rec = tip.go(300 * ring, gain=1.0 / long, goal=goal)
+        tip.go(60 * ring, gain=1.0 / long, goal=goal)
+        rec = tip.go(160 * ring, gain=1.0 / long, goal=goal)
         blocks = np.array_split(rec, 10)
         amps = np.array([abs(phasor(b)) for b in blocks])
         offs = np.array([b[:, 6].mean() for b in blocks])
@@ -540,7 +555,9 @@ def hold(tip, state, goal, most=None):
                 notes.append(f"period {n} unstable: multipliers {np.abs(multipliers).max():.4f}")
                 continue
             rec1 = tip.at(state2).go(n, tol=1e-12, peak=True)
-            rec2 = tip.at(kept).go(200 * ring)  # does the state in time stay at that orbit's amplitude (slope 1 at most)?
+            rec2 = tip.at(kept).go(
+                100 * ring
+            )  # does the state in time stay at that orbit's amplitude (slope 1 at most)?
             away = abs(phasor(rec2[-n * max(1, int(ring) // n) :]) - phasor(rec1))
             if away > 3 * abs(state2[3] - z0) + 0.003 * af:
                 notes.append(f"period {n}: motion in time is {away / af:.2e} A0 away")
@@ -568,9 +585,9 @@ def seat_now(tip):
 
 def dwell(tip, state, goal, most, notes):
     """Mean of irregular motion at constant tip offsets; None where it leaves."""
-    af, ring = tip.p[AF], tip.ring
+    ring = tip.ring
     tip.at(state)
-    spent, n = 0, int(400 * ring)
+    spent, n = 0, int(160 * ring)
     past = []  # z0, amplitude, phase, weight
     slope, turn = 1.0, 0.0
     while True:
@@ -624,21 +641,42 @@ def engage(case, setpoints):
     return dict(stretches=[[a * 1e-9, b * 1e-9] for a, b in stretches], periods=periods, setpoints=held), trail
 
 
-
 def case(name, k, f0, q, r, a, e, w, al, decay, contact="jkr"):
     return dict(
         name=name, contact=contact, stiffness=k, resonance_frequency=f0, quality_factor=q, tip_radius=r, free_amplitude=a,
         modulus=e, poisson_ratio=0.35, adhesion=w, damping=al, damping_exponent=0.5, decay_length=decay,
-    )
+    )  # fmt: skip
 
 
 NAMED = [
     (case("rubber", 3.0, 3e5, 200.0, 10e-9, 40e-9, 30e6, 0.05, 0.01, 0.3e-9), (0.9, 0.75, 0.6)),
     (case("glass beside it", 3.0, 3e5, 200.0, 10e-9, 40e-9, 3e9, 0.05, 0.01, 0.3e-9), (0.9, 0.75, 0.6)),
     (case("no long-range force", 3.0, 3e5, 200.0, 10e-9, 40e-9, 200e6, 0.06, 0.02, None), (0.9, 0.75, 0.6)),
-    (case("stiff lever, small amplitude", 40.0, 3e5, 400.0, 10e-9, 15e-9, 30e6, 0.05, 0.01, 0.3e-9), (0.95, 0.9, 0.8, 0.7)),
+    (
+        case("stiff lever, small amplitude", 40.0, 3e5, 400.0, 10e-9, 15e-9, 30e6, 0.05, 0.01, 0.3e-9),
+        (0.95, 0.9, 0.8, 0.7),
+    ),
     (case("PDMS", 40.0, 3e5, 400.0, 10e-9, 40e-9, 2.5e6, 0.05, 0.01, 0.3e-9), (0.9, 0.75, 0.6)),
 ]
+
+
+def drawn():
+    """Five DMT cases that stick without a long-range force, and 60 polymers under ordinary levers."""
+    rng = np.random.default_rng(14)
+
+    def between(low, high):
+        return float(f"{math.exp(rng.uniform(math.log(low), math.log(high))):.3g}")
+
+    cases = []
+    for i in range(65):
+        dmt = i < 5
+        decay = None if dmt or rng.random() < 0.3 else between(0.2e-9, 5e-9)
+        cases.append((case(
+            f"DMT {i}" if dmt else f"polymer {i - 5}", between(1.0, 50.0), between(70e3, 350e3), between(100.0, 600.0),
+            between(5e-9, 25e-9), between(10e-9, 60e-9), between(20e6, 1e9), between(0.06 if dmt else 0.02, 0.1),
+            between(0.002, 0.05), decay, "dmt" if dmt else "jkr",
+        ), SETPOINTS))  # fmt: skip
+    return cases
 
 
 def main(what):
@@ -657,10 +695,49 @@ def main(what):
                 print(
                     f"   {s['setpoint']}: {s['phase']:.4f} +- {s['phase_error']:.4f} at {s['tip_offset'] * 1e9:.5f} +- "
                     f"{s['tip_offset_error'] * 1e9:.5f} nm, period {s['period']}, spread {s['amplitude_spread'] * 1e9:.4f} nm "
-                    f"{s['phase_spread']:.3f} deg, contact {s['contact_share']:.2f}", flush=True)
+                    f"{s['phase_spread']:.3f} deg, contact {s['contact_share']:.2f}",
+                    flush=True,
+                )
             else:
                 print(f"   {s['setpoint']}: not held", s["notes"], flush=True)
 
 
+def near(c, s, draws=2):
+    """[tip offset, phase, period] of what is held from other states near the one that engagement met."""
+    tip = Tip(c)
+    tip.k, rng, found = c["stiffness"], np.random.default_rng(3), []
+    for _ in range(draws):
+        size = s["amplitude"] * 1e9 * (1.0 + rng.uniform(-0.01, 0.01))
+        lag = math.radians(90.0 - s["phase"] + rng.uniform(-2.0, 2.0))
+        y, v = size * math.cos(lag) - tip.p[ZC], size * math.sin(lag) - tip.p[OM] * tip.p[ZS]
+        z0 = s["tip_offset"] * 1e9 + 0.02 * tip.p[AF]
+        low = math.cos(lag) * size, math.sin(lag) * size
+        tip.at([y, (v + tip.p[A0] * y) / tip.p[NU], OUTSIDE, z0, 0.0, 0.0, *low])
+        out, _, _ = hold(tip, tip.state.copy(), s["amplitude"] * 1e9, most=60_000)
+        if out["held"]:
+            found.append([out["tip_offset"], out["phase"], out["period"]])
+    return found
+
+
+def neighbours():
+    """Adds `near` to each setpoint whose motion is not of period one."""
+    data = json.loads(OUT.read_text())
+    for c in data:
+        for s in c["setpoints"]:
+            if s["held"] and s["period"] != 1 and "near" not in s:
+                s["near"] = near(c, s)
+                shifts = [(1e12 * (z - s["tip_offset"]), f - s["phase"], n) for z, f, n in s["near"]]
+                print(
+                    c["name"],
+                    s["setpoint"],
+                    s["period"],
+                    *(f"{z:+.2f} pm {f:+.4f} deg ({n})" for z, f, n in shifts),
+                    flush=True,
+                )
+                OUT.write_text(json.dumps(data, indent=1))
+
+
 if __name__ == "__main__":
+    if sys.argv[1:] == ["near"]:
+        sys.exit(neighbours())
     main(sys.argv[1] if len(sys.argv) > 1 else "named")
