@@ -447,7 +447,7 @@ def descend(case, setpoints):
     return met, [x for x in stretches if x[0] - x[1] > 1.5 * n * RAMP * af / tip.ring], trail, tip.periods
 
 
-def newton(tip, state, n, goal, tol=1e-12):
+def newton(tip, state, n, goal, tol=1e-13):
     """Orbit of n drive periods that holds the goal, near a state; (state, multipliers, rec) or None."""
 
     def started(x):
@@ -477,7 +477,7 @@ def newton(tip, state, n, goal, tol=1e-12):
                 return None
             x = x + change
             r = cycle(x)
-            if np.abs(change).max() < 3e-10 * tip.p[AF]:
+            if np.abs(change).max() < 1e-9 * tip.p[AF]:
                 break
         else:
             return None
