@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.slots import NOWHERE
+from phasemap._kernels.scanning.slots import NOWHERE, Orbits
 from phasemap.branches import stable_branches
 from phasemap.checking.picture import Picture
 from phasemap.control import Raster
@@ -105,7 +105,7 @@ def solve_again(
         at: tuple[NDArray[np.intp], ...]
         if carries:
             found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
-            at = _slots(picture, pixels[part.pixels], part.numbers, found.stable, found.engaged), part.numbers
+            at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
             several = found.rows, found.status, found.solver
         else:
             at, several = (part.numbers,), run(solver, part.work, claims.accuracy, threads=threads, progress=report)
@@ -137,19 +137,17 @@ def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float)
     return make_work(materials, surface.viscosity is not None, scope, amplitude), numbers.reshape(-1)
 
 
-def _slots(
-    picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], stable: NDArray[np.bool_], engaged: NDArray[np.int8]
-) -> NDArray[np.intp]:
-    """On which of a material's orbits the tip is, coming to a pixel on the branch on which it leaves the last."""
+def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:
+    """On which of a material's orbits the tip is, coming to a pixel as it leaves the last."""
     from phasemap._kernels.scanning.walk import step
 
-    comes = carried(picture).reshape(-1)[pixels]
-    slots = [step(stable, engaged, int(i), int(branch))[1] for i, branch in zip(numbers, comes, strict=True)]
-    return np.array(slots, np.intp)
+    branches, offsets = (values.reshape(-1)[pixels] for values in carried(picture))
+    comes = zip(numbers, branches, offsets, strict=True)
+    return np.array([step(orbits, int(i), int(branch), float(z0))[1] for i, branch, z0 in comes], np.intp)
 
 
-def carried(picture: Picture) -> NDArray[np.int8]:
-    """Branch on which the tip comes to each pixel: that of the last pixel before it that has one.
+def carried(picture: Picture) -> tuple[NDArray[np.int8], Array]:
+    """Branch on which the tip comes to each pixel, and its tip offset [m]: of the last pixel before that has an orbit.
 
     Parameters
     ----------
@@ -158,18 +156,23 @@ def carried(picture: Picture) -> NDArray[np.int8]:
 
     Returns
     -------
-    ndarray of int8, shape (2, ny, nx)
+    branch : ndarray of int8, shape (2, ny, nx)
         NOWHERE where the tip is engaged.
+    offset : ndarray, shape (2, ny, nx)
+        NaN where the image does not say it.
     """
     control, change = picture.claims.control, picture.claims.realism.tip_change
     assert isinstance(control, Raster)
     branch = np.where(picture.good, picture.raw("branch"), NOWHERE)
-    way = np.concatenate([branch[0], branch[1, :, ::-1]], axis=1)  # of each line, there and back
-    anew = np.zeros(way.shape, bool)
+    offset = picture["tip_offset"] if picture.has("tip_offset") else np.full(branch.shape, np.nan)
+    way, place = (np.concatenate([values[0], values[1, :, ::-1]], axis=1) for values in (branch, offset))
+    anew = np.zeros(way.shape, bool)  # of each line, there and back
     anew[slice(None) if control.engage == "line" else [0, 0 if change is None else change.line], 0] = True
     before = np.concatenate([[NOWHERE], way.reshape(-1)[:-1]])
     before[anew.reshape(-1)] = NOWHERE
     known = np.where((before != NOWHERE) | anew.reshape(-1), np.arange(before.size), 0)
-    comes = before[np.maximum.accumulate(known)].reshape(way.shape)
+    last = np.maximum.accumulate(known)
+    comes, from_offset = before[last].reshape(way.shape), place.reshape(-1)[last - 1].reshape(way.shape)
     nx = branch.shape[2]
-    return np.stack([comes[:, :nx], comes[:, nx:][:, ::-1]]).astype(np.int8)
+    back = [np.stack([values[:, :nx], values[:, nx:][:, ::-1]]) for values in (comes, from_offset)]
+    return back[0].astype(np.int8), back[1]

@@ -19,7 +19,7 @@ the tip offset stays constant while the motion settles.
 * Periodic (state repeats after n <= 64 periods): Newton on (a, b, z0) for the n-period map and |mean phasor| = setpoint; it counts only
   if the Floquet multipliers lie inside the unit circle and the orbit is the one that time settled on.
 * Otherwise the tip offset is constant for longer and longer runs, corrected by the mean amplitude after each, until standard errors
-  (of blocks of at least 40 ring-down times, pooled further until they stop growing) are 2 pm and 0.01 degree or `MOST` periods
+  (the largest from blocks of 4, 8, ... ring-down times, at least 16 of them) are 2 pm and 0.01 degree or `MOST` periods
   are spent.
 * "held": false where feedback does not come to rest, or the motion at a constant tip offset leaves for another amplitude, in each of
   five attempts: the amplitude jumps across the setpoint, down on approach and up on retraction.
@@ -28,7 +28,8 @@ Fields of each setpoint: tip_offset [m], phase [degree] = 90 - lag of the mean p
 phase_spread [degree] (standard deviation behind exp(-2 pi/100) per period), indentation [m] (largest), dissipation [J] into the
 surface per cycle, contact_share (share of periods with contact), period (drive periods; 0: not periodic), tip_offset_error,
 phase_error (standard errors; 0 where periodic, good to 1e-7 degree and 1e-16 m), met (tip offset at which the descent first met the
-setpoint).  stretches: tip offsets [from, to] where the approach was not of period one.
+setpoint).  near: tip offset, phase and period of what feedback holds from two other states near by: where windows of different
+periods lie side by side, the answer is defined only to that.  stretches: tip offsets [from, to] where the approach was not of period one.
 """
 
 import json
@@ -44,7 +45,7 @@ from scipy.integrate._ivp import dop853_coefficients as _c
 OUT = pathlib.Path(__file__).parent.parent / "data" / "irregular.json"
 RAMP, BLOCK, MOST = 4.8e-4, 10, 250_000
 SETPOINTS = (0.9, 0.75, 0.6)
-A8, B8, E3, E5, C8 = (np.ascontiguousarray(m) for m in (_c.A[:12, :12], _c.B, _c.E3[:12], _c.E5[:12], _c.C[:12]))
+A8, B8, E3, E5 = (np.ascontiguousarray(m) for m in (_c.A[:12, :12], _c.B, _c.E3[:12], _c.E5[:12]))
 
 # parameters (nm): free amplitude, Q, omega, F0/k, decay length (0: none), contact stiffness, s_c, R, damping, jkr?, alpha0, nu
 AF, QQ, OM, F0, D0, KK, SC, RR, AL, JK, A0, NU, ZC, ZS = range(14)
@@ -396,11 +397,11 @@ def phasor(rec):
 
 def error_of_mean(x, least):
     """Standard error of the mean of x: blocks of `least` and more periods, the largest of the levels with 16 blocks or more."""
-    worst, size = 0.0, int(least)
+    worst, size = math.nan, int(least)
     while len(x) // size >= 16:
         n = len(x) // size
         m = x[: n * size].reshape(n, size).mean(axis=1)
-        worst = max(worst, m.std(ddof=1) / math.sqrt(n))
+        worst = np.fmax(worst, m.std(ddof=1) / math.sqrt(n))
         size *= 2
     return worst
 
@@ -447,7 +448,7 @@ def descend(case, setpoints):
     return met, [x for x in stretches if x[0] - x[1] > 1.5 * n * RAMP * af / tip.ring], trail, tip.periods
 
 
-def newton(tip, state, n, goal, tol=1e-12):
+def newton(tip, state, n, goal, tol=1e-13):
     """Orbit of n drive periods that holds the goal, near a state; (state, multipliers, rec) or None."""
 
     def started(x):
@@ -477,7 +478,7 @@ def newton(tip, state, n, goal, tol=1e-12):
                 return None
             x = x + change
             r = cycle(x)
-            if np.abs(change).max() < 3e-10 * tip.p[AF]:
+            if np.abs(change).max() < 1e-9 * tip.p[AF]:
                 break
         else:
             return None
@@ -602,7 +603,7 @@ def dwell(tip, state, goal, most, notes):
             return None
         z = phasor(rec)
         u = (rec[:, 0] + 1j * rec[:, 1]) / z
-        ea, ep = error_of_mean(u.real, block) * abs(z), np.degrees(error_of_mean(u.imag, block))
+        ea, ep = error_of_mean(u.real, 4 * ring) * abs(z), np.degrees(error_of_mean(u.imag, 4 * ring))
         phase = 90 - np.degrees(np.angle(z))
         past.append((z0, abs(z), phase, n))
         if len(past) > 2:
