@@ -16,8 +16,6 @@ def engage(work: Work, i: int, row: np.ndarray) -> int:
 
     Where a tip that first touches taps irregularly, it is lowered on until a stable orbit appears.
     """
-    from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE
-
     law, path = fixed_path_of(work, i)
     feedback = Feedback(held_curves(law, path, np.array([work.amplitudes[i]]), 0))
     place = feedback.far()
@@ -26,5 +24,4 @@ def engage(work: Work, i: int, row: np.ndarray) -> int:
     if found is None:
         return col.NO_STABLE_ORBIT
     row[:] = found.segment.rows[at][: col.COLUMNS]
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
     return col.GOOD
