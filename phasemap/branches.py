@@ -158,7 +158,7 @@ def _limit(work: Work, first: int, last: int, rows: Array, status: Codes, reach:
 
 def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
-    from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE, every_orbit
+    from phasemap._kernels.batch import every_orbit
     from phasemap._kernels.collocation import HOLD_AMPLITUDE
     from phasemap._kernels.tables import TABLES
 
@@ -171,7 +171,6 @@ def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used:
             status[slot, i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT
             if len(on):
                 rows[slot, i], used[slot, i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
-                rows[slot, i, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = EXACT_PHASE, EXACT_HEIGHT
 
 
 def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:

@@ -43,16 +43,15 @@ def drawn(regime: dict[str, tuple[float, float]], scopes: int, pixels: int, seed
 
 @pytest.mark.parametrize("name", REGIMES)
 def test_the_estimated_error_bounds_the_error(name: str) -> None:
-    # Against collocation, itself good to EXACT_PHASE and EXACT_HEIGHT, which is the allowance.
+    # Against collocation, whose own stated error is the allowance.
     inside, seen = 0, 0
     for work in drawn(REGIMES[name], 8, 50, seed=7):
         rows, status, used = run(Orbit(), work, pm.Accuracy())
         exact, exactly, _ = run(Orbit(complete=True), work, pm.Accuracy())
         assert np.array_equal(status, exactly)
         cheap = (used == col.CORRECTED) & (status == col.GOOD)
-        phase = abs(rows[cheap, col.PHASE] - exact[cheap, col.PHASE])
-        height = abs(rows[cheap, col.TIP_OFFSET] - exact[cheap, col.TIP_OFFSET])
-        bounded = (phase <= rows[cheap, col.ERROR_PHASE] + 2e-8) & (height <= rows[cheap, col.ERROR_HEIGHT] + 1e-15)
+        off = abs(rows - exact)[cheap][:, [col.PHASE, col.TIP_OFFSET]]
+        bounded = np.all(off <= (rows + exact)[cheap][:, [col.ERROR_PHASE, col.ERROR_HEIGHT]], axis=1)
         inside, seen = inside + int(bounded.sum()), seen + int(cheap.sum())
         assert np.all(rows[cheap, col.ERROR_PHASE] < np.radians(1e-3))
         assert np.all(rows[cheap, col.ERROR_HEIGHT] < 1e-12)
@@ -100,5 +99,5 @@ def test_a_tighter_accuracy_is_met_by_more_passes_or_by_collocation() -> None:
     exact = pm.solve_pixel(material, scope, 0.7, solver="orbit")
     for phase, height in ((1.0, 1e-10), (1e-3, 1e-12), (1e-5, 1e-14), (1e-9, 1e-18)):
         pixel = pm.solve_pixel(material, scope, 0.7, accuracy=pm.Accuracy(phase, height))
-        assert abs(pixel.phase - exact.phase) <= max(pixel.error_phase, 2e-6)
-        assert pixel.error_phase <= max(phase, 2e-6)
+        assert abs(pixel.phase - exact.phase) <= pixel.error_phase + exact.error_phase
+        assert pixel.error_phase <= max(phase, 1e-6)

@@ -15,6 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
 from phasemap._kernels.collect import collect, seed
 from phasemap._kernels.collocation import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit, new_orbit
+from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
@@ -30,7 +31,6 @@ RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
 FINEST = 2  # level of refinement
 MOST_ORBITS = 40
 THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes
-EXACT_PHASE, EXACT_HEIGHT = 2e-8, 1e-15  # [rad, m], errors left by collocation, found against independent orbits
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 
@@ -92,7 +92,7 @@ def exact_orbit(
         same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
         near = abs(row[col.TIP_OFFSET] - guess[0]) < FAR_OFF * amplitude
         if done == col.GOOD and same and near and judge(row) == col.GOOD:
-            row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+            state_errors(law, p, lever, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)
         break
     done, path = col.NOT_CONVERGED, fixed(law, p, lever)
@@ -119,7 +119,7 @@ def exact_orbit(
     if done == col.GOOD:
         done = judge(row)
     if done == col.GOOD:
-        row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+        state_errors(law, p, lever, tables, found, spare, row)
     else:
         row[:] = math.nan
     return done, (orbit, spare, saved, found)

@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE, FINEST, judge, polish, tolerance_of
+from phasemap._kernels.batch import FINEST, judge, polish, tolerance_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.orbit import begin, newton
 from phasemap._kernels.quick import parameters
@@ -44,8 +45,8 @@ def rows_beside(
             apart = abs(row[col.TIP_OFFSET] - near[col.TIP_OFFSET]) / amplitude
             apart = max(apart, abs(row[col.PHASE] - near[col.PHASE]))
             if status == col.GOOD and judge(row) == col.GOOD and apart < SAME:
+                state_errors(law, p, lever, tables, orbit, spare, row)
                 for j in range(col.COLUMNS):
                     near[j] = row[j]
-                near[col.ERROR_PHASE], near[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
                 done[i] = True
                 break

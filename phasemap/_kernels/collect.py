@@ -9,6 +9,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.approach import free_amplitude
 from phasemap._kernels.collocation import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, A, new_orbit
 from phasemap._kernels.curve import FIRST_STEP, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT
 from phasemap._kernels.orbit import begin, finish, newton
@@ -56,6 +57,7 @@ def collect(
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
             finish(law, p, lever, tables, one, rows[count])
+            state_errors(law, p, lever, tables, one, spare, rows[count])
             count = insert(rows, count)
         if point[AP] < CAUGHT * (value if hold == HOLD_AMPLITUDE else free):
             return col.GOOD, count
@@ -106,6 +108,7 @@ def seed(
             continue
         if guess[2] == amplitude:
             finish(law, p, lever, tables, orbit, rows[count])
+            state_errors(law, p, lever, tables, orbit, spare, rows[count])
             count = insert(rows, count)
             continue
         point[:] = 0.0
@@ -128,5 +131,6 @@ def seed(
                 )  # fmt: skip
                 if good:
                     finish(law, p, lever, tables, one, rows[count])
+                    state_errors(law, p, lever, tables, one, spare, rows[count])
                     count = insert(rows, count)
     return count

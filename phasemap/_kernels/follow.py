@@ -23,6 +23,7 @@ from phasemap._kernels.collocation import (
     new_orbit,
 )
 from phasemap._kernels.curve import FIRST_STEP, Path, advance, copy_orbit, cross, mark
+from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.observables import complete, time_trace
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, observe
@@ -150,7 +151,11 @@ def visit(
         if not good:
             copy_orbit(end, one)
         else:
-            count = record(law, path, tables, one, col.WANTED, k, rows, traces, count)
+            made = record(law, path, tables, one, col.WANTED, k, rows, traces, count)
+            if made > count and index == AP:
+                p, lever, _ = stand(path, one.head[VALUE, M])
+                state_errors(law, p, lever, tables, one, spare, rows[count])
+            count = made
     return count, one, spare
 
 

@@ -19,7 +19,6 @@ from phasemap._kernels.collocation import (
     INSIDE,
     LEVEL,
     MOST_CONTACTS,
-    MOST_ELEMENTS,
     NECK,
     ORIGIN,
     OUTSIDE,
@@ -304,10 +303,10 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
 
 
 @njit(**OPTIONS)
-def _put(tables: np.ndarray, orbit: Orbit, n: int, side: float, origin: float, scale: float) -> bool:
+def put(tables: np.ndarray, orbit: Orbit, n: int, side: float, origin: float, scale: float) -> bool:
     """Append one element."""
     e = int(orbit.head[COUNT, ELEMENTS])
-    if e >= MOST_ELEMENTS:
+    if e + 1 >= len(orbit.elements):
         return False
     one, table = orbit.elements[e], tables[n]
     place = one[PLACE]
@@ -339,7 +338,7 @@ def _half(
     ok = True
     for i in range(count):
         e = count - 1 - i if incoming == 1 else i
-        ok = _put(tables, orbit, begin + e, side, start, delta) and ok
+        ok = put(tables, orbit, begin + e, side, start, delta) and ok
     return ok
 
 
@@ -374,7 +373,7 @@ def _span(tables: np.ndarray, orbit: Orbit, side: float, start: float, end: floa
     """Elements between two borders at which the force may start like a root."""
     ok = True
     for e in range(CONTACT_COUNTS[pick]):
-        ok = _put(tables, orbit, CONTACT_START[pick] + e, side, 0.5 * (start + end), 0.5 * (end - start)) and ok
+        ok = put(tables, orbit, CONTACT_START[pick] + e, side, 0.5 * (start + end), 0.5 * (end - start)) and ok
     return ok
 
 

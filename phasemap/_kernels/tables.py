@@ -7,14 +7,18 @@ occurs analytic in xi, so that eight Gauss nodes an element suffice:
 * graded: S = sinh(x), x uniform from 0; the long-range force has its pole next to the point where grading starts,
   and elements grow geometrically away from it. A mirrored copy runs towards that point.
 
-`TABLES` holds them all, shape (n, ROWS, NODES); its rows are numbered below.
+`TABLES` holds them all, shape (n, ROWS, NODES), and after them, from `HALVES` on, the two halves of each; its rows are
+numbered below.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+
+Map = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 NODES = 8
 CONTACT_COUNTS = np.array([2, 3, 4, 6, 8, 12, 16])  # elements that a contact may be split into
@@ -50,46 +54,61 @@ def barycentric(x: np.ndarray) -> np.ndarray:
     return 1 / difference.prod(axis=1)
 
 
-def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    x, weight = gauss(NODES)
-    matrix = integration_matrix(x)
-    elements: list[tuple[np.ndarray, np.ndarray, float, float]] = []
+_X, _WEIGHT = gauss(NODES)
+_MATRIX = integration_matrix(_X)
 
-    def add(position: np.ndarray, ends: tuple[float, float], slope: np.ndarray) -> None:
-        elements.append((position, slope, *ends))
 
+def _contact(first: float, width: float) -> Map:
+    """Map of [0, 1] to S = sin(psi), and its derivative."""
+    return lambda y: (np.sin(first + width * y), width * np.cos(first + width * y))
+
+
+def _outgoing(e: int, width: float) -> Map:
+    return lambda y: (np.sinh(width * (e + y)), width * np.cosh(width * (e + y)))
+
+
+def _incoming(e: int, width: float) -> Map:
+    return lambda y: (-np.sinh(width * (e + 1 - y)), width * np.cosh(width * (e + 1 - y)))
+
+
+def _element(mapped: Map, low: float, high: float) -> np.ndarray:
+    """Rows of the part of an element between two values of xi."""
+    s, t = mapped(low + (high - low) * _X)
+    t = (high - low) * t
+    ends = mapped(np.array([low, high]))[0]
+    row = np.zeros((T_ROWS, NODES))
+    m1 = _MATRIX * t
+    row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, _WEIGHT * t, (_WEIGHT * t) @ m1, m1.sum(axis=1)
+    bary = barycentric(np.concatenate([ends[:1], s, ends[1:]]) / (ends[1] - ends[0]))
+    row[T_BARY] = bary[1:-1]
+    row[T_NUMBERS, :5] = *ends, row[T_END1].sum(), bary[0], bary[-1]
+    row[T_M1 : T_M1 + NODES], row[T_M2 : T_M2 + NODES] = m1, m1 @ m1
+    return row
+
+
+def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    maps: list[Map] = []
     contact_start = []
     for count in CONTACT_COUNTS:
-        contact_start.append(len(elements))
+        contact_start.append(len(maps))
         width = np.pi / count
-        for e in range(count):
-            start = -np.pi / 2 + e * width
-            psi = start + width * x
-            ends = (-1.0 if e == 0 else np.sin(start), 1.0 if e == count - 1 else np.sin(start + width))
-            add(np.sin(psi), ends, width * np.cos(psi))
+        maps += [_contact(-np.pi / 2 + e * width, width) for e in range(count)]
     graded_start = []
     for width in GRADED_WIDTHS:
         most = math.ceil(GRADED_REACH / width)
-        outgoing = len(elements)
-        for e in range(most):
-            at = width * (e + x)
-            add(np.sinh(at), (np.sinh(width * e), np.sinh(width * (e + 1))), width * np.cosh(at))
-        incoming = len(elements)
-        for e in range(most):
-            at = width * (e + 1 - x)
-            add(-np.sinh(at), (-np.sinh(width * (e + 1)), -np.sinh(width * e)), width * np.cosh(at))
-        graded_start.append((outgoing, incoming))
-
-    table = np.zeros((len(elements), T_ROWS, NODES))
-    for row, (s, t, first, last) in zip(table, elements, strict=True):
-        m1 = matrix * t
-        row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, weight * t, (weight * t) @ m1, m1.sum(axis=1)
-        every = np.concatenate([[first], s, [last]])
-        bary = barycentric(every / (last - first))
-        row[T_BARY] = bary[1:-1]
-        row[T_NUMBERS, :5] = first, last, row[T_END1].sum(), bary[0], bary[-1]
-        row[T_M1 : T_M1 + NODES], row[T_M2 : T_M2 + NODES] = m1, m1 @ m1
-    return table, np.array(contact_start), np.array(graded_start)
+        graded_start.append((len(maps), len(maps) + most))
+        maps += [_outgoing(e, width) for e in range(most)] + [_incoming(e, width) for e in range(most)]
+    whole = [_element(mapped, 0.0, 1.0) for mapped in maps]
+    halves = [_element(mapped, *part) for mapped in maps for part in ((0.0, 0.5), (0.5, 1.0))]
+    return np.array(whole + halves), np.array(contact_start), np.array(graded_start), len(whole)
 
 
-TABLES, CONTACT_START, GRADED_START = _build()
+def _into_halves() -> np.ndarray:
+    """Polynomials of xi that are 1 at an element's start, a node, or its end, at the nodes of its halves."""
+    given, at = np.concatenate([[0], _X, [1]]), np.concatenate([_X, 1 + _X]) / 2
+    shares = barycentric(given) / (at[:, None] - given)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+
+
+TABLES, CONTACT_START, GRADED_START, HALVES = _build()
+INTO_HALVES = _into_halves()

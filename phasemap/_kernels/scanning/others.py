@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.batch import EXACT_HEIGHT, EXACT_PHASE, judge, polish, tolerance_of
+from phasemap._kernels.batch import judge, polish, tolerance_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.orbit import begin, newton
 from phasemap._kernels.quick import parameters
@@ -50,7 +51,7 @@ def exact_near_rows(
                     done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
                 if done == col.GOOD and judge(row) == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
                     status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
-                    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = EXACT_PHASE, EXACT_HEIGHT
+                    state_errors(law, p, lever, tables, orbit, spare, row)
                     break
                 guess[0] += FARTHER * amplitudes[i]
             if status[slot, i] == col.PENDING:
