@@ -19,7 +19,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.averaging import harmonics, mismatch
 from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.resonance import ATTRACTIVE, HEIGHT, UNCLEAR, approach, narrowest, on_side, strongest
+from phasemap._kernels.resonance import ATTRACTIVE, HEIGHT, UNCLEAR, approach, leaps, narrowest, on_side, strongest
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
 SMALLEST_STEP = 1e-6
@@ -192,7 +192,7 @@ def engage(
     """
     free, reach = free_amplitude(lever), reach_of(law, p)
     side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
-    if side == UNCLEAR and p[4] != 0.0 and narrowest(lever) <= 1.0:
+    if side == UNCLEAR and p[4] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
         return col.GOOD, OPEN
     if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
         return col.GOOD, SURE

@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
+from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, free_amplitude, question, settle_side, worst_amplitude
 from phasemap._kernels.approach import engage as engage_averaged
-from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
+from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA, RELEASE
 from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNCLEAR, narrowest, pull
+from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNCLEAR, leaps, narrowest, pull
 from phasemap._kernels.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.response import ALL, FIELDS
 
@@ -58,6 +58,16 @@ def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: 
         return question(law, p, lever, amplitude, top)
     status, surety = engage_averaged(law, p, lever, amplitude, guess, top)
     return surety if status == GOOD else DOUBTFUL
+
+
+@njit(**OPTIONS)
+def farthest(lever: np.ndarray, amplitude: float) -> float:
+    """How far [m] an exact orbit may lie from the averaged one and still be on its branch.
+
+    With s = 1 - omega^2, P is up to 2 A |s| beside resonance, and the harmonics of a short contact, P/(n^2 - 1), lift
+    the tip by 3/4 of it.
+    """
+    return (FAR_OFF + 1.5 * abs(1.0 - lever[OMEGA] ** 2)) * amplitude
 
 
 @njit(**OPTIONS)
@@ -153,7 +163,7 @@ def _pass_from(
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
         and (state[PUSH] > 0.0) == (guess[3] > 0.0)
-        and abs(state[HEIGHT] - guess[0]) < FAR_OFF * guess[2]
+        and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
         and sound(law, p, lever, reach, f, state)
     )
 
@@ -190,8 +200,8 @@ def cheap_orbit(
     if p[4] != 0.0:
         worst = worst_amplitude(lever, amplitude)
         side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
-        if side == ATTRACTIVE and narrowest(lever) > 1.0:
-            return False  # the branch may be cut above the free amplitude
+        if side == ATTRACTIVE and (narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever))):
+            return False  # the branch may be cut above the free amplitude, or left by the jump to it
     if side == UNCLEAR or not settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
         return False
     if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):

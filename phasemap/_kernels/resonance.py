@@ -22,7 +22,8 @@ which is 1/3 at resonance, 1/9 far above, and one where x = 3^(-1/2). At (3), or
 maximum of the mismatch of (1), counted negative while X > 0, decides. Well above zero, the tip stays attractive down to
 the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
 that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
-held by attraction.
+held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
+follow the curve: it jumps, and only a strong attraction holds it then, or it goes on to the repulsive branch.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
+FIRM = 1.0  # mismatch at the maximum that holds a tip that has jumped over the resonance
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
@@ -69,6 +71,13 @@ def narrowest(lever: np.ndarray) -> float:
     """Amplitude over the free one at which the attractive branch is nearest to its end, Eq. (3)."""
     x, y = detuning(lever)
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
+
+
+@njit(**OPTIONS)
+def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
+    """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
+    x, y = detuning(lever)
+    return x > 0.0 and (1.0 / y - 1.0) * free > reach
 
 
 @njit(**OPTIONS)
@@ -228,8 +237,9 @@ def decide(
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
     least = (PLAIN * q * (q + r * x) + 0.03) * margin
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    strongest(law, p, lever, reach, amplitude, plain, top)
-    if top[HEIGHT] >= plain:
+    enough = max(plain, FIRM) if leaps(lever, reach, free) else plain
+    strongest(law, p, lever, reach, amplitude, enough, top)
+    if top[HEIGHT] >= enough:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
     half = q * q - 0.25 * (q - r * x) ** 2

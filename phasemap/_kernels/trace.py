@@ -36,7 +36,7 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, reach_of
 from phasemap._kernels.orbit import begin, finish, newton
 from phasemap._kernels.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
-from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach
+from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach, leaps
 from phasemap._kernels.snap import HANGING, land, lets_go, loosened, pressed_in, pulled
 
 MOST_POINTS = 1500
@@ -331,8 +331,9 @@ def engage_near(
     if p[4] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
     free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
-    worst = worst_amplitude(lever, amplitude)
-    force_reach, certain = reach_of(law, p), False
+    worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
+    if leaps(lever, force_reach, free):
+        return col.NOT_CONVERGED, orbit, spare, found
     for share in (0.3, 0.7):
         higher = worst + share * (free - worst)
         side = approach(law, p, lever, force_reach, higher, free, caution(lever), top)

@@ -16,8 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.approach import caution, free_amplitude
 from phasemap._kernels.averaging import harmonics, mismatch
 from phasemap._kernels.cheap import averaging_suffices
-from phasemap._kernels.corrected import AMP, DRAG, SLOPE, E, converge, report, start
-from phasemap._kernels.corrected import PUSH as PUSHED
+from phasemap._kernels.corrected import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
 from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import Room, decide_exactly, new_room, parameters, refine, steep
@@ -60,7 +59,7 @@ def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: fl
         return math.nan
     if not converge(law, p, lever, room.nodes, state, True, 0.1 * CLOSEST, math.inf):
         return math.nan
-    return mismatch(lever, amplitude, state[PUSHED], state[DRAG])
+    return mismatch(lever, amplitude, state[PUSH], state[DRAG])
 
 
 @njit(**OPTIONS)
