@@ -19,7 +19,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.averaging import harmonics, mismatch
 from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.resonance import ATTRACTIVE, HEIGHT, UNCLEAR, decide, on_side, strongest
+from phasemap._kernels.resonance import ATTRACTIVE, HEIGHT, UNCLEAR, approach, leaps, narrowest, on_side, strongest
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
 SMALLEST_STEP = 1e-6
@@ -188,16 +188,14 @@ def engage(
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
     Fills guess = (z0, mean deflection, A, P, S, dh/dz0) and returns a status code and how sure the decision is; OPEN
-    where averaging cannot tell the side at resonance, with the maximum of the mismatch in `top`.
+    where averaging cannot tell the side, with the maximum of the mismatch in `top`.
     """
-    if lever[col.OMEGA] == 1.0:
-        free, reach = free_amplitude(lever), reach_of(law, p)
-        narrowest = free / math.sqrt(3.0)
-        side = decide(law, p, lever, reach, max(amplitude, narrowest), free, caution(lever), top)
-        if side == UNCLEAR and p[4] != 0.0:
-            return col.GOOD, OPEN
-        if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
-            return col.GOOD, SURE
+    free, reach = free_amplitude(lever), reach_of(law, p)
+    side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
+    if side == UNCLEAR and p[4] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
+        return col.GOOD, OPEN
+    if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
+        return col.GOOD, SURE
     status, surety = engage_traced(law, p, lever, amplitude, guess)
     if status == col.GOOD:
         guess[5] = slope_of(law, p, lever, guess)
@@ -205,15 +203,17 @@ def engage(
 
 
 @njit(**OPTIONS)
+def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
+    """Amplitude [m], from the setpoint to the free one, at which the attractive branch is nearest to its end."""
+    return max(amplitude, min(narrowest(lever), 1.0) * free_amplitude(lever))
+
+
+@njit(**OPTIONS)
 def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray) -> int:
     """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
-    if lever[col.OMEGA] != 1.0 or (p[4] == 0.0 and contact_force(law, 0.0, p) < 0.0):
-        return DOUBTFUL
-    free = free_amplitude(lever)
-    if p[4] != 0.0:
-        strongest(law, p, lever, reach_of(law, p), max(amplitude, free / math.sqrt(3.0)), math.inf, top)
-    else:
-        decide(law, p, lever, 0.0, amplitude, free, 1.0, top)
+    if p[4] == 0.0:
+        return OPEN if approach(law, p, lever, 0.0, amplitude, free_amplitude(lever), 1.0, top) != UNCLEAR else DOUBTFUL
+    strongest(law, p, lever, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
     return OPEN
 
 
@@ -224,7 +224,7 @@ def settle_side(
 ) -> bool:  # fmt: skip
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
     free = free_amplitude(lever)
-    if p[4] != 0.0 and amplitude < free / math.sqrt(3.0):
+    if p[4] != 0.0 and amplitude < narrowest(lever) * free:
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
         strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top[HEIGHT] > 0.0:

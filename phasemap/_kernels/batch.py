@@ -20,7 +20,7 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
 from phasemap._kernels.path import fixed
-from phasemap._kernels.quick import FAR_OFF, LOWEST_Q, engage, parameters
+from phasemap._kernels.quick import LOWEST_Q, engage, farthest, parameters
 from phasemap._kernels.resonance import MAXIMUM
 from phasemap._kernels.snap import HANGING
 from phasemap._kernels.trace import engage as engage_exact
@@ -90,7 +90,7 @@ def exact_orbit(
             continue  # finer elements change less from pass to pass
         done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
         same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
-        near = abs(row[col.TIP_OFFSET] - guess[0]) < FAR_OFF * amplitude
+        near = abs(row[col.TIP_OFFSET] - guess[0]) < farthest(lever, amplitude)
         if done == col.GOOD and same and near and judge(row) == col.GOOD:
             state_errors(law, p, lever, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)

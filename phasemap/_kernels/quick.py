@@ -1,6 +1,6 @@
 """The cheap path to an exact orbit: averaged decision, then the lever's response, each handed on where it is in doubt.
 
-Where averaging leaves the side open at resonance, the maximum of the mismatch is sought again with the lever's response
+Where averaging leaves the side open, the maximum of the mismatch is sought again with the lever's response
 in it, and what it then leaves open is for the curve of exact orbits.
 """
 
@@ -12,14 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, free_amplitude, question, settle_side
+from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, free_amplitude, question, settle_side, worst_amplitude
 from phasemap._kernels.approach import engage as engage_averaged
-from phasemap._kernels.averaging import mismatch
-from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
+from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA, RELEASE
 from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNCLEAR
+from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNCLEAR, leaps, narrowest, pull
 from phasemap._kernels.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.response import ALL, FIELDS
 
@@ -62,6 +61,16 @@ def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: 
 
 
 @njit(**OPTIONS)
+def farthest(lever: np.ndarray, amplitude: float) -> float:
+    """How far [m] an exact orbit may lie from the averaged one and still be on its branch.
+
+    With s = 1 - omega^2, P is up to 2 A |s| beside resonance, and the harmonics of a short contact, P/(n^2 - 1), lift
+    the tip by 3/4 of it.
+    """
+    return (FAR_OFF + 1.5 * abs(1.0 - lever[OMEGA] ** 2)) * amplitude
+
+
+@njit(**OPTIONS)
 def new_room() -> Room:
     """Return empty scratch arrays."""
     return Room(np.zeros((FIELDS, ALL)), np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
@@ -72,14 +81,14 @@ def _held(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: np.ndarray,
     state: np.ndarray,
 ) -> float:  # fmt: skip
-    """Mismatch of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
+    """`pull` of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
     state[:] = 0.0
     state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
     if not start(law, p, lever, reach, f, state):
         return math.nan
     if not converge(law, p, lever, f, state, True, 1e-4, math.inf):
         return math.nan
-    return mismatch(lever, amplitude, state[PUSH], state[DRAG])
+    return pull(lever, amplitude, state[PUSH], state[DRAG])
 
 
 @njit(**OPTIONS)
@@ -154,7 +163,7 @@ def _pass_from(
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
         and (state[PUSH] > 0.0) == (guess[3] > 0.0)
-        and abs(state[HEIGHT] - guess[0]) < FAR_OFF * guess[2]
+        and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
         and sound(law, p, lever, reach, f, state)
     )
 
@@ -189,8 +198,10 @@ def cheap_orbit(
         return False
     side = REPULSIVE
     if p[4] != 0.0:
-        narrowest = max(amplitude, free_amplitude(lever) / math.sqrt(3.0))
-        side = decide_exactly(law, p, lever, reach, narrowest, room.top, room.nodes, room.state, room.fit)
+        worst = worst_amplitude(lever, amplitude)
+        side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
+        if side == ATTRACTIVE and (narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever))):
+            return False  # the branch may be cut above the free amplitude, or left by the jump to it
     if side == UNCLEAR or not settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
         return False
     if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):

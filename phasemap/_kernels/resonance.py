@@ -1,9 +1,29 @@
-"""Which side the tip is on at resonance, without following the curve of averaged orbits.
+"""On which side of its resonance the lever comes to the setpoint, without following the curve of averaged orbits.
 
-At resonance the largest attraction P falls as A^(-1/2), and what holding the ratio r = A/A_free takes is
-u0 (1 - r^2)^(1/2): the attractive branch is nearest to its end at r = 3^(-1/2), or at the setpoint if that is above.
-The mismatch of the drive rises there with the attraction to a first maximum. Well above zero, the tip stays attractive
-down to the setpoint; well below, it jumps to the repulsive branch on the way; and each side has one crossing there.
+With r = A/A_free, s = 1 - omega^2, and the free lever's (x, y) = (s, 2 alpha0 omega) A_free/u0, x^2 + y^2 = 1, an orbit
+of the averaged equations has
+
+    X^2 + Y^2 = u0^2,    X = P + A s,    Y = 2 alpha0 omega A - S.                                                   (1)
+
+The sign of X says on which side the lever is driven: above the resonance that attraction has moved down (X < 0), or
+below that which repulsion has moved up (X > 0). Without dissipation, q = (1 - r^2 y^2)^(1/2), (1) is X = -u0 q or
+X = u0 q: holding r < 1 takes the attraction -P = u0 w or the repulsion P = u0 (q - r x), where
+
+    w = q + r x.                                                                                                     (2)
+
+So at any frequency and fixed r the tip that comes near meets the same three things: attraction raises -X to a maximum;
+X passes zero; repulsion brings it to u0 q. Each side has one crossing. As the tip offset falls r comes from one, first
+over the resonance at r = 1/y if x > 0, then down the attractive branch X < 0 as long as the largest attraction, which
+falls as r^(-1/2), is more than (2). It is least so where r^(1/2) w has its maximum, 1 - 3 r^2 y^2 = -3 r x q, or
+
+    r^2 = (2 + x^2 + x (8 + x^2)^(1/2)) / (6 y^2)                                                                    (3)
+
+which is 1/3 at resonance, 1/9 far above, and one where x = 3^(-1/2). At (3), or at the setpoint if that is above, the
+maximum of the mismatch of (1), counted negative while X > 0, decides. Well above zero, the tip stays attractive down to
+the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
+that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
+held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
+follow the curve: it jumps, and only a strong attraction holds it then, or it goes on to the repulsive branch.
 """
 
 from __future__ import annotations
@@ -19,7 +39,10 @@ from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
+DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
+FIRM = 1.0  # mismatch at the maximum that holds a tip that has jumped over the resonance
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
+LEAST = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 # Entries of a maximum: gap b = e - A [m], mismatch, P [m] there, and the same gap one step deeper.
 GAP, HEIGHT, PUSH, BEHIND, MAXIMUM = 0, 1, 2, 3, 4
@@ -35,6 +58,49 @@ def at_gap(
 
 
 @njit(**OPTIONS)
+def detuning(lever: np.ndarray) -> tuple[float, float]:
+    """(x, y): drive that stiffness and damping of the free lever take, over the whole."""
+    omega = lever[col.OMEGA]
+    stiff, damped = 1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega
+    whole = math.hypot(stiff, damped)
+    return stiff / whole, damped / whole
+
+
+@njit(**OPTIONS)
+def narrowest(lever: np.ndarray) -> float:
+    """Amplitude over the free one at which the attractive branch is nearest to its end, Eq. (3)."""
+    x, y = detuning(lever)
+    return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
+
+
+@njit(**OPTIONS)
+def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
+    """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
+    x, y = detuning(lever)
+    return x > 0.0 and (1.0 / y - 1.0) * free > reach
+
+
+@njit(**OPTIONS)
+def pull(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
+    """Mismatch of the drive where attraction outweighs the lever's detuning, X < 0, and continued below it.
+
+    With X > 0 the square of X would hide that attraction begins to count.
+    """
+    x = (push + amplitude * (1.0 - lever[col.OMEGA] ** 2)) / lever[col.BASE]
+    h = mismatch(lever, amplitude, push, drag)
+    return h if x <= 0.0 else h - 2.0 * x * x
+
+
+@njit(**OPTIONS)
+def pull_at(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
+) -> tuple[float, float]:
+    """`pull` and in-phase force P of the harmonic orbit with this gap."""
+    push, drag, _ = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+    return pull(lever, amplitude, push, drag), push
+
+
+@njit(**OPTIONS)
 def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
     """Indentation [m] at which the elastic force makes up for the attraction, taking it to rise as d^(3/2)."""
     d = 0.1 * reach
@@ -47,21 +113,21 @@ def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
 @njit(**OPTIONS)
 def strongest(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, plain: float, top: np.ndarray
-) -> int:
-    """Find the first maximum of the mismatch as the tip comes near, or stop early where it is plainly above zero."""
-    h, push = at_gap(law, p, lever, reach, amplitude, 0.0)
+) -> None:
+    """Find the first maximum of `pull` as the tip comes near, or stop early where it is plainly above zero."""
+    h, push = pull_at(law, p, lever, reach, amplitude, 0.0)
     top[GAP], top[HEIGHT], top[PUSH] = 0.0, h, push
     if h >= plain:
-        return ATTRACTIVE
+        return
     before, h_before, here, h_here = 0.0, h, 0.0, h
     deeper = -0.12 * balance_depth(law, p, reach)
     for _ in range(60):
-        h, push = at_gap(law, p, lever, reach, amplitude, deeper)
+        h, push = pull_at(law, p, lever, reach, amplitude, deeper)
         if h < h_here or push > 0.0:
             break
         top[GAP], top[HEIGHT], top[PUSH] = deeper, h, push
         if h >= plain:
-            return ATTRACTIVE
+            return
         before, h_before, here, h_here = here, h_here, deeper, h
         deeper *= 2.0
     top[BEHIND] = deeper
@@ -73,12 +139,9 @@ def strongest(
         x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
         highest = h_before + (x - x0) * (rise + bend * (x - x1))
         if x0 < x < x2 and abs(highest) < 2.0 * plain:
-            h, push = at_gap(law, p, lever, reach, amplitude, -x * x)
+            h, push = pull_at(law, p, lever, reach, amplitude, -x * x)
             if h > top[HEIGHT]:
                 top[GAP], top[HEIGHT], top[PUSH] = -x * x, h, push
-    if top[HEIGHT] >= plain:
-        return ATTRACTIVE
-    return REPULSIVE if top[HEIGHT] <= -plain else UNCLEAR
 
 
 @njit(**OPTIONS)
@@ -94,7 +157,7 @@ def _between(
     for _ in range(50):
         x = (a * f_b - b * f_a) / (f_b - f_a)
         h, push = at_gap(law, p, lever, reach, amplitude, math.exp(x) - shift if logarithmic else x)
-        f = sided(side, h, push)
+        f = sided(lever, amplitude, side, h, push)
         if abs(f) < CLOSE:
             return math.exp(x) - shift if logarithmic else x
         if (f > 0.0) == (f_b > 0.0):
@@ -107,9 +170,15 @@ def _between(
 
 
 @njit(**OPTIONS)
-def sided(side: int, h: float, push: float) -> float:
-    """Logarithm of drive needed over drive given, squared; on the repulsive side negative wherever attraction holds."""
-    if side == ATTRACTIVE or push > 0.0:
+def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
+    """Whether repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
+    return push > 0.0 and push + amplitude * (1.0 - lever[col.OMEGA] ** 2) > 0.0
+
+
+@njit(**OPTIONS)
+def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float) -> float:
+    """Logarithm of drive needed over drive given, squared; on the repulsive side negative where nothing repels."""
+    if side == ATTRACTIVE or repelled(lever, amplitude, push):
         return math.log1p(h)
     return min(-0.5, -abs(math.log1p(h)))
 
@@ -133,15 +202,17 @@ def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
 @njit(**OPTIONS)
 def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
-    peak, want = top[GAP], lever[col.BASE] - top[PUSH]
-    near, h_near, push_near = peak, top[HEIGHT], top[PUSH]
+    stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
+    peak, want = top[GAP], lever[col.BASE] - stiff - top[PUSH]
+    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top[HEIGHT], LEAST))))
     gap = top[BEHIND]
     for _ in range(60):
         h, push = at_gap(law, p, lever, reach, amplitude, gap)
-        if push > 0.0 and h > 0.0:
-            f_near = sided(REPULSIVE, h_near, push_near)
+        if h > 0.0 and push > 0.0:
+            if not repelled(lever, amplitude, push):
+                return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
             return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, near, f_near, gap, math.log1p(h))
-        near, h_near, push_near = gap, h, push
+        near, f_near = gap, sided(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top[PUSH], 0.02 * want))
         gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
@@ -155,14 +226,37 @@ def decide(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
     top: np.ndarray,
 ) -> int:  # fmt: skip
-    """Side on which the tip comes to this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
+    """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
     top[:] = 0.0
     if p[4] == 0.0:
         # Without attraction there is one branch; with adhesion alone its onset jumps.
         top[BEHIND] = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
-    plain = (PLAIN * (1.0 - (amplitude / free) ** 2) + 0.03) * margin
-    return strongest(law, p, lever, reach, amplitude, plain, top)
+    x, y = detuning(lever)
+    r = amplitude / free
+    q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
+    least = (PLAIN * q * (q + r * x) + 0.03) * margin
+    plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
+    enough = max(plain, FIRM) if leaps(lever, reach, free) else plain
+    strongest(law, p, lever, reach, amplitude, enough, top)
+    if top[HEIGHT] >= enough:
+        return ATTRACTIVE
+    # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
+    half = q * q - 0.25 * (q - r * x) ** 2
+    return REPULSIVE if top[HEIGHT] <= -min(plain, max(least, half)) else UNCLEAR
+
+
+@njit(**OPTIONS)
+def approach(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
+    top: np.ndarray,
+) -> int:  # fmt: skip
+    """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
+    worst = narrowest(lever) * free
+    side = decide(law, p, lever, reach, max(amplitude, min(worst, free)), free, margin, top)
+    if side == REPULSIVE or worst <= free or p[4] == 0.0:
+        return side
+    return ATTRACTIVE if decide(law, p, lever, reach, worst, free, margin, top) == ATTRACTIVE else UNCLEAR
 
 
 @njit(**OPTIONS)

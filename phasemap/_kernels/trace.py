@@ -12,7 +12,14 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import averaged_orbits, caution, far_start, free_amplitude
+from phasemap._kernels.approach import (
+    averaged_orbits,
+    caution,
+    far_start,
+    free_amplitude,
+    settle_side,
+    worst_amplitude,
+)
 from phasemap._kernels.collocation import (
     CONTACTS,
     COUNT,
@@ -29,7 +36,7 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, reach_of
 from phasemap._kernels.orbit import begin, finish, newton
 from phasemap._kernels.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
-from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, decide, on_side
+from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach, leaps
 from phasemap._kernels.snap import HANGING, land, lets_go, loosened, pressed_in, pulled
 
 MOST_POINTS = 1500
@@ -314,21 +321,23 @@ def engage_near(
     saved: Orbit,
     found: Orbit,
 ) -> tuple[int, Orbit, Orbit, Orbit]:
-    """`engage` near the end of the attractive branch, at resonance, without the way from far.
+    """`engage` near the end of the attractive branch, without the way from far.
 
     At an amplitude nearer to the free one the attractive branch is reached for certain. From there exact orbits are
     followed down to the setpoint; if the branch ends before, the tip jumps to the farthest repulsive orbit that can be
     held. NOT_CONVERGED leaves the question to `engage`.
     """
     p, lever = path.p, path.lever
-    if lever[col.OMEGA] != 1.0 or p[4] == 0.0 or p[col.RELEASE] != 0.0:
+    if p[4] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
     free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
-    force_reach, certain = reach_of(law, p), False
+    worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
+    if leaps(lever, force_reach, free):
+        return col.NOT_CONVERGED, orbit, spare, found
     for share in (0.3, 0.7):
-        higher = amplitude + share * (free - amplitude)
-        side = decide(law, p, lever, force_reach, higher, free, caution(lever), top)
-        certain = side == ATTRACTIVE and on_side(law, p, lever, force_reach, higher, side, top, guess)
+        higher = worst + share * (free - worst)
+        side = approach(law, p, lever, force_reach, higher, free, caution(lever), top)
+        certain = side == ATTRACTIVE and settle_side(law, p, lever, force_reach, higher, side, top, guess)
         if certain:
             break
     if not certain or not begin(law, p, lever, tables, orbit, guess, 0):

@@ -5,6 +5,7 @@ Nothing can be tuned to a case that is not known before the seed is.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -98,6 +99,8 @@ class Ranges:
         Of the material [Pa, J/m2, 1]; one material in five has no adhesion, one in five no damping.
     decay_length, setpoint : (float, float)
         [m, 1]
+    ratios : tuple of float
+        Drive over resonance frequency, of which a microscope takes one; the free amplitude is that at the drive.
     bistable : bool
         Whether only materials are kept on which there are an attractive and a repulsive orbit at the setpoint.
     """
@@ -112,6 +115,7 @@ class Ranges:
     damping: Range
     decay_length: Range = (0.15e-9, 0.5e-9)
     setpoint: Range = (0.4, 0.95)
+    ratios: tuple[float, ...] = (1.0,)
     bistable: bool = False
 
     def draw(self, pixels: int, rng: np.random.Generator) -> Batch:
@@ -132,12 +136,14 @@ class Ranges:
         raise RuntimeError(f"no cases in the regime {self.name!r}")  # the ranges above are such that there are many
 
     def _draw(self, pixels: int, rng: np.random.Generator) -> Batch:
-        scope = Microscope(
-            Cantilever(_between(rng, self.stiffness), RESONANCE, _between(rng, self.quality_factor)),
-            Tip(rng.uniform(*self.radius)),
-            Drive(_between(rng, self.free_amplitude)),
-            Interaction(decay_length=rng.uniform(*self.decay_length)),
-        )
+        stiffness, quality = _between(rng, self.stiffness), _between(rng, self.quality_factor)
+        tip, amplitude = Tip(rng.uniform(*self.radius)), _between(rng, self.free_amplitude)
+        interaction = Interaction(decay_length=rng.uniform(*self.decay_length))
+        drive = Drive(amplitude)
+        if self.ratios != (1.0,):
+            ratio = float(rng.choice(self.ratios))
+            drive = Drive(amplitude * quality * math.hypot(1 - ratio**2, ratio / quality), ratio * RESONANCE)
+        scope = Microscope(Cantilever(stiffness, RESONANCE, quality), tip, drive, interaction)
         return Batch(scope, self._materials(pixels, rng), rng.uniform(*self.setpoint))
 
     def _materials(self, count: int, rng: np.random.Generator) -> Array:
@@ -205,6 +211,10 @@ REGIMES: tuple[Regime, ...] = (
     Ranges(
         "bistable", (20, 50), (200, 600), (1e-8, 4e-8), (8e-9, 25e-9), (1e9, 5e10), (0.02, 0.3), (5e-4, 0.02),
         setpoint=(0.5, 0.9), bistable=True,
+    ),
+    Ranges(
+        "beside resonance", (20, 50), (150, 600), (1e-8, 6e-8), (5e-9, 2e-8), (3e8, 2e10), (0.01, 0.1), (1e-3, 0.05),
+        ratios=(0.9, 0.999, 1.001, 1.1),
     ),
     Image(  # that of samples/blend.toml
         "mixed image",

@@ -112,8 +112,7 @@ def same(one, two):
     return abs(one["tip_offset"] - two["tip_offset"]) < 1e-5 * (abs(one["tip_offset"]) + one["amplitude"])
 
 
-def known(case):
-    c = as_case(case)
+def known(c):
     p, free = parameters(c)
     found = engage(c, budget=BUDGET)
     orbit = found.get("orbit")
@@ -158,7 +157,7 @@ def main():
         if only not in case.name or (not only and data.get(case.name, {}).get("case") == as_case(case)):
             continue
         started = time.time()
-        data[case.name] = {"case": as_case(case)} | known(case)
+        data[case.name] = {"case": as_case(case)} | known(as_case(case))
         one = data[case.name]
         orbit = one["orbit"] and (
             round(one["orbit"]["tip_offset"] * 1e9, 4),

@@ -16,23 +16,22 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.approach import caution, free_amplitude
 from phasemap._kernels.averaging import harmonics, mismatch
 from phasemap._kernels.cheap import averaging_suffices
-from phasemap._kernels.corrected import AMP, DRAG, SLOPE, E, converge, report, start
-from phasemap._kernels.corrected import PUSH as PUSHED
+from phasemap._kernels.corrected import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
 from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import Room, decide_exactly, new_room, parameters, refine, steep
 from phasemap._kernels.resonance import (
     ATTRACTIVE,
     BEHIND,
+    DETUNED,
     GAP,
     HEIGHT,
     PLAIN,
-    PUSH,
     REPULSIVE,
     UNCLEAR,
     at_gap,
-    balance_depth,
     on_side,
+    strongest,
 )
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, REPELLING
 
@@ -42,53 +41,12 @@ DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
 CLOSEST = 1e-3  # mismatch at the exact maximum, nearer to which only the orbits themselves tell
 LENS, BESIDE = 0.05, 0.5  # steps from the strongest pull, over its depth and the reach
 MOST_STEPS = 60
-FIRST_STEP = 0.12  # of the depth at which repulsion makes up for attraction
 
 
 @njit(**OPTIONS)
 def side_of(slot: int) -> int:
     """Sign of the mean interaction."""
     return REPULSIVE if slot == REPELLING else ATTRACTIVE
-
-
-@njit(**OPTIONS)
-def pull_at(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
-) -> tuple[float, float]:
-    """Mismatch where the drive acts against attraction, continued below it; and in-phase force P.
-
-    Beside resonance the lever's own detuning comes first, and its square would hide where attraction begins to count.
-    """
-    h, push = at_gap(law, p, lever, reach, amplitude, gap)
-    x = (push + amplitude * (1.0 - lever[col.OMEGA] ** 2)) / lever[col.BASE]
-    return h if x <= 0.0 else h - 2.0 * x * x, push
-
-
-@njit(**OPTIONS)
-def strongest_pull(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> None:
-    """Find the first maximum of `pull_at` as the tip comes near (at resonance that of `resonance.strongest`)."""
-    h, push = pull_at(law, p, lever, reach, amplitude, 0.0)
-    top[GAP], top[HEIGHT], top[PUSH] = 0.0, h, push
-    before, h_before, deeper = 0.0, h, -FIRST_STEP * balance_depth(law, p, reach)
-    for _ in range(MOST_STEPS):
-        h, push = pull_at(law, p, lever, reach, amplitude, deeper)
-        if h < top[HEIGHT] or push > 0.0 or deeper < DEEPEST * amplitude:
-            break
-        before, h_before = top[GAP], top[HEIGHT]
-        top[GAP], top[HEIGHT], top[PUSH] = deeper, h, push
-        deeper *= 2.0
-    top[BEHIND] = deeper
-    if top[GAP] == 0.0 or push > 0.0:
-        return
-    # A parabola through three points, in the root of the depth.
-    x0, x1, x2 = math.sqrt(-before), math.sqrt(-top[GAP]), math.sqrt(-deeper)
-    rise = (top[HEIGHT] - h_before) / (x1 - x0)
-    bend = ((h - top[HEIGHT]) / (x2 - x1) - rise) / (x2 - x0)
-    x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
-    if x0 < x < x2:
-        h, push = pull_at(law, p, lever, reach, amplitude, -x * x)
-        if h > top[HEIGHT]:
-            top[GAP], top[HEIGHT], top[PUSH] = -x * x, h, push
 
 
 @njit(**OPTIONS)
@@ -101,7 +59,7 @@ def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: fl
         return math.nan
     if not converge(law, p, lever, room.nodes, state, True, 0.1 * CLOSEST, math.inf):
         return math.nan
-    return mismatch(lever, amplitude, state[PUSHED], state[DRAG])
+    return mismatch(lever, amplitude, state[PUSH], state[DRAG])
 
 
 @njit(**OPTIONS)
@@ -137,10 +95,11 @@ def averaged_on(
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
     reach, free, top = reach_of(law, p), free_amplitude(lever), room.top
-    strongest_pull(law, p, lever, reach, amplitude, top)
+    strongest(law, p, lever, reach, amplitude, math.inf, top)
     if side == ATTRACTIVE:
         wanted = 1.0 - (amplitude / free) ** 2
-        plain = min((PLAIN * wanted + 0.03) * caution(lever), HALF_PULL * wanted)
+        detuned = 1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
+        plain = min((PLAIN * wanted + 0.03) * caution(lever) * detuned, HALF_PULL * wanted)
         if top[HEIGHT] <= -plain:
             return col.NO_STABLE_ORBIT
         if top[HEIGHT] < plain:
