@@ -50,7 +50,7 @@ def main(folder: Path = Path()) -> None:
     for name, here in {"rubber": DOMAINS, "glass": ~DOMAINS}.items():
         phase, spread = float(image.phase.where(here).mean()), float(image.phase_spread.where(here).max())
         share = float((irregular & here).sum() / here.sum())
-        print(f"{name:<7} {phase:6.2f} degrees, irregular in {share:.0%} of its pixels, spread up to {spread:.3f} degrees")
+        print(f"{name:<7} {phase:6.2f} degrees; irregular in {share:.0%} of it, spread up to {spread:.3f} degrees")
     offset = image.tip_offset
     step = float(offset.where(DOMAINS).mean() - offset.where(~DOMAINS).mean())
     print(f"a flat surface seems {step * 1e9:.2f} nm higher where it is of rubber")

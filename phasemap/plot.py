@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,7 @@ __all__ = [
 
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
+LETTERS = 13.5  # of a note [1/inch]
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
 DOT: dict[str, Any] = {
     "marker": "o", "markersize": 2.2, "markerfacecolor": "white", "markeredgecolor": "black", "markeredgewidth": 0.5,
@@ -124,15 +126,16 @@ def plot(
         return comparison(ds, path, overwrite)
     _check(ds, mark_irregular)
     rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
-    notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
-    notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
     length = _side_lengths(ds)
     tall = PANEL * min(max(length[1] / length[0], 0.2), 2.0)
     step = TITLE + tall + HISTOGRAM_GAP + HISTOGRAM + AXIS
     scales = {"height": _height_scale(ds["height"].values), "phase": _phase_scale(ds["phase"].values)}
     if "amplitude_error" in ds:
         scales["amplitude_error"] = _error_scale(ds["amplitude_error"].values)
+    notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
+    notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
     width = MARGIN + len(scales) * (PANEL + BAR_GAP + BAR + BAR_LABELS)
+    notes = [(part, colour) for line, colour in notes for part in textwrap.wrap(line, int(LETTERS * width))]
     height = HEADER + len(rows) * step + LINE * (len(notes) + 0.5 * bool(notes))
     figure = Figure(figsize=(width, height))
     canvas = FigureCanvasAgg(figure)
@@ -269,12 +272,21 @@ def _draw_image(axes: Axes, bar_axes: Axes, ds: xr.Dataset, name: str, scale: _S
 def _mark(axes: Axes, marked: np.ndarray, size: tuple[float, float]) -> None:
     """Dots on the pixels that are marked, as many as can be told apart on a picture of this width and height [inch]."""
     import numpy as np
+    from scipy.ndimage import maximum_filter
 
-    rows, columns = np.nonzero(marked)
+    ny, nx = marked.shape
     across, down = (max(round(72 * side / DOT_PITCH), 1) for side in size)
-    cells = rows * down // marked.shape[0] * across + columns * across // marked.shape[1]
-    shown = np.unique(cells, return_index=True)[1]
-    x, y = (columns[shown] + 0.5) / marked.shape[1], 1 - (rows[shown] + 0.5) / marked.shape[0]
+    middle = [((np.arange(count) + 0.5) * n / count).astype(int) for count, n in ((down, ny), (across, nx))]
+    dotted = marked[np.ix_(*middle)]  # a dot in the middle of each cell of the page
+    rows, columns = np.nonzero(marked)
+    cells = rows * down // ny, columns * across // nx
+    lone = np.flatnonzero(~maximum_filter(dotted, 3)[cells])  # and where that leaves pixels far from any dot
+    first = lone[np.unique((cells[0] * across + cells[1])[lone], return_index=True)[1]]
+    rows, columns = (
+        np.append(mid[at], more)
+        for mid, at, more in zip(middle, np.nonzero(dotted), (rows[first], columns[first]), strict=True)
+    )
+    x, y = (columns + 0.5) / nx, 1 - (rows + 0.5) / ny
     axes.plot(x, y, transform=axes.transAxes, scalex=False, scaley=False, gid="irregular", **DOT)
 
 
