@@ -225,8 +225,9 @@ def test_a_jump_to_irregular_motion_ends_where_that_was_seen(sweeps: dict[str, x
         ds[f"jump_to_{name}"][0] = ds[name][0, i]
     ds["peak_force"][0, i], ds["jump_to_tip_offset"][0] = 3e-9, ds["tip_offset"][i]
     phase, force = curve(ds, quantities=["phase", "peak_force"]).axes
-    assert arrows(phase)[0].xy == pytest.approx((ds["tip_offset"][i] * 1e9, ds["phase"][0, i]))
-    assert arrows(force)[0].xy == pytest.approx((ds["tip_offset"][i] * 1e9, 3.0))
+    at = 1e9 * float(ds["tip_offset"][i])
+    assert arrows(phase)[0].xy == pytest.approx((at, float(ds["phase"][0, i])))
+    assert arrows(force)[0].xy == pytest.approx((at, 3.0))
 
 
 def legend(ds: xr.Dataset) -> list[str]:
@@ -246,9 +247,9 @@ def test_the_legend_names_what_the_picture_has(sweeps: dict[str, xr.Dataset]) ->
 
 def test_a_jump_outside_the_range_is_not_drawn_and_none_leaves_the_panel(sweeps: dict[str, xr.Dataset]) -> None:
     ds = sweeps["distance"]
-    near = ds.sel(tip_offset=ds["tip_offset"] < ds["jump_tip_offset"].min().item() - 1e-9)
-    assert near.sizes["jump"] == 2 and legend(near)[:2] == ["approach", "retract"]
-    for axes in curve(near).axes:
+    far = ds.sel(tip_offset=ds["tip_offset"] > ds["jump_tip_offset"].max().item() + 1e-9)
+    assert far.sizes["jump"] == 2 and legend(far)[:2] == ["approach", "retract"]
+    for axes in curve(far).axes:
         assert arrows(axes) == []
     for axes in curve(ds).axes:
         assert all(arrow.arrow_patch.get_clip_box() is axes.bbox for arrow in arrows(axes))
