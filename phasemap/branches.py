@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
+from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, Orbits
 from phasemap.accuracy import Accuracy
 from phasemap.energy import close
 from phasemap.solvers import Solver
-from phasemap.solvers.march import March
+from phasemap.solvers.march import ETA, MOST_PERIODS, March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.work import Work
 from phasemap.workers import Progress, spread
@@ -32,11 +32,19 @@ class Branches(NamedTuple):
         is one of the other two); NaN where there is none.
     status, solver : ndarray of int8, shape (3, n)
         Codes that go with them.
+    reach : ndarray, shape (2, n)
+        Highest tip offset [m] from which a tip comes to each branch; infinite where it does from any.
     """
 
     rows: Array
     status: Codes
     solver: Codes
+    reach: Array
+
+    @property
+    def orbits(self) -> Orbits:
+        """The same as kernels want it."""
+        return Orbits(self.stable, self.engaged, np.ascontiguousarray(self.rows[:, :, col.TIP_OFFSET]), self.reach)
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -89,24 +97,22 @@ def stable_branches(
     count = len(work)
     rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
     status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
+    reach = np.full((ENGAGED, count), np.inf)
     valid = np.flatnonzero(status[ENGAGED] == col.GOOD)
     if len(valid) < count:
-        found = stable_branches(_part(work, valid), solver, accuracy, workers, progress)
-        rows[:, valid], status[:, valid], used[:, valid] = found
-        return Branches(rows, status, used)
+        found = stable_branches(work.part(valid), solver, accuracy, workers, progress)
+        rows[:, valid], status[:, valid], used[:, valid], reach[:, valid] = found
+        return Branches(rows, status, used, reach)
 
     def solve(first: int, last: int) -> None:
         solver.solve(work, accuracy, first, last, rows[ENGAGED], status[ENGAGED], used[ENGAGED])
         _others(work, solver, accuracy, first, last, rows, status, used)
+        _limit(work, first, last, rows, status, reach)
 
     size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
     spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
     close(rows, work.lever)
-    return Branches(rows, status, used)
-
-
-def _part(work: Work, chosen: NDArray[np.intp]) -> Work:
-    return Work(work.law, np.ascontiguousarray(work.rows[chosen]), work.lever, work.amplitudes[chosen])
+    return Branches(rows, status, used, reach)
 
 
 def _others(
@@ -131,6 +137,23 @@ def _others(
         _average(work, *arrays)
     elif isinstance(solver, March):
         _march(work, solver, *arrays)
+
+
+def _limit(work: Work, first: int, last: int, rows: Array, status: Codes, reach: Array) -> None:
+    """Where a tip that comes from far taps irregularly, find up to which tip offset the repulsive branch is there.
+
+    A tip that comes on that branch, but higher, from a stiffer material, falls off it.
+    """
+    irregular = rows[ENGAGED, first:last, col.SPREAD_AMPLITUDE] > 0
+    attractive = ~(rows[ENGAGED, first:last, col.STIFFENING] > 0)
+    chosen = first + np.flatnonzero(irregular & attractive & (status[REPELLING, first:last] == col.GOOD))
+    if len(chosen):
+        from phasemap._kernels.scanning.reach import reach_rows
+
+        limits = rows[ENGAGED, chosen, col.TIP_OFFSET]
+        orbits, part = rows[REPELLING, chosen], work.part(chosen)
+        reach_rows(part.law, part.rows, part.lever, ETA, MOST_PERIODS, orbits, limits)
+        reach[REPELLING, chosen] = limits
 
 
 def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
@@ -167,7 +190,7 @@ def _march(work: Work, solver: March, first: int, last: int, rows: Array, status
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
         some, done, by = rows[slot, other], status[slot, other], used[slot, other]
-        solver.settle(_part(work, other), np.arange(len(other)), some, done, by)
+        solver.settle(work.part(other), np.arange(len(other)), some, done, by)
         gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
         rows[slot, other], status[slot, other], used[slot, other] = some, done, by

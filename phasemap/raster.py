@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.scanning.slots import NOWHERE
+from phasemap._kernels.scanning.slots import NOWHERE, Orbits
 from phasemap.branches import stable_branches
 from phasemap.canvas import Canvas, values_of
 from phasemap.control import LINES, Raster
@@ -21,7 +21,7 @@ from phasemap.workers import Progress
 Array = NDArray[np.float64]
 
 MOST = 1 << 17  # distinct materials that are kept at a time
-STABLE, BEGINS = ".stable", ".engaged"  # what `walk` reads of a material, beside the variables
+STABLE, BEGINS, OFFSETS, REACH = ".stable", ".engaged", ".offsets", ".reach"  # what `walk` reads of a material
 
 
 class Table(NamedTuple):
@@ -36,6 +36,13 @@ class Table(NamedTuple):
 
     materials: Array
     values: Values
+
+
+class Tip(NamedTuple):
+    """How a tip comes to a line: on which branch, and at which tip offset [m]."""
+
+    branch: int = NOWHERE
+    z0: float = 0.0
 
 
 class Block(NamedTuple):
@@ -75,20 +82,21 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
 
     def solve(some: Array, later: Progress | None) -> Values:
         found = stable_branches(job.work(some), job.solver, job.accuracy, job.workers, later)
-        return {**values_of(job.names, *found), STABLE: found.stable, BEGINS: found.engaged}
+        orbits = dict(zip((STABLE, BEGINS, OFFSETS, REACH), found.orbits, strict=True))
+        return {**values_of(job.names, found.rows, found.status, found.solver), **orbits}
 
     return Table(materials, job.in_chunks(materials, solve, progress))
 
 
-def _paint(job: Job, plan: Table | None, canvas: Canvas, state: int | None) -> int:
-    """Fill the canvas, trace and retrace, from the branch on which the tip comes to that on which it leaves."""
-    branch = NOWHERE if state is None else state
+def _paint(job: Job, plan: Table | None, canvas: Canvas, state: Tip | None) -> Tip:
+    """Fill the canvas, trace and retrace, from how the tip comes to how it leaves."""
+    tip = Tip() if state is None else state
     if plan is not None:
         whole = Block(0, job.surface.shape[0], plan.materials, numbers_of(job, plan.materials))
-        return _walk(job, canvas, whole, plan, branch)
+        return _walk(job, canvas, whole, plan, tip)
     for block in _blocks(job):
-        branch = _walk(job, canvas, block, _table(job, block.materials, _progress_of(job, block)), branch)
-    return branch
+        tip = _walk(job, canvas, block, _table(job, block.materials, _progress_of(job, block)), tip)
+    return tip
 
 
 def _progress_of(job: Job, block: Block) -> Progress:
@@ -116,32 +124,32 @@ def _line(job: Job, y: int) -> Array:
     return job.surface.materials(slice(y * pixels, (y + 1) * pixels))
 
 
-def _walk(job: Job, canvas: Canvas, block: Block, table: Table, branch: int) -> int:
-    """Fill in lines to which the tip comes on `branch`, and return the one on which it leaves them."""
+def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: Tip) -> Tip:
+    """Fill in lines to which the tip comes, and return how it leaves them."""
     from phasemap._kernels.scanning.walk import walk
 
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
-    stable, engaged = table.values[STABLE], table.values[BEGINS]
+    orbits = Orbits(*(np.ascontiguousarray(table.values[name]) for name in (STABLE, BEGINS, OFFSETS, REACH)))
     values = {name: table.values[name].reshape(-1) for name in job.names}
     step = max(1, BLOCK // pixels)
     for first in range(block.first, block.last, step):
         part = slice(first * pixels, min(first + step, block.last) * pixels)
         materials = np.array(block.numbers(part), np.int32).reshape(-1, pixels)
         slots = np.empty((len(LINES), *materials.shape), np.int8)
-        branch = walk(materials, stable, engaged, anew, branch, slots)
+        tip = Tip(*walk(materials, orbits, anew, tip.branch, tip.z0, slots))
         for direction in range(len(LINES)):
             at = (slots[direction] * np.int64(count) + materials).reshape(-1)
             canvas.put(part, {name: value[at] for name, value in values.items()}, direction)
-    return int(branch)
+    return tip
 
 
-def _freeze(branch: int) -> Values:
-    return {"branch": np.array(branch)}
+def _freeze(tip: Tip) -> Values:
+    return {"branch": np.array(tip.branch), "tip_offset": np.array(tip.z0)}
 
 
-def _thaw(arrays: Values) -> int:
-    return int(arrays["branch"])
+def _thaw(arrays: Values) -> Tip:
+    return Tip(int(arrays["branch"]), float(arrays["tip_offset"]))
 
 
 PAINTER = Painter(_check, _most, _plan, _paint, freeze=_freeze, thaw=_thaw)

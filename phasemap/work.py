@@ -43,6 +43,10 @@ class Work:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def part(self, chosen: Array) -> Work:
+        """Some of the pixels, by their numbers or marks."""
+        return Work(self.law, np.ascontiguousarray(self.rows[chosen]), self.lever, self.amplitudes[chosen])
+
     def refused(self) -> Array:
         """Status codes (int8): GOOD where there is something to solve, or what a mark of `Interaction.columns` says."""
         creates = np.isneginf(self.rows[:, col.RELEASE])

@@ -75,8 +75,8 @@ def run(
     status, used = work.refused(), np.full(count, -1, np.int8)
     valid = np.flatnonzero(status == col.GOOD)
     if len(valid) < count:
-        part = Work(work.law, np.ascontiguousarray(work.rows[valid]), work.lever, work.amplitudes[valid])
-        rows[valid], status[valid], used[valid] = run(solver, part, accuracy, threads=threads, progress=progress)
+        found = run(solver, work.part(valid), accuracy, threads=threads, progress=progress)
+        rows[valid], status[valid], used[valid] = found
         return rows, status, used
     workers = workers_of(threads)
     size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))

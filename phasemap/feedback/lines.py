@@ -111,7 +111,7 @@ class Lines:
         # A tip that engages comes from far: the first material of each line says on which orbit it then is.
         has_one = (self.numbers >= 0).argmax(axis=1)
         starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)
-        first = Work(work.law, work.rows[starts], work.lever, work.amplitudes[starts])
+        first = work.part(starts)
         self.orbits = run(by_name("auto"), first, ENGAGED, threads=job.workers)[0]
 
     def scan(self, row: int, tip: Tip) -> None:

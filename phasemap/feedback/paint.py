@@ -12,16 +12,19 @@ from phasemap.canvas import Canvas
 from phasemap.control import Feedback
 from phasemap.errors import InputError
 from phasemap.feedback.bulges import Bulges, bulges_of
-from phasemap.feedback.lines import Lines, Tip
+from phasemap.feedback.lines import ENGAGED, Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
 from phasemap.feedback.settling import quietened
 from phasemap.feedback.tuning import LinearLoop
 from phasemap.job import Job, Painter, Values
 from phasemap.microscope import Microscope
+from phasemap.solvers import by_name
 from phasemap.survey import Survey
-from phasemap.workers import Progress, spread
+from phasemap.work import Work
+from phasemap.workers import Progress, run, spread
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
+TRIED = 48  # materials that are engaged to find out whether the averaged lever can follow them
 FASTEST = 0.1  # per tau, of amplitude and phase; beyond, stiff contact makes them change as much
 MOST = 1 << 17  # distinct materials up to which gains are those for all of them, else for a sample
 
@@ -75,19 +78,35 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
         control, engine, notes = before.control, before.engine, before.notes
     else:
         linear = LinearLoop(control, job.scope, work)
-        engine = _engine_of(job, linear)
+        engine = _engine_of(job, linear, work)
         if control.integral_gain is None:
             control = quietened(linear.tuned(), job, work, engine)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
     return Plan(control, engine, bulges_of(job, work) if engine == col.AVERAGING else None, notes)
 
 
-def _engine_of(job: Job, linear: LinearLoop) -> int:
-    """Code of the solver that moves the tip: the averaged lever, or the equation of motion."""
-    name = job.solver.name
+def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
+    """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
+
+    The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not.
+
+    Raises
+    ------
+    InputError
+        If the averaged lever is asked for, and cannot follow a material.
+    """
+    name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
     if name == "auto":
-        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and linear.fastest <= FASTEST
+        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and linear.fastest <= FASTEST and not hysteretic
         return col.AVERAGING if slow else col.MARCH
+    if name == "averaging" and hysteretic:
+        some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
+        rows, _, _ = run(by_name("auto"), some, ENGAGED, threads=job.workers)
+        if irregular := int((rows[:, col.SPREAD_AMPLITUDE] > 0).sum()):
+            allowed = (
+                f"'march' or 'auto': on {irregular} of {len(some)} materials tried the tip does not touch in every "
+            )
+            raise InputError("solver", name, allowed + "period, which the averaged lever cannot follow")
     return col.AVERAGING if name == "averaging" else col.MARCH
 
 

@@ -46,7 +46,7 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
         return control
     stiffness = work.rows[valid, col.CONTACT]
     some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
-    work = Work(work.law, work.rows[some], work.lever, work.amplitudes[some])
+    work = work.part(some)
     orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
     rows = bulges_of(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
     held = np.flatnonzero(status == col.GOOD)

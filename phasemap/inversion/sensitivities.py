@@ -150,7 +150,7 @@ def _on_branch(work: Work, sides: NDArray[np.int8], places: Array) -> Array:
         exact_block(work.law, work.rows, levers, work.amplitudes[:1], sides[:, None], LIMITS, *arrays)
     left = np.flatnonzero(~good[:, 0])
     if len(left):  # near where a branch ends, without a long-range force, or with a neck
-        part = Work(work.law, np.ascontiguousarray(work.rows[left]), work.lever, work.amplitudes[left])
+        part = work.part(left)
         both = stable_branches(part, by_name("orbit"), Accuracy())
         slot = (sides[left] > 0).astype(int)
         chosen = both.rows[slot, np.arange(len(left))]

@@ -51,7 +51,7 @@ def engage_averaged(work: Work, first: int, last: int, out: np.ndarray, status: 
     if not waiting:
         return False
     doubtful = first + np.flatnonzero(status[first:last] == col.PENDING)
-    part = Work(work.law, np.ascontiguousarray(work.rows[doubtful]), work.lever, work.amplitudes[doubtful])
+    part = work.part(doubtful)
     rows, found, used = np.empty((waiting, col.COLUMNS)), np.empty(waiting, np.int8), np.empty(waiting, np.int8)
     solve_exactly(part, PHASE, LENGTH, False, 0, waiting, rows, found, used)
     out[doubtful], status[doubtful], solver[doubtful] = rows, found, used

@@ -6,40 +6,42 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels.law import OPTIONS
-from phasemap._kernels.scanning.slots import ENGAGED, NOWHERE
+from phasemap._kernels.scanning.slots import ENGAGED, NOWHERE, Orbits
 
 
 @njit(**OPTIONS)
-def step(stable: np.ndarray, engaged: np.ndarray, material: int, branch: int) -> tuple[int, int]:
-    """Branch of the tip after a pixel, and which of the material's orbits it is on there: ENGAGED if on none."""
+def step(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, int]:
+    """Branch of the tip after a pixel to which it comes at tip offset z0, and which of the material's orbits it is on.
+
+    That is ENGAGED if it is on none.
+    """
     if branch == NOWHERE:
-        branch = engaged[material]
+        branch = orbits.engaged[material]
         return branch, ENGAGED if branch == NOWHERE else branch
-    if stable[branch, material]:
+    if orbits.stable[branch, material] and not z0 > orbits.reach[branch, material]:
         return branch, branch
-    if stable[1 - branch, material]:
+    if orbits.stable[1 - branch, material]:
         return 1 - branch, 1 - branch
     return branch, ENGAGED
 
 
 @njit(**OPTIONS)
 def walk(
-    materials: np.ndarray, stable: np.ndarray, engaged: np.ndarray, anew: bool, branch: int, slots: np.ndarray
-) -> int:
-    """Fill `slots` line by line, trace and then retrace; returns the branch that is left at the end.
+    materials: np.ndarray, orbits: Orbits, anew: bool, branch: int, z0: float, slots: np.ndarray
+) -> tuple[int, float]:
+    """Fill `slots` line by line, trace and then retrace; returns the branch and tip offset that are left at the end.
 
     Parameters
     ----------
     materials : ndarray of int, shape (lines, pixels)
         Number of the material of each pixel.
-    stable : ndarray of bool, shape (2, n)
-        Whether a material has an orbit that holds the setpoint, on each branch.
-    engaged : ndarray of int, shape (n,)
-        Branch to which engagement from far leads, or NOWHERE.
+    orbits : Orbits
     anew : bool
         Engage at the start of each line.
     branch : int
         On which the tip comes, or NOWHERE: then it is engaged as soon as a material lets it.
+    z0 : float
+        Tip offset at which it comes [m].
     slots : ndarray of int, shape (2, lines, pixels)
         Receives the number of the orbit, by direction.
     """
@@ -47,8 +49,12 @@ def walk(
     for y in range(lines):
         if anew:
             branch = NOWHERE
-        for x in range(pixels):
-            branch, slots[0, y, x] = step(stable, engaged, materials[y, x], branch)
-        for x in range(pixels - 1, -1, -1):
-            branch, slots[1, y, x] = step(stable, engaged, materials[y, x], branch)
-    return branch
+        for i in range(2 * pixels):
+            way = i // pixels
+            x = i if way == 0 else 2 * pixels - 1 - i
+            material = materials[y, x]
+            branch, slot = step(orbits, material, branch, z0)
+            if not np.isnan(orbits.offsets[slot, material]):
+                z0 = orbits.offsets[slot, material]
+            slots[way, y, x] = slot
+    return branch, z0
