@@ -40,6 +40,7 @@ EXAMPLES = """examples:
 PLOT_EXAMPLES = """examples:
   phasemap plot blend.nc
   phasemap plot blend.nc -o blend.pdf
+  phasemap plot rubber.nc --mark-irregular
   phasemap plot ensemble.nc --sample 3
   phasemap plot curve.nc --quantities amplitude,phase,dissipation
   phasemap plot curve.nc --trace 12e-9 -o trace.png
@@ -183,6 +184,9 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--quantities", metavar="A,B", help="of a sweep, such as phase,dissipation; a panel each")
     what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
     what.add_argument("--trace", metavar="AT", type=float, help="of a sweep with --samples: one period at this value")
+    plot.add_argument(
+        "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
+    )
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
 
     cli_sweep.add_arguments(
@@ -274,7 +278,7 @@ def _plot(arguments: argparse.Namespace) -> None:
         elif arguments.quantities is not None:
             curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
         else:
-            plot(ds, output, arguments.overwrite)
+            plot(ds, output, arguments.overwrite, mark_irregular=arguments.mark_irregular)
     print(f"written to  {output}")
 
 

@@ -167,7 +167,7 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
-    from phasemap.figures import describe_failures, describe_flags
+    from phasemap.figures import describe_failures, describe_flags, describe_irregular
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]
@@ -186,5 +186,6 @@ def summary(found: xr.Dataset) -> list[str]:
             lines.append(f"inverts     by a {what} at setpoint {at}")
     if not len(zeros) and not len(jumps):
         lines.append("inverts     nowhere")
+    lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
     lines += [f"failed      {line}" for line in describe_failures(found, "points") or ["none"]]
     return [*lines, f"recommended {found.attrs['recommendation']}"]

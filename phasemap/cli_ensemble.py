@@ -47,7 +47,9 @@ def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None
         ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
     with ending_at_once(f"the images are in {output}"):
         print_ensemble(ensemble)
-        print(f"failed      {_failed(output)}")
+        if (irregular := _count(output, "irregular")) != "none":
+            print(f"motion      {irregular} irregular")
+        print(f"failed      {_count(output, 'failed')}")
         print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
 
 
@@ -102,13 +104,14 @@ def _bar(first_result: Callable[[], None]) -> Iterator[Progress]:
         yield progress
 
 
-def _failed(output: Path) -> str:
-    """How many pixels of how many samples have no solution, in words."""
+def _count(output: Path, name: str) -> str:
+    """How many pixels of how many samples "failed" or are "irregular", in words."""
+    import numpy as np
     import xarray as xr
 
     with xr.open_dataset(output, engine="netcdf4") as ds:
-        failed, pixels = ds["failed"].values, ds["status"].size
-    if not failed.any():
+        counts, pixels = ds[name].values if name in ds else np.zeros(1), ds["status"].size
+    count = int(counts.sum())
+    if not count:
         return "none"
-    count = int(failed.sum())
-    return f"{count} of {pixels} pixels ({100 * count / pixels:.3g} %), in {int((failed > 0).sum())} samples"
+    return f"{count} of {pixels} pixels ({100 * count / pixels:.3g} %), in {int((counts > 0).sum())} samples"

@@ -163,7 +163,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.plot import describe_failures, describe_flags
+    from phasemap.plot import describe_failures, describe_flags, describe_irregular
 
     _print_scene(scene, image.attrs["modelled"])
     if "gain_margin" in image.attrs:
@@ -174,5 +174,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
+    for line in describe_irregular(image):
+        print(f"motion      {line}")
     for line in describe_failures(image) or ["none"]:
         print(f"failed      {line}")

@@ -242,7 +242,7 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
-    from phasemap.figures import describe_failures
+    from phasemap.figures import describe_failures, describe_irregular
     from phasemap.plot_title import titles
     from phasemap.units import readable
 
@@ -271,6 +271,7 @@ def summary(found: xr.Dataset) -> list[str]:
         ends = ", ".join(say(name, ["jump_from_", "jump_to_"], i) for name in shown)
         word = directions[int(found["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
+    lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
     for line in describe_failures(found, "points") or ["none"]:
         lines.append(f"failed      {line}")
     return lines

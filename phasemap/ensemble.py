@@ -155,8 +155,8 @@ class Ensemble:
         -------
         Path
             The file: the image variables of `phasemap.simulate` with a dimension ``sample`` in front; over the samples,
-            the varied keys as coordinates, how many pixels ``failed``, and the numbers among the attributes of single
-            images; and the scene as JSON.
+            the varied keys as coordinates, how many pixels ``failed`` and how many have ``irregular`` motion, and the
+            numbers among the attributes of single images; and the scene as JSON.
 
         Raises
         ------

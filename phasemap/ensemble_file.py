@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Parts", "assemble"]
 
-LONG_NAMES = {"failed": "pixels without a solution"}
+LONG_NAMES = {"failed": "pixels without a solution", "irregular": "pixels with irregular motion"}
 
 Table = dict[str, Any]
 Form = dict[str, tuple[int, ...]]
@@ -151,7 +151,8 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
             names = _define(target, first, len(files), keys)
             numbers = {name: np.full(len(files), first.getncattr(name)) for name in first.ncattrs()}
         target.setncatts(attributes)
-        numbers["failed"] = np.zeros(len(files), np.int64)
+        for name in ("failed", *(["irregular"] if "motion" in names else [])):
+            numbers[name] = np.zeros(len(files), np.int64)
         for sample, file in enumerate(files):
             found, images, about = _read(file)
             _check_form(sample, found, form)
@@ -160,6 +161,8 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
             for name, number in about.items():
                 numbers[name][sample] = number
             numbers["failed"][sample] = np.count_nonzero(images["status"])
+            if "irregular" in numbers:
+                numbers["irregular"][sample] = np.count_nonzero(images["motion"] == 1)
         for name, values in numbers.items():
             made = target.createVariable(name, values.dtype, ("sample",))
             made.setncattr("long_name", LONG_NAMES.get(name, name.replace("_", " ")))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from phasemap.errors import InputError
 from phasemap.status import Status
+from phasemap.units import say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,6 +83,42 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
         for code, count in zip(codes, counts, strict=True)
         if code != 0
     ]
+
+
+def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
+    """Say how many pixels show the mean of motion that is not periodic, and how far it is spread.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image or a sweep.
+    what : str
+        What there are many of.
+
+    Returns
+    -------
+    list of str
+        One line; empty if there are none, or if the dataset does not say.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> describe_irregular(xr.Dataset({"motion": ("x", [0, 0, 1]), "phase_spread": ("x", [0.0, 0.0, 0.02])}))
+    ['1 of 3 pixels (33.3 %) irregular: mean amplitude and phase, spread up to 0.02 degrees']
+    """
+    import numpy as np
+
+    count = int(np.count_nonzero(ds["motion"].values == 1)) if "motion" in ds else 0
+    if not count:
+        return []
+    spreads = [
+        say(float(np.nanmax(ds[name].values)), units, 2)
+        for name, units in (("amplitude_spread", "m"), ("phase_spread", "degree"))
+        if name in ds
+    ]
+    most = f", spread up to {' and '.join(spreads)}" if spreads else ""
+    total = ds["motion"].size
+    return [f"{count} of {total} {what} ({100 * count / total:.3g} %) irregular: mean amplitude and phase{most}"]
 
 
 def describe_flags(flags: xr.DataArray) -> str:

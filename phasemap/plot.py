@@ -7,11 +7,20 @@ from __future__ import annotations
 
 import json
 import os
+import textwrap
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from phasemap.errors import InputError
-from phasemap.figures import FAILED, describe_failures, describe_flags, draw_scale_bar, length_unit, save
+from phasemap.figures import (
+    FAILED,
+    describe_failures,
+    describe_flags,
+    describe_irregular,
+    draw_scale_bar,
+    length_unit,
+    save,
+)
 from phasemap.plot_comparison import comparison, is_comparison
 from phasemap.plot_contrast import contrast, is_contrast
 from phasemap.plot_curve import curve, is_sweep
@@ -25,10 +34,19 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = ["comparison", "contrast", "curve", "describe_failures", "describe_flags", "inversion", "plot", "trace"]
+__all__ = [
+    "comparison", "contrast", "curve", "describe_failures", "describe_flags", "describe_irregular", "inversion", "plot",
+    "trace",
+]  # fmt: skip
 
 LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
+LETTERS = 13.5  # of a note [1/inch]
+DOT_PITCH = 6.0  # of the dots that mark pixels [points]
+DOT: dict[str, Any] = {
+    "marker": "o", "markersize": 2.2, "markerfacecolor": "white", "markeredgecolor": "black", "markeredgewidth": 0.5,
+    "linestyle": "",
+}  # fmt: skip
 
 # Sizes on the page [inch].
 PANEL, BAR_GAP, BAR, BAR_LABELS, MARGIN = 3.5, 0.07, 0.12, 0.62, 0.3
@@ -46,12 +64,19 @@ class _Scale:
     norm: Normalize
 
 
-def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+def plot(
+    ds: xr.Dataset,
+    path: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    *,
+    mark_irregular: bool = False,
+) -> Figure:
     """Draw height and phase of an image side by side, or what the function for another Dataset draws.
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
     in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
-    a solution are green, and a line below says how many there are, why, and what helps.
+    a solution are green, and a line below says how many there are, why, and what helps; another counts the pixels in
+    which the motion is irregular.
 
     Parameters
     ----------
@@ -63,6 +88,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
         Whether an existing file may be replaced.
+    mark_irregular : bool
+        Whether dots mark the pixels of an image in which the motion is irregular. A sweep shows them always.
 
     Returns
     -------
@@ -71,7 +98,8 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     Raises
     ------
     InputError
-        If `ds` holds no image, sweep, contrast, comparison or inversion, or the format is unknown.
+        If `ds` holds no image, sweep, contrast, comparison or inversion, the format is unknown, or irregular pixels
+        are to be marked in an image that does not have the variable ``motion``.
     FileError
         If `path` cannot be written.
 
@@ -96,17 +124,19 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
         return inversion(ds, path, overwrite)
     if is_comparison(ds):
         return comparison(ds, path, overwrite)
-    _check(ds)
+    _check(ds, mark_irregular)
     rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
-    legend = describe_failures(ds)
     length = _side_lengths(ds)
     tall = PANEL * min(max(length[1] / length[0], 0.2), 2.0)
     step = TITLE + tall + HISTOGRAM_GAP + HISTOGRAM + AXIS
     scales = {"height": _height_scale(ds["height"].values), "phase": _phase_scale(ds["phase"].values)}
     if "amplitude_error" in ds:
         scales["amplitude_error"] = _error_scale(ds["amplitude_error"].values)
+    notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
+    notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
     width = MARGIN + len(scales) * (PANEL + BAR_GAP + BAR + BAR_LABELS)
-    height = HEADER + len(rows) * step + LINE * (len(legend) + 0.5 * bool(legend))
+    notes = [(part, colour) for line, colour in notes for part in textwrap.wrap(line, int(LETTERS * width))]
+    height = HEADER + len(rows) * step + LINE * (len(notes) + 0.5 * bool(notes))
     figure = Figure(figsize=(width, height))
     canvas = FigureCanvasAgg(figure)
 
@@ -124,20 +154,19 @@ def plot(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
             picture = axes_at(left, top, PANEL, tall)
             picture.set_title(", ".join(title), fontsize=11, loc="left")
             _draw_image(picture, axes_at(left + PANEL + BAR_GAP, top, BAR, tall), one, name, scale)
+            if mark_irregular:
+                _mark(picture, one["motion"].values == 1, (PANEL, tall))
             _draw_histogram(axes_at(left, top + tall + HISTOGRAM_GAP, PANEL, HISTOGRAM), one[name].values, scale)
     figure.text(MARGIN / width, 1 - 0.14 / height, _title(ds), fontsize=9, color="0.3", va="top")
-    if legend:
-        lines = "\n".join(f"■ {line}" for line in legend)
-        figure.text(
-            MARGIN / width, 0.5 * LINE / height, lines, fontsize=8, color="#00803a", va="bottom", linespacing=1.4
-        )
+    for above, (line, colour) in enumerate(reversed(notes)):
+        figure.text(MARGIN / width, (0.5 + above) * LINE / height, line, fontsize=8, color=colour, va="bottom")
     if path is not None:
         save(canvas, path, overwrite)
     return figure
 
 
-def _check(ds: xr.Dataset) -> None:
-    """Refuse what is not an image."""
+def _check(ds: xr.Dataset, mark_irregular: bool) -> None:
+    """Refuse what is not an image, or does not say what is to be marked."""
     for name in ("height", "phase"):
         if name not in ds:
             raise InputError("the dataset", sorted(map(str, ds.data_vars)), "an image with height and phase")
@@ -149,6 +178,8 @@ def _check(ds: xr.Dataset) -> None:
     for dim in ("y", "x"):
         if dim not in ds.coords:
             raise InputError("the dataset", "without coordinates", f"an image with a coordinate {dim} [m]")
+    if mark_irregular and "motion" not in ds:
+        raise InputError("the dataset", "without motion", "an image that has this variable, to mark irregular pixels")
 
 
 def _side_lengths(ds: xr.Dataset) -> tuple[float, float]:
@@ -236,6 +267,27 @@ def _draw_image(axes: Axes, bar_axes: Axes, ds: xr.Dataset, name: str, scale: _S
     bar = Colorbar(bar_axes, image)
     bar.set_label(scale.label, fontsize=9)
     bar_axes.tick_params(labelsize=8)
+
+
+def _mark(axes: Axes, marked: np.ndarray, size: tuple[float, float]) -> None:
+    """Dots on the pixels that are marked, as many as can be told apart on a picture of this width and height [inch]."""
+    import numpy as np
+    from scipy.ndimage import maximum_filter
+
+    ny, nx = marked.shape
+    across, down = (max(round(72 * side / DOT_PITCH), 1) for side in size)
+    middle = [((np.arange(count) + 0.5) * n / count).astype(int) for count, n in ((down, ny), (across, nx))]
+    dotted = marked[np.ix_(*middle)]  # a dot in the middle of each cell of the page
+    rows, columns = np.nonzero(marked)
+    cells = rows * down // ny, columns * across // nx
+    lone = np.flatnonzero(~maximum_filter(dotted, 3)[cells])  # and where that leaves pixels far from any dot
+    first = lone[np.unique((cells[0] * across + cells[1])[lone], return_index=True)[1]]
+    rows, columns = (
+        np.append(mid[at], more)
+        for mid, at, more in zip(middle, np.nonzero(dotted), (rows[first], columns[first]), strict=True)
+    )
+    x, y = (columns + 0.5) / nx, 1 - (rows + 0.5) / ny
+    axes.plot(x, y, transform=axes.transAxes, scalex=False, scaley=False, gid="irregular", **DOT)
 
 
 def _draw_histogram(axes: Axes, values: np.ndarray, scale: _Scale) -> None:

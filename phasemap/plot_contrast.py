@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from phasemap.errors import InputError
-from phasemap.figures import describe_failures, save
+from phasemap.figures import describe_failures, describe_irregular, save
 from phasemap.plot_contrast_map import (
     FAILED,
     LINES,
@@ -137,7 +137,8 @@ class _Page(NamedTuple):
 
     @classmethod
     def of(cls, ds: xr.Dataset) -> _Page:
-        said = [f"★ {ds.attrs['recommendation']}"], [f"■ {line}" for line in describe_failures(ds, "points")]
+        stars = [f"★ {ds.attrs['recommendation']}", *describe_irregular(ds, "points")]
+        said = stars, [f"■ {line}" for line in describe_failures(ds, "points")]
         foot, notes = (
             [part for line in lines for part in textwrap.wrap(line, 106, subsequent_indent="    ")] for lines in said
         )

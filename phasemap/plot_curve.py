@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 import textwrap
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasemap.errors import InputError
-from phasemap.figures import describe_failures, save
+from phasemap.figures import describe_failures, describe_irregular, save
+from phasemap.plot_sweep import Sweep
 from phasemap.plot_title import titles
 from phasemap.units import Unit, readable
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 __all__ = ["curve", "holds_amplitude", "is_sweep"]
 
@@ -27,10 +28,11 @@ COLOURS = ("#0072B2", "#D55E00")  # of the two directions: Okabe and Ito's blue 
 WIDTHS = (5.0, 2.2)  # the second direction is drawn over the first, and must not hide it [points]
 ORBITS = "0.1"
 FALLING = ("approach", "down")  # directions in which the axis falls
+THIN = (1.4, 0.8)  # likewise, where the motion is irregular
 FEW = 60  # points of a sweep up to which they are not joined
-FLAT = 0.02  # of a quantity's range: where it changes by less towards the far end, the tip is free
-FREE_SHARE = 0.15  # of the shown axis that may be free
+RINGS = 40  # at most, along a line of more points
 MARGIN = 0.05
+KEYS = 5  # of the legend, in a row
 
 # Sizes on the page [inch].
 WIDTH, PANEL, LEFT, RIGHT, GAP, LINE, LEGEND, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.17, 0.3, 0.55
@@ -44,8 +46,9 @@ def curve(
 ) -> Figure:
     """Draw a sweep: one panel for each quantity, over the axis that is swept.
 
-    Black lines are all the orbits that there are, solid where they are stable and dashed where they are not; circles
+    Black lines are all the orbits that there are, solid where they are stable and dashed where they are not; diamonds
     are folds, where the two meet. Coloured lines are what the sweep sees in either direction, arrows are its jumps.
+    Rings mark irregular motion, where amplitude and phase are means; a band shows how far they are spread.
     Crosses at the bottom are values at which the sweep has no orbit, and a line below says why, and what helps.
     The far part of a distance curve, where nothing happens, is cut short.
 
@@ -84,10 +87,12 @@ def curve(
     from matplotlib.figure import Figure
 
     names = _check(ds, quantities)
-    sweep = _Sweep.of(ds)
+    sweep = Sweep.of(ds)
     head = titles(ds)
     notes = [part for line in _notes(sweep) for part in textwrap.wrap(line, 105, subsequent_indent="   ")]
-    top = 0.12 + LINE * len(head) + LEGEND
+    keys = _keys(sweep)
+    rows_of_keys = -(-len(keys) // KEYS)
+    top = 0.12 + LINE * (len(head) + rows_of_keys - 1) + LEGEND
     height = top + len(names) * (PANEL + GAP) - GAP + AXIS + LINE * (len(notes) + 0.5 * bool(notes))
     figure = Figure(figsize=(WIDTH, height))
     canvas = FigureCanvasAgg(figure)
@@ -108,7 +113,11 @@ def curve(
             LEFT / WIDTH, 1 - (0.1 + i * LINE) / height, line, fontsize=9 - bool(i), color="0.1" if i == 0 else "0.35",
             va="top",
         )  # fmt: skip
-    _draw_legend(figure, sweep, ((LEFT + 0.05) / WIDTH, 1 - (top - LEGEND + 0.06) / height))
+    figure.legend(
+        handles=keys, loc="upper left", ncols=-(-len(keys) // rows_of_keys), fontsize=8, frameon=False, borderpad=0,
+        bbox_to_anchor=((LEFT + 0.05) / WIDTH, 1 - (0.18 + LINE * len(head)) / height), borderaxespad=0,
+        handlelength=2.2, columnspacing=1.4,
+    )  # fmt: skip
     if notes:
         lines = "\n".join(notes)
         figure.text(0.15 / WIDTH, 0.5 * LINE / height, lines, fontsize=8, color="0.25", va="bottom", linespacing=1.4)
@@ -149,108 +158,35 @@ def _check(ds: xr.Dataset, quantities: Sequence[str] | None) -> list[str]:
     """The quantities to draw."""
     if not is_sweep(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what a sweep such as sweep_distance returned")
-    known = [str(name) for name in ds.data_vars if ds[name].dims == ds["status"].dims and f"curve_{name}" in ds]
+    dims = ds["status"].dims
+    known = [str(n) for n in ds.data_vars if ds[n].dims == dims and f"curve_{n}" in ds and "units" in ds[n].attrs]
     names = ("tip_offset" if holds_amplitude(ds) else "amplitude", "phase") if quantities is None else quantities
     if isinstance(names, str) or not names:
         raise InputError("quantities", names, "a list of " + ", ".join(known))
     for name in names:
-        if name not in known or name == "branch":
+        if name not in known:
             raise InputError("quantities", name, "some of " + ", ".join(known))
     return list(names)
 
 
-@dataclass(frozen=True, eq=False)
-class _Sweep:
-    """A sweep's Dataset, with its axis in the unit that is shown.
-
-    Parameters
-    ----------
-    x, points, folds : ndarray
-        The axis of what the sweep saw, of all orbits and of the folds, in `unit`.
-    jumps : ndarray, shape (n, 2)
-        The axis before and after each jump.
-    limits : tuple of float
-        Of the axis, as shown.
-    """
-
-    ds: xr.Dataset
-    axis: str
-    unit: Unit
-    x: np.ndarray
-    points: np.ndarray
-    folds: np.ndarray
-    jumps: np.ndarray
-    limits: tuple[float, float]
-    logarithmic: bool
-
-    @classmethod
-    def of(cls, ds: xr.Dataset) -> _Sweep:
-        axis = str(ds["status"].dims[1])
-        values = ds[axis].values
-        unit = readable(float(np.abs(values).max()), ds[axis].attrs["units"])
-        before = ds[f"jump_{axis}"].values
-        after = before.copy()
-        if axis == "setpoint":  # the tip lands at once, and the feedback brings the amplitude back only then
-            after = before * ds["jump_to_amplitude"].values / ds["jump_from_amplitude"].values
-        steps = np.abs(np.diff(values))
-        logarithmic = bool(values.min() > 0 and steps.max() > 2 * steps.min())
-        return cls(
-            ds, axis, unit, values / unit.size, ds[f"curve_{axis}"].values / unit.size,
-            ds[f"fold_{axis}"].values / unit.size, np.stack([before, after], axis=1) / unit.size,
-            _limits(ds, axis, unit.size, logarithmic), logarithmic,
-        )  # fmt: skip
-
-    @property
-    def directions(self) -> list[str]:
-        """Their names."""
-        return [str(name) for name in self.ds["direction"].values]
-
-    def shown(self, x: np.ndarray) -> np.ndarray:
-        """Whether values of the axis are inside the limits."""
-        inside: np.ndarray = (x >= self.limits[0]) & (x <= self.limits[1])
-        return inside
-
-
-def _limits(ds: xr.Dataset, axis: str, size: float, logarithmic: bool) -> tuple[float, float]:
-    """The part of the axis to show: all of it, but little of where the tip is free."""
-    x = np.sort(ds[axis].values) / size
-    low, high = float(x[0]), float(x[-1])
-    if axis == "tip_offset":
-        order = np.argsort(ds[axis].values)
-        acts = np.zeros(len(x), bool)
-        for name in ("amplitude", "phase"):
-            apart = np.abs(ds[name].values - ds[name].values[:, order[-1:]])[:, order]
-            acts |= (apart > FLAT * np.fmax.reduce(apart, axis=None)).any(axis=0)
-        if acts.any():
-            last = float(x[acts].max())
-            high = min(high, last + FREE_SHARE / (1 - FREE_SHARE) * (last - low))
-    if logarithmic:
-        return low / (high / low) ** 0.02, high * (high / low) ** 0.02
-    return low - 0.03 * (high - low), high + 0.03 * (high - low)
-
-
-def _draw_panel(axes: Axes, sweep: _Sweep, name: str) -> None:
+def _draw_panel(axes: Axes, sweep: Sweep, name: str) -> None:
     """One quantity."""
     ds = sweep.ds
     seen, all_values, fold_values = (ds[prefix + name].values for prefix in ("", "curve_", "fold_"))
+    ends = np.stack([sweep.ends(word, name) for word in ("from", "to")], axis=1)
     shown = np.concatenate(
         [
-            seen[:, sweep.shown(sweep.x)].ravel(),
+            (seen + sweep.spread(name))[:, sweep.shown(sweep.x)].ravel(),
+            (seen - sweep.spread(name))[:, sweep.shown(sweep.x)].ravel(),
             all_values[sweep.shown(sweep.points) & (sweep.points >= sweep.x.min()) & (sweep.points <= sweep.x.max())],
             fold_values[sweep.shown(sweep.folds)],
+            ends[sweep.shown(sweep.jumps) & sweep.shown(sweep.jumps[:, :1])],
         ]
     )
     shown = shown[np.isfinite(shown)]
     unit = readable(float(np.abs(shown).max(initial=0.0)), ds[name].attrs["units"])
-    for direction, word in enumerate(sweep.directions):
-        x, y = _broken(sweep, seen[direction] / unit.size, direction, word in FALLING)
-        style: dict[str, Any] = {"linestyle": "-"} if len(sweep.x) > FEW else {"linestyle": "", "marker": "o"}
-        size = WIDTHS[direction]
-        axes.plot(
-            x, y, color=COLOURS[direction], alpha=0.45 if direction == 0 else 0.9, linewidth=size, gid=f"seen {word}",
-            solid_capstyle="butt", markersize=size + 2, markeredgewidth=0, zorder=2 + direction, **style,
-        )  # fmt: skip
-    for part, stable in _runs(sweep):
+    _draw_seen(axes, sweep, name, unit)
+    for part, stable in sweep.runs():
         axes.plot(
             sweep.points[part], all_values[part] / unit.size, color=ORBITS, linewidth=0.9,
             linestyle="-" if stable else (0, (4, 2.5)), zorder=4, gid="stable" if stable else "unstable",
@@ -265,46 +201,52 @@ def _draw_panel(axes: Axes, sweep: _Sweep, name: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     if low < 0 < high:
         axes.axhline(0, color="0.8", linewidth=0.6, zorder=1)
-    _draw_jumps(axes, sweep, name, unit)
+    _draw_jumps(axes, sweep, ends / unit.size)
 
 
 FOLD: dict[str, Any] = {
-    "marker": "o", "markersize": 4.2, "markerfacecolor": "white", "markeredgecolor": ORBITS, "markeredgewidth": 0.9,
+    "marker": "D", "markersize": 4.2, "markerfacecolor": "white", "markeredgecolor": ORBITS, "markeredgewidth": 0.9,
     "linestyle": "",
 }  # fmt: skip
 
 
-def _broken(sweep: _Sweep, y: np.ndarray, direction: int, falling: bool) -> tuple[np.ndarray, np.ndarray]:
-    """What was seen in one direction, by rising axis, with a gap at each jump."""
-    order = np.argsort(sweep.x)
-    x, y = sweep.x[order], y[order]
-    mine = sweep.ds["jump_direction"].values == direction
-    at = np.searchsorted(x, sweep.jumps[mine, 0], "left" if falling else "right")
-    return np.insert(x, at, np.nan), np.insert(y, at, np.nan)
+def _draw_seen(axes: Axes, sweep: Sweep, name: str, unit: Unit) -> None:
+    """What the sweep saw in either direction, with rings and a band where the motion is irregular."""
+    values = sweep.ds[name].values / unit.size
+    spread = np.broadcast_to(sweep.spread(name) / unit.size, values.shape)
+    step = -(-len(sweep.x) // RINGS) if len(sweep.x) > FEW else 1
+    for direction, word in enumerate(sweep.directions):
+        order = sweep.broken(direction, word in FALLING)
+        x, y, s = (np.append(whole, np.nan)[order] for whole in (sweep.x, values[direction], spread[direction]))
+        irregular = np.append(sweep.irregular[direction], False)[order]
+        seen, ring = (_style(sweep, direction, hollow) for hollow in (False, True))
+        axes.plot(x, np.where(irregular, np.nan, y), gid=f"seen {word}", **seen)
+        rings = np.flatnonzero(irregular)[::step].tolist()
+        axes.plot(x, np.where(irregular, y, np.nan), gid=f"irregular {word}", markevery=rings, **ring)
+        about: dict[str, Any] = {"color": COLOURS[direction], "alpha": 0.25, "gid": f"spread {word}"}
+        if len(sweep.x) > FEW:
+            axes.fill_between(x, y - s, y + s, where=irregular, linewidth=0, **about)
+        else:
+            axes.vlines(x[irregular], (y - s)[irregular], (y + s)[irregular], linewidth=WIDTHS[direction], **about)
 
 
-def _runs(sweep: _Sweep) -> Iterator[tuple[slice, bool]]:
-    """Stretches of one piece of the curve that are stable or unstable throughout; folds belong to both sides."""
-    piece, stable = sweep.ds["curve_piece"].values, sweep.ds["curve_stable"].values == 1
-    joined = piece[1:] == piece[:-1]
-    solid = stable[1:] & stable[:-1]
-    begin = 0
-    for i in range(len(joined)):
-        ends = i + 1 == len(joined) or not joined[i + 1] or solid[i + 1] != solid[i]
-        if not joined[i]:
-            begin = i + 1
-        elif ends:
-            yield slice(begin, i + 2), bool(solid[i])
-            begin = i + 1
+def _style(sweep: Sweep, direction: int, hollow: bool) -> dict[str, Any]:
+    """How values are drawn that were seen in one direction: few as markers, many as a line."""
+    size, few = WIDTHS[direction], len(sweep.x) <= FEW
+    colour, alpha = COLOURS[direction], 0.45 if direction == 0 else 0.9
+    style = {"color": colour, "alpha": alpha, "zorder": 2 + direction, "solid_capstyle": "butt"}
+    marker = {"marker": "o", "markersize": size + 2, "markeredgewidth": THIN[direction] if hollow else 0}
+    line = {"linestyle": "" if few else "-", "linewidth": THIN[direction] if hollow else size}
+    return {**style, **line, **(marker if few or hollow else {}), **({"markerfacecolor": "none"} if hollow else {})}
 
 
-def _draw_jumps(axes: Axes, sweep: _Sweep, name: str, unit: Unit) -> None:
+def _draw_jumps(axes: Axes, sweep: Sweep, ends: np.ndarray) -> None:
     """An arrow for each jump, with a head that is no longer than the jump, or a cross where it leads nowhere."""
     place = axes.transData.transform
-    starts, ends = (_ends(sweep, word, name) / unit.size for word in ("from", "to"))
-    for (x0, x1), y0, y1, direction in zip(
-        sweep.jumps, starts, ends, sweep.ds["jump_direction"].values.astype(int), strict=True
-    ):
+    directions = sweep.ds["jump_direction"].values.astype(int)
+    for (x0, x1), (y0, y1), direction in zip(sweep.jumps, ends, directions, strict=True):
+        if not sweep.shown(x0):
+            continue
         if not np.isfinite([x1, y1]).all():
             axes.plot([x0], [y0], marker="x", color=COLOURS[direction], markersize=7, zorder=6, gid="jump")
             continue
@@ -313,34 +255,12 @@ def _draw_jumps(axes: Axes, sweep: _Sweep, name: str, unit: Unit) -> None:
             "arrowstyle": "-|>,head_length=0.55,head_width=0.22", "color": COLOURS[direction], "linewidth": 1.3,
             "shrinkA": 0, "shrinkB": 0, "mutation_scale": min(max(1.3 * length, 3.0), 11.0),
         }  # fmt: skip
-        axes.annotate("", (x1, y1), (x0, y0), arrowprops=arrow, zorder=6, annotation_clip=True, gid="jump")
+        drawn = axes.annotate("", (x1, y1), (x0, y0), arrowprops=arrow, zorder=6, annotation_clip=False, gid="jump")
+        if drawn.arrow_patch is not None:
+            drawn.arrow_patch.set_clip_box(axes.bbox)  # it may end outside the range of the sweep
 
 
-def _ends(sweep: _Sweep, word: str, name: str) -> np.ndarray:
-    """A quantity where jumps begin or end: as kept, or from the nearest place on the curve of all orbits."""
-    ds = sweep.ds
-    if f"jump_{word}_{name}" in ds:
-        kept: np.ndarray = ds[f"jump_{word}_{name}"].values
-        return kept
-    marks = ("amplitude", "phase", "tip_offset")
-    known = np.stack([*(ds[f"curve_{mark}"].values for mark in marks), sweep.points], axis=1)
-    sought = np.stack([*(ds[f"jump_{word}_{mark}"].values for mark in marks), sweep.jumps[:, int(word == "to")]], 1)
-    size = np.ptp(known, axis=0)
-    known, sought = (values / np.where(size > 0, size, 1.0) for values in (known, sought))
-    begin, step = known[:-1], np.diff(known, axis=0)
-    length = np.maximum((step**2).sum(axis=1), 1e-300)
-    values = ds[f"curve_{name}"].values
-    found = np.full(len(sought), np.nan)
-    same = ds["curve_piece"].values[1:] == ds["curve_piece"].values[:-1]
-    for i in np.flatnonzero(np.isfinite(sought).all(axis=1)):
-        share = np.clip(((sought[i] - begin) * step).sum(axis=1) / length, 0, 1)
-        apart = ((begin + share[:, None] * step - sought[i]) ** 2).sum(axis=1)
-        k = int(np.argmin(np.where(same, apart, np.inf)))
-        found[i] = values[k] + share[k] * (values[k + 1] - values[k])
-    return found
-
-
-def _draw_gaps(axes: Axes, sweep: _Sweep) -> None:
+def _draw_gaps(axes: Axes, sweep: Sweep) -> None:
     """Crosses at the bottom, where the sweep has no orbit."""
     for direction, status in enumerate(sweep.ds["status"].values):
         bad = sweep.x[status != 0]
@@ -350,35 +270,38 @@ def _draw_gaps(axes: Axes, sweep: _Sweep) -> None:
         )  # fmt: skip
 
 
-def _notes(sweep: _Sweep) -> list[str]:
+def _notes(sweep: Sweep) -> list[str]:
     """What is missing, and why."""
-    said = [f"× {line}" for line in describe_failures(sweep.ds, "points")]
+    said = [f"○ {line}" for line in describe_irregular(sweep.ds, "points")]
+    said += [f"× {line}" for line in describe_failures(sweep.ds, "points")]
     lost = int(np.isnan(sweep.ds["jump_to_amplitude"].values).sum())
     if lost:
         said.append(f"× {lost} of {len(sweep.jumps)} jumps reach no stable orbit.")
     return said
 
 
-def _draw_legend(figure: Figure, sweep: _Sweep, place: tuple[float, float]) -> None:
-    """One row between the titles and the first panel."""
+def _keys(sweep: Sweep) -> list[Line2D]:
+    """Keys of the legend, of what the picture has."""
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], color=COLOURS[i], linewidth=WIDTHS[i], alpha=0.45 if i == 0 else 0.9, label=f"{word}, jumps →")
+    jumping = sweep.ds["jump_direction"].values[sweep.shown(sweep.jumps[:, 0])]
+    stable = [stable for part, stable in sweep.runs() if sweep.shown(sweep.points[part]).any()]
+    keys = [
+        Line2D([], [], label=f"{word}, jumps →" if i in jumping else word, **_style(sweep, i, False))
         for i, word in enumerate(sweep.directions)
     ]
-    handles += [
-        Line2D([], [], color=ORBITS, linewidth=0.9, label="stable orbits"),
-        Line2D([], [], color=ORBITS, linewidth=0.9, linestyle=(0, (4, 2.5)), label="unstable"),
-        Line2D([], [], label="fold", **FOLD),
-    ]
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=place, ncols=5, fontsize=8, frameon=False, borderpad=0,
-        borderaxespad=0, handlelength=2.2, columnspacing=1.4,
-    )  # fmt: skip
+    if sweep.irregular[:, sweep.shown(sweep.x)].any():
+        keys.append(Line2D([], [], label="irregular: mean", **{**_style(sweep, 1, True), "color": "0.3"}))
+    if any(stable):
+        keys.append(Line2D([], [], color=ORBITS, linewidth=0.9, label="stable orbits"))
+    if not all(stable):
+        keys.append(Line2D([], [], color=ORBITS, linewidth=0.9, linestyle=(0, (4, 2.5)), label="unstable"))
+    if sweep.shown(sweep.folds).any():
+        keys.append(Line2D([], [], label="fold", **FOLD))
+    return keys
 
 
-def _scale_axis(axes: Axes, sweep: _Sweep) -> None:
+def _scale_axis(axes: Axes, sweep: Sweep) -> None:
     """Limits and ticks of the axis that is swept."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

@@ -8,7 +8,7 @@ from enum import Enum
 class Status(Enum):
     """Status of a pixel; the order is the code kept in a Dataset."""
 
-    good = "The orbit was found and is stable."
+    good = "A stable orbit, or irregular motion whose mean amplitude and phase are steady."
     no_stable_orbit = (
         "No stable orbit holds this setpoint, or is left here: the amplitude jumps across it. "
         "Change the setpoint or the free amplitude."

@@ -58,6 +58,24 @@ def test_run_writes_the_image_that_python_gives(tmp_path: Path, capsys: pytest.C
     assert json.loads(image.attrs["scene"])["scan"]["setpoint"] == 0.6
 
 
+def test_irregular_motion_is_counted_in_words_and_dotted_in_the_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rubber that sticks to the tip in some periods only, beside glass."""
+    rubber = ["materials.compliant.modulus=30e6", "materials.compliant.adhesion=0.05", "cantilever.stiffness=3.0"]
+    scene = [STEP, SMALL, *rubber, "interaction.contact=jkr", "cantilever.quality_factor=200.0", "scan.setpoint=0.6"]
+    output = tmp_path / "rubber.nc"
+    assert main(["run", *scene, "-o", str(output)]) == 0
+    said = capsys.readouterr().out
+    spread = r"spread up to \S+ pm and 0\.0\d+ degrees"
+    counted = rf"^motion      24 of 48 pixels \(50 %\) irregular: mean amplitude and phase, {spread}$"
+    assert re.search(counted, said, re.MULTILINE)
+    assert "failed      none" in said.splitlines()
+    assert main(["plot", str(output), "--mark-irregular", "-o", str(tmp_path / "dots.png")]) == 0
+    assert main(["plot", str(output), "-o", str(tmp_path / "plain.png")]) == 0
+    assert (tmp_path / "dots.png").read_bytes() != (tmp_path / "plain.png").read_bytes()
+
+
 def test_the_number_of_threads_does_not_change_a_bit(tmp_path: Path) -> None:
     for threads in ("1", "2"):
         assert main(["run", STEP, SMALL, "-o", str(tmp_path / f"{threads}.nc"), "--threads", threads, "--quiet"]) == 0

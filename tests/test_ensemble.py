@@ -149,7 +149,7 @@ def test_a_sample_is_the_image_of_its_scene_to_the_bit(ensemble: Ensemble, whole
     single = written(tmp_path / "single", "")
     for sample, values in enumerate(ensemble.samples):
         image = load_scene(single, [f"{key}={value!r}" for key, value in values.items()]).simulate()
-        assert set(image.data_vars) == set(ds.data_vars) - {"failed", "distinct_materials"}
+        assert set(image.data_vars) == set(ds.data_vars) - {"failed", "irregular", "distinct_materials"}
         assert ds["distinct_materials"][sample] == image.attrs["distinct_materials"] == 2
         for name, variable in image.data_vars.items():
             assert ds[name][sample].values.tobytes() == variable.values.tobytes(), name
@@ -169,7 +169,7 @@ def test_the_file_says_what_is_varied_and_where_it_comes_from(ensemble: Ensemble
         "units": "Pa",
     }
     assert ds["phase"].coords["scan.setpoint"].dims == ("sample",)
-    assert ds["failed"].values.tolist() == [0] * 5
+    assert ds["failed"].values.tolist() == ds["irregular"].values.tolist() == [0] * 5
     assert ds.attrs["phasemap_version"] == pm.__version__ and ds.attrs["Conventions"] == "CF-1.11"
     assert '"seed": 3' in ds.attrs["scene"] and '"quality_factor": 400' in ds.attrs["scene"]
     assert ds.identical(xr.load_dataset(tmp_path / "whole.nc"))

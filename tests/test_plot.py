@@ -13,7 +13,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from phasemap.errors import FileError, InputError
-from phasemap.plot import FAILED, describe_failures, describe_flags, plot
+from phasemap.plot import FAILED, describe_failures, describe_flags, describe_irregular, plot
 
 
 def image(
@@ -90,6 +90,47 @@ def test_failed_pixels_are_marked_counted_and_given_advice() -> None:
         assert overlay.get_cmap()(0.0)[:3] == pytest.approx([int(FAILED[i : i + 2], 16) / 255 for i in (1, 3, 5)])
     assert "6 of 3072 pixels (0.195 %): No stable orbit holds this setpoint" in words(figure)
     assert len(plot(image()).axes[0].images) == 1
+
+
+def shaken(where: tuple[Any, ...], shape: tuple[int, int] = (48, 64)) -> xr.Dataset:
+    """An image whose motion is irregular there."""
+    ds = image(shape=shape)
+    motion = np.zeros(shape, np.int8)
+    motion[where] = 1
+    return ds.assign(motion=(("y", "x"), motion), phase_spread=(("y", "x"), 0.0214 * motion))
+
+
+def dots(picture: Any) -> np.ndarray:
+    """Row and column of each pixel with a dot, in the pixels of an image of 48 x 64."""
+    (drawn,) = (line for line in picture.lines if line.get_gid() == "irregular")
+    x, y = drawn.get_data()
+    return np.stack([48 * (1 - np.asarray(y)), 64 * np.asarray(x)], axis=1).astype(int)
+
+
+def test_irregular_pixels_are_counted_always_and_dotted_on_request() -> None:
+    ds = shaken(np.s_[12:36, 8:40])
+    said = "768 of 3072 pixels (25 %) irregular: mean amplitude and phase, spread up to 0.021 degrees"
+    plain, marked = plot(ds), plot(ds, mark_irregular=True)
+    assert said in words(plain) and f"○ {said}" in words(marked)
+    assert not [line for axes in plain.axes for line in axes.lines if line.get_gid() == "irregular"]
+    for picture in (marked.axes[0], marked.axes[3]):
+        places = dots(picture)
+        assert (ds["motion"].values[tuple(places.T)] == 1).all()
+        corners = np.stack([places.min(axis=0), places.max(axis=0)])
+        assert np.abs(corners - [(12, 8), (35, 39)]).max() <= 1  # from edge to edge: there is a dot every 1.5 pixels
+        assert max(np.diff(np.unique(column)).max() for column in places.T) == 2
+    assert "irregular" not in words(plot(shaken(np.s_[:0]), mark_irregular=True))
+
+
+@pytest.mark.parametrize("place", [(0, 0), (47, 63), (20, 33), (21, 34)])
+def test_a_single_irregular_pixel_has_its_dot(place: tuple[int, int]) -> None:
+    assert np.unique(dots(plot(shaken(place), mark_irregular=True).axes[0]), axis=0).tolist() == [list(place)]
+
+
+def test_marking_needs_to_know_the_motion() -> None:
+    with pytest.raises(InputError, match="the dataset is 'without motion'; allowed: an image that has this variable"):
+        plot(image(), mark_irregular=True)
+    assert describe_irregular(image()) == []
 
 
 def test_an_image_without_any_solution_is_still_drawn(tmp_path: Path) -> None:

@@ -196,6 +196,65 @@ def test_a_jump_that_leads_nowhere_is_a_cross(sweeps: dict[str, xr.Dataset]) -> 
     assert "× 1 of 2 jumps reach no stable orbit." in words(figure)
 
 
+def test_irregular_motion_has_rings_and_a_band_and_is_counted(sweeps: dict[str, xr.Dataset]) -> None:
+    ds = sweeps["distance"].copy(deep=True)
+    ds["motion"][0, 3:6], ds["amplitude_spread"][0, 3:6], ds["phase_spread"][0, 3:6] = 1, 5e-12, 2.0
+    figure = curve(ds)
+    amplitude, phase = figure.axes
+    for axes, values, spread in ((amplitude, ds["amplitude"][0] * 1e9, 5e-3), (phase, ds["phase"][0], 2.0)):
+        (filled,), (ringed,) = (lines(axes, f"{kind} approach") for kind in ("seen", "irregular"))
+        rings, disks = (np.asarray(line.get_ydata())[::-1] for line in (ringed, filled))
+        seen = np.flatnonzero(np.isfinite(rings))
+        np.testing.assert_allclose(rings[seen], values[3:6])
+        assert not np.isfinite(disks[seen]).any() and np.isfinite(disks).sum() == ds.sizes["tip_offset"] - 3
+        assert ringed.get_markerfacecolor() == "none"
+        (band,) = (some for some in axes.collections if some.get_gid() == "spread approach")
+        ends = sorted(np.ptp(path.vertices[:, 1]) for path in band.get_paths())
+        assert ends == pytest.approx([2 * spread] * 3)
+    assert phase.get_ylim()[0] < ds["phase"].values[0, 3:6].min() - 2.0
+    assert "○ 3 of 36 points (8.33 %) irregular: mean amplitude and phase, spread up to 5 pm and 2 degrees" in words(
+        figure
+    )
+
+
+def test_a_jump_to_irregular_motion_ends_where_that_was_seen(sweeps: dict[str, xr.Dataset]) -> None:
+    ds = sweeps["distance"].copy(deep=True)
+    i = int(np.flatnonzero(ds["tip_offset"].values < ds["jump_tip_offset"].values[0])[0])
+    for name, shift in (("amplitude", -1e-9), ("phase", 7.0)):
+        ds[name][0, i] += shift  # off the curve of all orbits
+        ds[f"jump_to_{name}"][0] = ds[name][0, i]
+    ds["peak_force"][0, i], ds["jump_to_tip_offset"][0] = 3e-9, ds["tip_offset"][i]
+    phase, force = curve(ds, quantities=["phase", "peak_force"]).axes
+    at = 1e9 * float(ds["tip_offset"][i])
+    assert arrows(phase)[0].xy == pytest.approx((at, float(ds["phase"][0, i])))
+    assert arrows(force)[0].xy == pytest.approx((at, 3.0))
+
+
+def legend(ds: xr.Dataset) -> list[str]:
+    return [text.get_text() for text in curve(ds).legends[0].get_texts()]
+
+
+def test_the_legend_names_what_the_picture_has(sweeps: dict[str, xr.Dataset]) -> None:
+    ds = sweeps["distance"]
+    assert legend(ds) == ["approach, jumps →", "retract, jumps →", "stable orbits", "unstable", "fold"]
+    plain = pm.sweep_setpoint(SOFT, SCOPE, np.linspace(0.6, 0.5, 4))
+    assert legend(plain) == ["down", "up", "stable orbits"]
+    shaken = plain.copy(deep=True)
+    shaken["motion"][0, 2] = 1
+    assert legend(shaken) == ["down", "up", "irregular: mean", "stable orbits"]
+    assert legend(shaken.isel(point=slice(0))) == ["down", "up", "irregular: mean"]
+
+
+def test_a_jump_outside_the_range_is_not_drawn_and_none_leaves_the_panel(sweeps: dict[str, xr.Dataset]) -> None:
+    ds = sweeps["distance"]
+    far = ds.sel(tip_offset=ds["tip_offset"] > ds["jump_tip_offset"].max().item() + 1e-9)
+    assert far.sizes["jump"] == 2 and legend(far)[:2] == ["approach", "retract"]
+    for axes in curve(far).axes:
+        assert arrows(axes) == []
+    for axes in curve(ds).axes:
+        assert all(arrow.arrow_patch.get_clip_box() is axes.bbox for arrow in arrows(axes))
+
+
 def test_a_sweep_without_any_orbit_is_still_drawn(sweeps: dict[str, xr.Dataset], tmp_path: Path) -> None:
     ds = sweeps["distance"].isel(point=slice(0), fold=slice(0), jump=slice(0)).copy(deep=True)
     ds["status"][:] = 1

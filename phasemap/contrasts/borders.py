@@ -145,7 +145,8 @@ def _follow(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversion]]:
     begins, ends = [begin, *(high for _, high, _ in broken)], [*(low for low, _, _ in broken), end]
     for begin, end in zip(begins, ends, strict=True):
         signs = _sign(begin.phases), _sign(end.phases)
-        if begin.share < end.share and signs[0] != 0 and signs[0] != signs[1]:
+        clear = max(abs(phases[1] - phases[0]) for phases in (begin.phases, end.phases)) > SURE * pair.accuracy.phase
+        if begin.share < end.share and clear and signs[0] != 0 and signs[0] != signs[1]:
             low, high = _close_in(pair, line, begin, end, _sign, 0.0)
             if np.abs(high.phases - low.phases).max() <= least:
                 inversions.append(Inversion(line.point(high.share), float(high.phases.mean())))

@@ -75,8 +75,8 @@ def contrast(
         Dims ("frequency", "free_amplitude", "setpoint"), the first two only where an array was given; "material" leads
         where a variable belongs to one material.
 
-        * `phase` [degree], `height`, `indentation` [m], `branch`, `status` and `solver` of each material after engaging
-          from far;
+        * `phase`, `phase_spread` [degree], `height`, `indentation` [m], `branch`, `motion`, `status` and `solver` of
+          each material after engaging from far;
         * `contrast` [degree] and `height_contrast` [m], second less first;
         * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
           either, whether or not engaging from far leads there.

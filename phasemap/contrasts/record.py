@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap.contrasts.borders import Inversion, Jump
 from phasemap.contrasts.pair import REGIMES, Axes, Engaged
-from phasemap.dataset import FLOATS, branch_of, flag_attributes, float_attributes
+from phasemap.dataset import FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,7 +57,7 @@ def record(
     dims = ("material", *DIMS)
     both = f"{names[1]} less {names[0]}"
     status = {"ancillary_variables": "status"}
-    value = {name: FLOATS[name].value(engaged.rows) for name in ("phase", "height", "indentation")}
+    value = {name: FLOATS[name].value(engaged.rows) for name in ("phase", "height", "indentation", "phase_spread")}
     phase, height = (value[name][1] - value[name][0] for name in ("phase", "height"))
     data = {
         "contrast": (DIMS, phase, {"long_name": f"phase contrast, {both}", "units": "degree", **status}),
@@ -69,6 +69,7 @@ def record(
             dims, regime, _flags("regimes in which a stable orbit holds the setpoint", *REGIMES),
         ),
         "branch": (dims, branch_of(engaged.rows), flag_attributes("branch")),
+        "motion": (dims, motion_of(engaged.rows), flag_attributes("motion")),
         "status": (dims, engaged.status, flag_attributes("status")),
         "solver": (dims, engaged.solver, flag_attributes("solver")),
         **_points("inversion", "inversion of the contrast", inversions),
