@@ -13,6 +13,7 @@ from phasemap._check import whole
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.energy import close
+from phasemap.held import hold
 from phasemap.solvers import Solver
 from phasemap.work import Work
 
@@ -68,15 +69,23 @@ def run(
     Returns
     -------
     rows : ndarray, shape (n, COLUMNS)
+        As the detector sees them.
     status, solver : ndarray of int8, shape (n,)
     """
+    if work.lever[col.SHAKER]:
+
+        def solve(part: Work) -> tuple[Array, Array, Array]:
+            return run(solver, part, accuracy, threads=threads, progress=progress)
+
+        return hold(work, solve)
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)
     valid = np.flatnonzero(status == col.GOOD)
     if len(valid) < count:
-        part = Work(work.law, np.ascontiguousarray(work.rows[valid]), work.lever, work.amplitudes[valid])
-        rows[valid], status[valid], used[valid] = run(solver, part, accuracy, threads=threads, progress=progress)
+        rows[valid], status[valid], used[valid] = run(
+            solver, work.part(valid), accuracy, threads=threads, progress=progress
+        )
         return rows, status, used
     workers = workers_of(threads)
     size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))

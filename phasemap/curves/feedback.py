@@ -22,10 +22,10 @@ class Place:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude there [m]."""
+        """Amplitude there, as the detector sees it [m]."""
         row = self.segment.row_at(self.z0)
         assert row is not None
-        return float(row[col.AMPLITUDE])
+        return float(row[col.SEEN])
 
 
 class Feedback:
