@@ -12,11 +12,12 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
 from phasemap.accuracy import Accuracy
 from phasemap.energy import close
+from phasemap.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers import Solver
 from phasemap.solvers.march import March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.work import Work
-from phasemap.workers import Progress, spread
+from phasemap.workers import Progress, run, spread
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -86,12 +87,14 @@ def stable_branches(
     >>> found.stable.tolist(), found.engaged.tolist()
     ([[True], [True]], [0])
     """
+    if work.lever[col.SHAKER]:
+        return _seen_branches(work, solver, accuracy, workers, progress)
     count = len(work)
     rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
     status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
     valid = np.flatnonzero(status[ENGAGED] == col.GOOD)
     if len(valid) < count:
-        found = stable_branches(_part(work, valid), solver, accuracy, workers, progress)
+        found = stable_branches(work.part(valid), solver, accuracy, workers, progress)
         rows[:, valid], status[:, valid], used[:, valid] = found
         return Branches(rows, status, used)
 
@@ -105,8 +108,29 @@ def stable_branches(
     return Branches(rows, status, used)
 
 
-def _part(work: Work, chosen: NDArray[np.intp]) -> Work:
-    return Work(work.law, np.ascontiguousarray(work.rows[chosen]), work.lever, work.amplitudes[chosen])
+def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int, progress: Progress | None) -> Branches:
+    """The same where the detector sees the deflection."""
+    found = Branches(
+        np.full((SLOTS, len(work), col.COLUMNS), np.nan),
+        np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, len(work)), -1, np.int8),
+    )  # fmt: skip
+    valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
+
+    def solve_on(slot: int) -> Found:
+        def solve(part: Work) -> Found:
+            both = stable_branches(part, solver, accuracy, workers, progress)
+            return both.rows[slot], both.status[slot], both.solver[slot]
+
+        return hold(work.part(valid), solve, (REPULSIVE if slot == REPELLING else ATTRACTIVE,))
+
+    engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
+    for slot, some in ((ATTRACTING, solve_on(ATTRACTING)), (REPELLING, solve_on(REPELLING)), (ENGAGED, engaged)):
+        found.rows[slot, valid], found.status[slot, valid], found.solver[slot, valid] = some
+    for slot in (ATTRACTING, REPELLING):
+        here = found.engaged == (slot == REPELLING)
+        for whole in (found.rows, found.status, found.solver):
+            whole[slot, here] = whole[ENGAGED, here]
+    return found
 
 
 def _others(
@@ -167,7 +191,7 @@ def _march(work: Work, solver: March, first: int, last: int, rows: Array, status
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
         some, done, by = rows[slot, other], status[slot, other], used[slot, other]
-        solver.settle(_part(work, other), 0, len(other), some, done, by)
+        solver.settle(work.part(other), 0, len(other), some, done, by)
         gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
         rows[slot, other], status[slot, other], used[slot, other] = some, done, by

@@ -1,8 +1,8 @@
 """From the motion of the tip to what the detector sees of it, and back.
 
 Z is the complex amplitude of z = Re(Z exp(i omega tau)). A detector of the deflection sees Z less what the lever's base
-moves, b; its phase is turned so that it is 0 at free resonance. Where the drive acts on the tip b is 0, and all is as it
-was. Solvers know z; `phasemap.held` finds the orbits at which the detector shows the setpoint.
+moves, b; its phase is turned so that it is 0 at free resonance. Where the drive's force acts on the tip b is 0. Solvers
+know z; `phasemap.held` finds the orbits at which the detector shows the setpoint.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Orbits at which the detector shows the setpoint, where what it sees is not the position of the tip.
 
-Solvers hold the amplitude A of z. Which A the detector shows as the setpoint depends on the phase, which the solver says:
-one equation in A for each material, solved by secants, all materials at a time.
+Solvers hold the amplitude A of z. Which A the detector shows as the setpoint depends on the phase, which the solver
+says: one equation in A for each material, solved by secants, all materials at a time.
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ from phasemap._check import number
 from phasemap.errors import InputError
 from phasemap.interaction import Interaction
 
-
 EXCITATIONS = ("direct", "base")
 
 
@@ -89,10 +88,10 @@ class Drive:
     frequency : float, optional
         Drive frequency [Hz], > 0; None drives at the free resonance.
     excitation : {"direct", "base"}
-        "direct" is a force on the tip (magnetic, photothermal): the detector sees the tip's position. "base" is a shaker
-        under the lever, which moves its base by u0: the detector sees the deflection, position less base. Setpoint,
-        amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase is 0 for the
-        free lever at resonance. The difference is of the order 1/Q.
+        "direct" is a force on the tip (magnetic, photothermal): the detector sees the tip's position. "base" is a
+        shaker under the lever, which moves its base by u0: the detector sees the deflection, position less base.
+        Setpoint, amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase
+        is 0 for the free lever at resonance. The difference is of the order 1/Q.
 
     Examples
     --------

@@ -123,7 +123,7 @@ def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope
 def lever_of(scope: Microscope) -> Array:
     """The lever as the kernels know it, shape (5,).
 
-    omega [1], alpha0 [1], stiffness [N/m], amplitude of the drive [m], and that of the base [m], which is the drive's or 0.
+    omega [1], alpha0 [1], stiffness [N/m], amplitude of the drive [m], and that of the base [m]: the drive's, or 0.
     """
     lever, drive = scope.cantilever, scope.base_amplitude
     base = drive if scope.drive.excitation == "base" else 0.0

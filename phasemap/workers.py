@@ -73,11 +73,7 @@ def run(
     status, solver : ndarray of int8, shape (n,)
     """
     if work.lever[col.SHAKER]:
-
-        def solve(part: Work) -> tuple[Array, Array, Array]:
-            return run(solver, part, accuracy, threads=threads, progress=progress)
-
-        return hold(work, solve)
+        return hold(work, lambda part: run(solver, part, accuracy, threads=threads, progress=progress))
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)

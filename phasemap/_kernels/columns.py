@@ -5,8 +5,8 @@ CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 
-# Entries of the lever, shape (5,): omega [1], alpha0 [1], stiffness [N/m], amplitude u0 of the drive [m], and that of the
-# base [m], which a detector does not see: u0, or 0 where the drive's force acts on the tip.
+# Entries of the lever, shape (5,): omega [1], alpha0 [1], stiffness [N/m], amplitude u0 of the drive [m], and that of
+# the base [m], which a detector does not see: u0, or 0 where the drive's force acts on the tip.
 OMEGA, ALPHA0, STIFFNESS, BASE, SHAKER = 0, 1, 2, 3, 4
 
 # Columns of a result row, shape (COLUMNS,).

@@ -147,7 +147,7 @@ def _finish(picture: Picture, pixels: Pixels, part: _Part, rows: Array, status: 
     Where a tip just touches it may tap irregularly, and the amplitude passes the setpoint at random.
     """
     names = {col.TIP_OFFSET: "tip_offset", col.MEAN: "mean_deflection", col.PHASE: "phase"}
-    if not picture.has(*names.values()):
+    if not picture.has(*names.values()) or part.work.lever[col.SHAKER]:  # time is begun at an orbit of the tip
         return 0
     work, first = part.work, np.empty(len(part.work), np.intp)
     first[part.numbers[::-1]] = pixels[::-1]
