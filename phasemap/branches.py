@@ -12,11 +12,13 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, Orbits
 from phasemap.accuracy import Accuracy
 from phasemap.energy import close
+from phasemap.excitation import of_tip
+from phasemap.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers import Solver
 from phasemap.solvers.march import ETA, MOST_PERIODS, March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.work import Work
-from phasemap.workers import Progress, spread
+from phasemap.workers import Progress, run, spread
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -94,6 +96,8 @@ def stable_branches(
     >>> found.stable.tolist(), found.engaged.tolist()
     ([[True], [True]], [0])
     """
+    if work.lever[col.SHAKER]:
+        return _seen_branches(work, solver, accuracy, workers, progress)
     count = len(work)
     rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
     status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
@@ -113,6 +117,33 @@ def stable_branches(
     spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
     close(rows, work.lever)
     return Branches(rows, status, used, reach)
+
+
+def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int, progress: Progress | None) -> Branches:
+    """The same where the detector sees the deflection."""
+    found = Branches(
+        np.full((SLOTS, len(work), col.COLUMNS), np.nan),
+        np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, len(work)), -1, np.int8),
+        np.full((ENGAGED, len(work)), np.inf),
+    )  # fmt: skip
+    valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
+
+    def solve_on(slot: int) -> Found:
+        def solve(part: Work) -> Found:
+            both = stable_branches(part, solver, accuracy, workers, progress)
+            return both.rows[slot], both.status[slot], both.solver[slot]
+
+        return hold(work.part(valid), solve, (REPULSIVE if slot == REPELLING else ATTRACTIVE,))
+
+    engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
+    for slot, some in ((ATTRACTING, solve_on(ATTRACTING)), (REPELLING, solve_on(REPELLING)), (ENGAGED, engaged)):
+        found.rows[slot, valid], found.status[slot, valid], found.solver[slot, valid] = some
+    for slot in (ATTRACTING, REPELLING):
+        here = found.engaged == (slot == REPELLING)
+        for whole in (found.rows, found.status, found.solver):
+            whole[slot, here] = whole[ENGAGED, here]
+    _limit(work, 0, len(work), found.rows, found.status, found.reach)
+    return found
 
 
 def _others(
@@ -152,6 +183,9 @@ def _limit(work: Work, first: int, last: int, rows: Array, status: Codes, reach:
 
         limits = rows[ENGAGED, chosen, col.TIP_OFFSET]
         orbits, part = rows[REPELLING, chosen], work.part(chosen)
+        orbits[:, col.AMPLITUDE], orbits[:, col.PHASE] = of_tip(
+            work.lever, orbits[:, col.AMPLITUDE], orbits[:, col.PHASE]
+        )
         reach_rows(part.law, part.rows, part.lever, ETA, MOST_PERIODS, orbits, limits)
         reach[REPELLING, chosen] = limits
 

@@ -157,7 +157,8 @@ def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overri
         raise PhasemapError("there is no image: name one at least, behind the scene.")
     images = [_signed(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
     scope = setup.microscope
-    loss = off_resonance(scope.frequency_ratio, scope.cantilever.quality_factor)
+    base = scope.drive.excitation == "base"
+    loss = off_resonance(scope.frequency_ratio, scope.cantilever.quality_factor, base)
     setpoints = _list("setpoints", arguments.setpoints, len(images)) or [None] * len(images)
     amplitudes = _list("free_amplitudes", arguments.free_amplitudes, len(images)) or [None] * len(images)
     fixed = any(word.partition("=")[0].strip() == "drive.free_amplitude" for word in overrides)

@@ -11,6 +11,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.errors import InputError
+from phasemap.excitation import DETECTED
 from phasemap.status import Status
 
 if TYPE_CHECKING:
@@ -194,12 +195,15 @@ def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
         release = version("afm-phasemap")
     except PackageNotFoundError:
         release = "not installed"
+    scope = configuration.get("microscope")
+    detected = {} if scope is None else {"detected": DETECTED[scope["drive"]["excitation"]]}
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     return {
         "Conventions": CONVENTIONS,
         "source": f"phasemap {release}",
         "phasemap_version": release,
         "configuration": json.dumps(configuration, sort_keys=True),
+        **detected,
         "history": f"{now} {action} by phasemap {release}",
     }
 

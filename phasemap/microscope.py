@@ -6,7 +6,10 @@ import math
 from dataclasses import dataclass
 
 from phasemap._check import number
+from phasemap.errors import InputError
 from phasemap.interaction import Interaction
+
+EXCITATIONS = ("direct", "base")
 
 
 @dataclass(frozen=True)
@@ -76,14 +79,19 @@ class Tip:
 
 @dataclass(frozen=True)
 class Drive:
-    """The excitation at the lever's base.
+    """What makes the lever swing.
 
     Parameters
     ----------
     free_amplitude : float
-        Amplitude of the free lever AT RESONANCE [m], > 0; the base moves by u0 = free_amplitude / Q.
+        Amplitude of the free lever's tip AT RESONANCE [m], > 0; the drive is u0 = free_amplitude / Q.
     frequency : float, optional
         Drive frequency [Hz], > 0; None drives at the free resonance.
+    excitation : {"direct", "base"}
+        "direct" is a force on the tip (magnetic, photothermal): the detector sees the tip's position. "base" is a
+        shaker under the lever, which moves its base by u0: the detector sees the deflection, position less base.
+        Setpoint, amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase
+        is 0 for the free lever at resonance. The difference is of the order 1/Q.
 
     Examples
     --------
@@ -93,9 +101,12 @@ class Drive:
 
     free_amplitude: float
     frequency: float | None = None
+    excitation: str = "direct"
 
     def __post_init__(self) -> None:
         number("free_amplitude", self.free_amplitude, "m", above=0)
+        if self.excitation not in EXCITATIONS:
+            raise InputError("excitation", self.excitation, " or ".join(map(repr, EXCITATIONS)))
         if self.frequency is not None:
             number("drive frequency", self.frequency, "Hz", above=0)
 
@@ -137,11 +148,12 @@ class Microscope:
 
     @property
     def base_amplitude(self) -> float:
-        """u0 = free_amplitude / Q, the amplitude of the lever's base [m]."""
+        """u0 = free_amplitude / Q, the amplitude of the drive: with base excitation, that of the base [m]."""
         return self.drive.free_amplitude / self.cantilever.quality_factor
 
     @property
     def free_amplitude(self) -> float:
-        """Amplitude of the free lever at the drive frequency [m]; the setpoint is a fraction of this one."""
-        omega = self.frequency_ratio
-        return self.base_amplitude / math.hypot(1 - omega**2, 2 * self.cantilever.damping * omega)
+        """Amplitude of the free lever at the drive frequency, as the detector sees it [m]: what the setpoint is of."""
+        omega, loss = self.frequency_ratio, 2 * self.cantilever.damping * self.frequency_ratio
+        tip = self.base_amplitude / math.hypot(1 - omega**2, loss)
+        return tip if self.drive.excitation == "direct" else tip * math.hypot(omega**2, loss)

@@ -17,6 +17,7 @@ from phasemap.atlas.oracle import FUNCTIONS
 from phasemap.canvas import PENDING, Canvas, values_of
 from phasemap.distinct import BLOCK, Distinct
 from phasemap.energy import close
+from phasemap.excitation import of_tip
 from phasemap.job import Job, Painter, Values
 from phasemap.microscope import Microscope
 from phasemap.survey import Survey
@@ -60,8 +61,9 @@ def _check(_job: Job) -> None:
 
 
 def _interpolates(job: Job) -> bool:
-    """An atlas knows folds and grazing as borders, not the ends of the curves of a law with a neck."""
-    return job.solver.name == "auto" and not job.scope.interaction.law.hysteretic
+    """An atlas holds the amplitude of the tip, and knows folds and grazing as borders, not the ends of necks."""
+    direct = job.scope.drive.excitation == "direct"
+    return job.solver.name == "auto" and not job.scope.interaction.law.hysteretic and direct
 
 
 def _most(job: Job) -> int:
@@ -205,7 +207,8 @@ def tolerances_of(job: Job) -> Array:
 
 
 def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Array:
-    """omega_e^2 - 1 [1] that goes with a phase [rad], since u0 sin(phase) = P + A (1 - omega^2)."""
+    """omega_e^2 - 1 [1] that goes with what is seen [m, rad], since u0 sin(phase) = P + A (1 - omega^2) of the tip."""
+    amplitude, phase = of_tip(lever_of(scope), amplitude, phase)
     return scope.base_amplitude / amplitude * np.sin(phase) - (1 - scope.frequency_ratio**2)
 
 

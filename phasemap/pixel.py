@@ -184,7 +184,12 @@ def orbits(
     """
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
-    if setpoint is not None:
+    if setpoint is not None and scope.drive.excitation != "direct":
+        from phasemap.curves.run import at_seen
+
+        rows, complete = at_seen(material, scope, check_setpoint(setpoint) * scope.free_amplitude)
+        rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
+    elif setpoint is not None:
         from phasemap._kernels.batch import every_orbit
         from phasemap._kernels.collocation import HOLD_AMPLITUDE
         from phasemap._kernels.tables import TABLES
@@ -196,6 +201,7 @@ def orbits(
     else:
         from phasemap.curves.run import at_offset
 
+        assert tip_offset is not None
         rows, complete = at_offset(material, scope, number("tip_offset", tip_offset, "m"))
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset

@@ -15,6 +15,7 @@ import json
 import os
 import re
 import tomllib
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,7 @@ TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
     "output",
 )  # fmt: skip
+LOW_Q = 50.0  # below this it matters what the detector sees
 LARGEST = 1 << 22  # byte of a scene file: maps that are larger are better kept in files of their own
 LONG_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII)
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
@@ -519,6 +521,12 @@ def _scan(table: Table) -> tuple[float, Table]:
 def _microscope(tables: Table) -> Microscope:
     """The microscope of the tables for its parts."""
     lever, tip = _object(tables, "cantilever", Cantilever), _object(tables, "tip", Tip)
+    if lever.quality_factor < LOW_Q and "excitation" not in _table(tables, "drive"):
+        warnings.warn(
+            f"Q is {lever.quality_factor:g} and [drive] does not say excitation: with a shaker under the lever phases may be "
+            "off by degrees, so set 'base', or 'direct' if the force acts on the tip.",
+            stacklevel=2,
+        )
     return Microscope(lever, tip, _object(tables, "drive", Drive), _object(tables, "interaction", Interaction))
 
 

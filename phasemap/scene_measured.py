@@ -212,10 +212,11 @@ def _set(tables: Table, key: str, value: float) -> None:
 
 
 def _off_resonance(lever: Table, drive: Table) -> float | None:
-    """Amplitude at resonance over that at the drive frequency; None where that is not known."""
+    """Amplitude of the free tip at resonance over what is seen at the drive frequency; None where that is not known."""
     try:
         resonance = lever["resonance_frequency"]
-        return off_resonance(drive.get("frequency", resonance) / resonance, lever["quality_factor"])
+        ratio, deflection = drive.get("frequency", resonance) / resonance, drive.get("excitation") == "base"
+        return off_resonance(ratio, lever["quality_factor"], deflection)
     except (KeyError, TypeError, ZeroDivisionError):
         return None  # what is wrong is said when the scene is checked
 

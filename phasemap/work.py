@@ -29,10 +29,10 @@ class Work:
         The formulas of the interaction.
     rows : ndarray, shape (n, 12)
         Their parameters, one row a pixel.
-    lever : ndarray, shape (4,)
-        omega [1], alpha0 [1], stiffness [N/m], base amplitude [m].
+    lever : ndarray, shape (5,)
+        See `lever_of`.
     amplitudes : ndarray, shape (n,)
-        Setpoint amplitude of each pixel [m].
+        Setpoint amplitude of each pixel [m], as the detector sees it.
     """
 
     law: Law
@@ -43,9 +43,10 @@ class Work:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def part(self, chosen: Array) -> Work:
-        """Some of the pixels, by their numbers or marks."""
-        return Work(self.law, np.ascontiguousarray(self.rows[chosen]), self.lever, self.amplitudes[chosen])
+    def part(self, chosen: Array, amplitudes: Array | None = None) -> Work:
+        """Work of some of the pixels, at their setpoint amplitudes or at other ones."""
+        wanted = self.amplitudes[chosen] if amplitudes is None else amplitudes
+        return Work(self.law, np.ascontiguousarray(self.rows[chosen]), self.lever, wanted)
 
     def refused(self) -> Array:
         """Status codes (int8): GOOD where there is something to solve, or what a mark of `Interaction.columns` says."""
@@ -120,8 +121,13 @@ def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope
 
 
 def lever_of(scope: Microscope) -> Array:
-    """The lever as the kernels know it, shape (4,): omega [1], alpha0 [1], stiffness [N/m], base amplitude [m]."""
-    return np.array([scope.frequency_ratio, scope.cantilever.damping, scope.cantilever.stiffness, scope.base_amplitude])
+    """The lever as the kernels know it, shape (5,).
+
+    omega [1], alpha0 [1], stiffness [N/m], amplitude of the drive [m], and that of the base [m]: the drive's, or 0.
+    """
+    lever, drive = scope.cantilever, scope.base_amplitude
+    base = drive if scope.drive.excitation == "base" else 0.0
+    return np.array([scope.frequency_ratio, lever.damping, lever.stiffness, drive, base])
 
 
 def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array) -> Work:

@@ -13,6 +13,7 @@ from phasemap._check import whole
 from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.energy import close
+from phasemap.held import hold
 from phasemap.solvers import Solver
 from phasemap.work import Work
 
@@ -68,8 +69,11 @@ def run(
     Returns
     -------
     rows : ndarray, shape (n, COLUMNS)
+        As the detector sees them.
     status, solver : ndarray of int8, shape (n,)
     """
+    if work.lever[col.SHAKER]:
+        return hold(work, lambda part: run(solver, part, accuracy, threads=threads, progress=progress))
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)

@@ -5,8 +5,9 @@ CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 
-# Entries of the lever, shape (4,): omega [1], alpha0 [1], stiffness [N/m], base amplitude u0 [m].
-OMEGA, ALPHA0, STIFFNESS, BASE = 0, 1, 2, 3
+# Entries of the lever, shape (5,): omega [1], alpha0 [1], stiffness [N/m], amplitude u0 of the drive [m], and that of
+# the base [m], which a detector does not see: u0, or 0 where the drive's force acts on the tip.
+OMEGA, ALPHA0, STIFFNESS, BASE, SHAKER = 0, 1, 2, 3, 4
 
 # Columns of a result row, shape (COLUMNS,).
 TIP_OFFSET = 0  # z0 [m]
@@ -42,7 +43,8 @@ START_Z, START_V, START_HELD = 26, 27, 28  # z [m], dz/dtau [m], whether in cont
 PARAMETER = 29  # m [1]
 KIND = 30  # what made the row: one of those below
 INDEX = 31  # of the value asked for
-FULL = 32
+SEEN = 32  # amplitude that the detector sees [m]
+FULL = 33
 ON_THE_WAY, WANTED, FOLD, END, TURN = 0, 1, 2, 3, 4  # FOLD: the control turns; TURN: the value wanted does
 
 # Status codes; `phasemap.status.Status` says them in words.

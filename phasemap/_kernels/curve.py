@@ -35,6 +35,7 @@ from phasemap._kernels.collocation import (
     S,
     new_orbit,
 )
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import floquet
@@ -45,6 +46,7 @@ from phasemap._kernels.path import (
     DM,
     DP,
     DS,
+    DV,
     DZ,
     FP,
     LENGTH,
@@ -54,6 +56,7 @@ from phasemap._kernels.path import (
     SP,
     TU,
     TV,
+    VP,
     ZP,
     Fixed,
     Swept,
@@ -74,6 +77,7 @@ Path = TypeVar("Path", Fixed, Swept)
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
+EXACTLY, ENOUGH, MOST_TRIES = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
 
 
@@ -113,6 +117,9 @@ def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarr
     point[TU], point[TV] = t_u / length, t_v / length
     point[DZ], point[DA], point[DM] = dz / length, da / length, dm / length
     point[DP], point[DS] = right[RP] / length, right[RS] / length
+    lever = stand(path, value[M])[1]
+    point[VP] = seen_amplitude(lever, value[A], value[P])
+    point[DV] = seen_rate(lever, value[A], value[P], point[DA], point[DP])
     return math.isfinite(length)
 
 
@@ -280,8 +287,11 @@ def settle_on(
     held, at, length = orbit.head[VALUE], length_at(before, after, index, value), after[LENGTH]
     for i in range(5):
         held[ENTRY[i]] = hermite(before[i], length * before[RATE + i], after[i], length * after[RATE + i], at)
-    held[ENTRY[index]] = value
+    if index != VP:
+        held[ENTRY[index]] = value
     row = (1.0 if index == ZP else 0.0, 1.0 if index == AP else 0.0, 1.0 if index == MP else 0.0)
+    if index == VP:
+        row = row_of(path, reach_on(law, path, orbit), after)
     if not relay(law, path, tables, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit
@@ -291,6 +301,20 @@ def settle_on(
         return False, orbit, spare
     here = after.copy()
     good = mark(law, path, tables, orbit, here)
+    for _ in range(MOST_TRIES):
+        # What the detector sees is no coordinate: it is come to along the curve.
+        if index != VP or not good or abs(here[VP] - value) <= EXACTLY * value:
+            break
+        more, value_of = (value - here[VP]) / here[DV], orbit.head[VALUE]
+        for i in range(5):
+            value_of[ENTRY[i]] += more * here[RATE + i]
+        row = row_of(path, reach_on(law, path, orbit), here)
+        if not value_of[A] > 0.0 or not relay(law, path, tables, orbit, spare):
+            return False, orbit, spare
+        orbit, spare = spare, orbit
+        status, _, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, tolerance, 20, False)
+        good = status == col.GOOD and mark(law, path, tables, orbit, here)
+    good = good and (index != VP or abs(here[VP] - value) <= ENOUGH * value)
     other = answer(path) if index == control(path) else control(path)
     low, high = min(before[other], after[other]), max(before[other], after[other])
     slack = 0.05 * (high - low)
@@ -322,9 +346,9 @@ def cross(
     `start` holds the orbit at `before`. Where Newton's method lands on another piece of the curve, the curve is
     followed again in shorter steps.
     """
-    if index == AP:
+    if index == AP or index == VP:
         # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
-        tolerance *= max(1.0, 1e-2 * abs((after[ZP] - before[ZP]) / (after[AP] - before[AP])))
+        tolerance *= max(1.0, 1e-2 * abs((after[ZP] - before[ZP]) / (after[index] - before[index])))
     good, orbit, spare = settle_on(law, path, tables, index, value, before, after, orbit, spare, tolerance)
     if good:
         return True, orbit, spare

@@ -12,6 +12,7 @@ from phasemap._kernels.collocation import (
     COUNT,
     LEVEL,
     RIGHT,
+    RP,
     RZ,
     SYSTEM,
     VALUE,
@@ -19,11 +20,13 @@ from phasemap._kernels.collocation import (
     A,
     M,
     Orbit,
+    P,
     along,
     new_orbit,
 )
 from phasemap._kernels.curve import FIRST_STEP, Path, advance, copy_orbit, cross, mark
 from phasemap._kernels.estimate import state_errors
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.observables import complete, time_trace
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, observe
@@ -64,8 +67,11 @@ def record(
     row = rows[count]
     row[:] = math.nan
     observe(law, p, lever, tables, orbit, row[: col.COLUMNS])
+    amplitude, push = orbit.head[VALUE, A], orbit.head[VALUE, P]
+    row[col.SEEN] = seen_amplitude(lever, amplitude, push)
     if along(lever, orbit, 0.0, 1.0):
-        row[col.SLOPE] = 1.0 / orbit.head[SYSTEM + RZ, RIGHT]
+        rate = seen_rate(lever, amplitude, push, 1.0, orbit.head[SYSTEM + RP, RIGHT])
+        row[col.SLOPE] = rate / orbit.head[SYSTEM + RZ, RIGHT]
     complete(law, p, lever, tables, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = orbit.head[VALUE, M], kind, index
     if traces.shape[2] > 0:
@@ -169,7 +175,7 @@ def follow(
     Parameters
     ----------
     index : int
-        Entry of a point whose values are wanted: the control, or the amplitude.
+        Entry of a point whose values are wanted: the control, or the amplitude, of z or as seen.
     point : ndarray, shape (POINT,)
         The start, marked; its tangent says in which sense the curve is followed.
     box : ndarray, shape (3,)

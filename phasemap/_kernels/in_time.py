@@ -21,6 +21,7 @@ from phasemap._kernels.approach import free_amplitude
 from phasemap._kernels.march import march_period
 from phasemap._kernels.period_map import (
     Tip,
+    amplitude_of,
     fill,
     hold_periodic,
     multiplier_of,
@@ -65,10 +66,10 @@ LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, SUMS = 12, 13,
 
 
 @njit(**STEADY)
-def begin_sums(acc: np.ndarray) -> np.ndarray:
-    """Return empty sums of a lock-in that shows the phasor of the last period."""
+def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
+    """Return empty sums of a lock-in that shows the phasor of the last period, as the detector sees it."""
     sums = np.zeros(SUMS)
-    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[0]
+    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[0] - lever[col.SHAKER]
     sums[LOW_SIN] = sums[FROM_SIN] = sums[LAST_SIN] = acc[1]
     return sums
 
@@ -90,8 +91,9 @@ def average(
             return False
         for j in range(7):
             sums[j] += acc[j]
-        x = keep * sums[LOW_COS] + (1.0 - keep) * acc[0]
-        y = keep * sums[LOW_SIN] + (1.0 - keep) * acc[1]
+        cosine, sine = acc[0] - lever[col.SHAKER], acc[1]
+        x = keep * sums[LOW_COS] + (1.0 - keep) * cosine
+        y = keep * sums[LOW_SIN] + (1.0 - keep) * sine
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         sums[COUNT] += 1.0
@@ -99,15 +101,15 @@ def average(
         sums[SIZE2] += size * size
         sums[ANGLE] += angle
         sums[ANGLE2] += angle * angle
-        sums[CHANGE] = max(sums[CHANGE], math.hypot(acc[0] - sums[LAST_COS], acc[1] - sums[LAST_SIN]))
-        sums[LOW_COS], sums[LOW_SIN], sums[LAST_COS], sums[LAST_SIN] = x, y, acc[0], acc[1]
+        sums[CHANGE] = max(sums[CHANGE], math.hypot(cosine - sums[LAST_COS], sine - sums[LAST_SIN]))
+        sums[LOW_COS], sums[LOW_SIN], sums[LAST_COS], sums[LAST_SIN] = x, y, cosine, sine
     return True
 
 
 @njit(**STEADY)
-def seen(sums: np.ndarray) -> float:
-    """Amplitude [m] of the mean phasor."""
-    return math.hypot(sums[0], sums[1]) / sums[COUNT]
+def seen(lever: np.ndarray, sums: np.ndarray) -> float:
+    """Amplitude [m] of the mean phasor that the detector sees."""
+    return math.hypot(sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT])
 
 
 @njit(**STEADY)
@@ -150,7 +152,7 @@ def follow_down(
             u[3] -= stride
             if not rest(law, p, lever, how, int(DISTURBED * rings), tip):
                 return LEFT
-        if math.hypot(tip.acc[0], tip.acc[1]) <= amplitude:
+        if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN
         slope = slope_of(linear)
         z_slope, v_slope = relaxed(linear, linear[12], linear[13])
@@ -172,12 +174,12 @@ def move_slowly(
     block, from_z0 = block_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
     pace = FALL * free_amplitude(lever) / ring_down(lever)
-    sums = begin_sums(tip.acc)
+    sums = begin_sums(lever, tip.acc)
     if not average(law, p, lever, how[0], block, 0.0, tip, sums):
         return SPENT
-    down = seen(sums) > amplitude
+    down = seen(lever, sums) > amplitude
     while tip.periods[0] < most and average(law, p, lever, how[0], block, pace if down else -pace, tip, sums):
-        if (seen(sums) <= amplitude) == down:
+        if (seen(lever, sums) <= amplitude) == down:
             return SEEN
         if not abs(tip.u[3]) < -lowest:
             return LOWEST
@@ -201,12 +203,12 @@ def hold_mean(
     for j in range(len(row)):
         row[j] = math.nan
     held = amplitude > 0.0
-    block, sums, total, group = block_of(lever), begin_sums(tip.acc), np.zeros(ADDED), np.zeros(3)
+    block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
     for _ in range(3 * GROUP):
         if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
             return col.NOT_SETTLED
-        tip.u[3] += EAGER * (amplitude - seen(sums)) if held else 0.0
-    sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT], sums[1] / sums[COUNT]
+        tip.u[3] += EAGER * (amplitude - seen(lever, sums)) if held else 0.0
+    sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square = 0, 0.0, 0.0, 0.0, 0.0
     z_error = a_error = math.inf
@@ -220,9 +222,10 @@ def hold_mean(
             group[0] += tip.u[3] / GROUP
             group[1] += sums[0]
             group[2] += sums[1]
-            tip.u[3] += SLOW * (amplitude - seen(sums)) if held else 0.0
-        x, y, from_x, from_y = group[1], group[2], sums[FROM_COS], sums[FROM_SIN]
-        z = group[0] + amplitude - math.hypot(x, y) / (GROUP * block)
+            tip.u[3] += SLOW * (amplitude - seen(lever, sums)) if held else 0.0
+        x, y = group[1] / (GROUP * block) - lever[col.SHAKER], group[2] / (GROUP * block)
+        from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
+        z = group[0] + amplitude - math.hypot(x, y)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         groups += 1
         off = z - z_mean
@@ -246,7 +249,7 @@ def hold_mean(
     for j in range(ADDED):
         total[j] /= count
     fill(lever, z_mean if held else tip.u[3], total, row)
-    if held:
+    if held and lever[col.SHAKER] == 0.0:
         row[col.AMPLITUDE] = amplitude
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
@@ -334,7 +337,7 @@ def carry_to(
     count = int(abs(u[3] - z0) / pace)
     if not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(tip.acc)):
+    if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(lever, tip.acc)):
         return col.NOT_SETTLED
     u[3] = z0
     how = (eta, PRECISE[0] * free_amplitude(lever), PRECISE[1])

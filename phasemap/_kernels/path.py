@@ -33,14 +33,15 @@ from phasemap._kernels.orbit import newton, newton_swept
 
 HELD_OFFSET, HELD_AMPLITUDE = 0, 1  # what a sweep of m holds
 LEVER = col.ROW  # rows of a sweep's table: the law's parameters, the lever, what is held
-HELD = LEVER + 4
+HELD = LEVER + 5
 TABLE_ROWS = HELD + 1
 SMALL = 1e-5  # change of m for derivatives
-# Entries of a point of the curve: z0, A, m, P and S, their derivatives along the curve, its unit tangent in the scaled
-# coordinates, the largest Floquet multiplier, det(1 - monodromy), the length of the step that led there.
-ZP, AP, MP, PP, SP, DZ, DA, DM, DP, DS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-TU, TV, FP, DET, LENGTH, POINT = 10, 11, 12, 13, 14, 15
-RATE = 5  # from a value to its derivative
+# Entries of a point of the curve: z0, A, m, P and S, the amplitude that the detector sees, their derivatives along the
+# curve (of the last one with the lever as it is), its unit tangent in the scaled coordinates, the largest Floquet
+# multiplier, det(1 - monodromy), the length of the step that led there.
+ZP, AP, MP, PP, SP, VP, DZ, DA, DM, DP, DS, DV = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11
+TU, TV, FP, DET, LENGTH, POINT = 12, 13, 14, 15, 16, 17
+RATE = 6  # from a value to its derivative
 
 
 class Fixed(NamedTuple):

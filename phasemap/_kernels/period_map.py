@@ -55,6 +55,12 @@ def ring_down(lever: np.ndarray) -> int:
 
 
 @njit(**STEADY)
+def amplitude_of(lever: np.ndarray, acc: np.ndarray) -> float:
+    """Amplitude [m] that the detector sees in a period: of the first harmonic of z, less that of the lever's base."""
+    return math.hypot(acc[0] - lever[col.SHAKER], acc[1])
+
+
+@njit(**STEADY)
 def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods[0] += 1
@@ -74,7 +80,7 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) 
         tip.periods[0] += 1
         if march_period(law, p, lever, u[3] + (size if j == 3 else 0.0), eta, y, acc) < 0 or y[2] != u[2]:
             return False
-        linear[4 * j], linear[4 * j + 1], linear[4 * j + 2] = y[0] - z, y[1] - v, math.hypot(acc[0], acc[1])
+        linear[4 * j], linear[4 * j + 1], linear[4 * j + 2] = y[0] - z, y[1] - v, amplitude_of(lever, acc)
         if j > 0:
             for i in range(3):
                 linear[4 * j + i] = (linear[4 * j + i] - linear[i]) / size
@@ -144,7 +150,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
             tip.periods[0] += 1
             if march_period(law, p, lever, trial[3], eta, y, acc) < 0 or y[2] != u[2]:
                 return False
-            error = math.hypot(acc[0], acc[1]) - target
+            error = amplitude_of(lever, acc) - target
             z, v, move = _ahead(linear, y[0] - trial[0], y[1] - trial[1], error, hold)
             left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
             if not (left <= 1 or left <= 0.25 * way):
@@ -161,7 +167,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
                 tip.periods[0] += 1
                 if march_period(law, p, lever, u[3], eta, y, acc) < 0 or y[2] != u[2]:
                     return False
-                error = math.hypot(acc[0], acc[1]) - target
+                error = amplitude_of(lever, acc) - target
                 z, v, move = _ahead(linear, y[0] - u[0], y[1] - u[1], error, hold)
             return True
     return False
@@ -204,7 +210,7 @@ def hold_periodic(
     while not skip(law, p, lever, how, amplitude, tip):
         if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
             return col.NOT_SETTLED
-        error = math.hypot(tip.acc[0], tip.acc[1]) - amplitude
+        error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
             stride *= 0.5
         last = error
@@ -220,7 +226,7 @@ def hold_periodic(
 
 @njit(**STEADY)
 def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None:
-    """Fill a result row from what a period gave, or many in the mean: their balances are the same, for they are linear.
+    """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
 
     In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); energy, what the drive gives is dissipated.
     """

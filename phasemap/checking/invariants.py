@@ -20,6 +20,7 @@ from phasemap.checking.picture import MEAN, Picture
 from phasemap.checking.result import Claim, in_words, judged
 from phasemap.dataset import FLAGS
 from phasemap.energy import lost_in_air, supplied
+from phasemap.excitation import of_tip
 from phasemap.feedback.program import mean_ground
 from phasemap.paint import stiffening
 from phasemap.realism import DIGITISED
@@ -123,6 +124,17 @@ def _amplitude(picture: Picture) -> Claim:
     return judged("the amplitude is that of the setpoint", picture, bad, apart, picture.good, found)
 
 
+def _of_tip(picture: Picture) -> tuple[Array, Array]:
+    """Amplitude and phase of the tip [m, rad]."""
+    return of_tip(lever_of(picture.claims.microscope), picture["amplitude"], np.radians(picture["phase"]))
+
+
+def _magnified(picture: Picture) -> Array:
+    """At most by how much an error of what the detector sees is larger in the motion of the tip."""
+    base = lever_of(picture.claims.microscope)[col.SHAKER]
+    return np.asarray((1 + base / picture["amplitude"]) ** 2 if base else 1.0)
+
+
 def _amplitude_error(picture: Picture) -> Claim:
     """What the controller left is the amplitude less the setpoint's."""
     wanted = picture.claims.amplitude
@@ -136,9 +148,9 @@ def _amplitude_error(picture: Picture) -> Claim:
 def _balances(picture: Picture) -> Claim:
     """Energy and virial leave room for the same higher harmonics, and for no less than none."""
     lever = lever_of(picture.claims.microscope)
-    omega, _, stiffness, base = lever
-    amplitude, phase, mean = picture["amplitude"], np.radians(picture["phase"]), picture["mean_deflection"]
-    unknown = picture.unknown_phase()
+    omega, _, stiffness, base, _ = lever
+    (amplitude, phase), mean = _of_tip(picture), picture["mean_deflection"]
+    unknown = picture.unknown_phase() * _magnified(picture)
     given, air = supplied(lever, amplitude, phase), lost_in_air(lever, amplitude)
     # Both are sums over harmonics, of n^2 A_n^2 and of (n^2 omega^2 - 1) A_n^2, over A^2.
     power = (given - picture["dissipation"] - air) / air
@@ -166,7 +178,8 @@ def _closure(picture: Picture) -> Claim:
     """Energy closes, as the drive's largest work sees it: off resonance most comes back within the cycle."""
     closure = np.abs(picture["energy_closure"])
     if picture.has("phase", "solver"):
-        closure = closure * np.abs(np.cos(np.radians(picture["phase"])))
+        phase = _of_tip(picture)[1] if "amplitude" in picture else np.radians(picture["phase"])
+        closure = closure * np.abs(np.cos(phase))
         known = picture.good & (picture.raw("solver") != col.INTERPOLATED)  # that of interpolated has harmonics in it
     else:
         known = picture.good
@@ -205,7 +218,7 @@ def _branch(picture: Picture) -> Claim:
     scope, amplitude = picture.claims.microscope, picture["amplitude"]
     added = stiffening(scope, amplitude, np.radians(picture["phase"]))
     bad = (added > 0) != (picture.raw("branch") == 1)
-    doubt = scope.base_amplitude / amplitude * (picture.unknown_phase() + ROUNDING)
+    doubt = scope.base_amplitude / amplitude * (picture.unknown_phase() + ROUNDING) * _magnified(picture)
     bad &= np.abs(added) > doubt + picture.coarse("amplitude") / amplitude
     repulsive = (picture.raw("branch") == 1)[picture.solved]
     found = f"repulsive in {100 * repulsive.mean():.3g} %" if repulsive.size else ""

@@ -19,7 +19,7 @@ from phasemap.contrasts.record import DIMS, record
 from phasemap.dataset import describe, provenance
 from phasemap.errors import InputError
 from phasemap.material import Material
-from phasemap.microscope import Drive, Microscope
+from phasemap.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.sweep import check_axis
 from phasemap.work import check_setpoint
@@ -150,9 +150,10 @@ def contrast(
     falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
     given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
     found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
-    held = Drive(
-        float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
-        drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
+    held = replace(
+        drive,
+        free_amplitude=float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
+        frequency=drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
     )
     configuration = {
         "microscope": describe(replace(scope, drive=held)), "first": describe(first), "second": describe(second),

@@ -11,11 +11,11 @@ from phasemap._kernels import columns as col
 from phasemap.accuracy import Accuracy
 from phasemap.branches import stable_branches
 from phasemap.material import Material
-from phasemap.microscope import Drive, Microscope
+from phasemap.microscope import Microscope
 from phasemap.solvers import Solver
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.orbit import Orbit
-from phasemap.work import Work, work_of_material
+from phasemap.work import Work, lever_of, work_of_material
 from phasemap.workers import run
 
 Array = np.ndarray
@@ -84,11 +84,10 @@ class Pair:
         setpoints : ndarray, shape (n,)
             Amplitudes over the free amplitude at the drive frequency.
         """
-        scope = replace(self.scope, drive=Drive(free_amplitude, frequency))
-        lever = self.materials.lever.copy()
-        lever[col.OMEGA], lever[col.BASE] = scope.frequency_ratio, scope.base_amplitude
+        drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
+        scope = replace(self.scope, drive=drive)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
-        return Work(self.materials.law, rows, lever, np.tile(setpoints * scope.free_amplitude, 2))
+        return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.free_amplitude, 2))
 
     def engage(self, work: Work, solver: Solver | None = None) -> Engaged:
         """The orbits that the controller finds; on one thread, for callers have theirs."""

@@ -86,7 +86,7 @@ class Feedback:
                 return self._in_time(place.on, index, direction, lost)
             here = place.on.row_at(place.z0)
             assert here is not None
-            down = float(here[col.AMPLITUDE]) > target
+            down = float(here[col.SEEN]) > target
             rows, x = place.on.rows, place.on.x
             ahead = np.flatnonzero((x <= place.z0) if down else (x >= place.z0))
             ahead = ahead[::-1] if down else ahead

@@ -6,6 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.curves.pieces import START, Curves
+from phasemap.excitation import show
 from phasemap.solvers.march import ETA, MOST_PERIODS
 
 
@@ -43,4 +44,5 @@ class Adrift:
             row[col.PARAMETER] = x
         move = carry_on if by_amplitude else carry_to
         status = move(curves.law, np.array(p), lever, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        row[col.SEEN] = show(lever, row[col.AMPLITUDE], row[col.PHASE])[0]
         return int(status), row

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.excitation import seen
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -77,6 +78,14 @@ class Curves:
             return self.path.p, self.path.lever
         p, lever, _ = swept_at(self.path.table, m)
         return p, lever
+
+    def seen(self, rows: np.ndarray) -> np.ndarray:
+        """Rows as the detector sees them, shape (..., FULL)."""
+        if not self.standing(0.0)[1][col.SHAKER]:
+            return rows
+        flat = rows.reshape(-1, col.FULL)
+        levers = np.array([self.standing(m)[1] for m in np.nan_to_num(flat[:, col.PARAMETER])]).reshape(len(flat), -1)
+        return seen(flat, levers).reshape(rows.shape)
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""

@@ -66,13 +66,13 @@ def dataset(
     import xarray as xr
 
     order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order
-    rows = np.stack([visit.rows[order] for visit in visits])
+    rows = curves.seen(np.stack([visit.rows[order] for visit in visits]))
     dims = ("direction", axis.name)
     data = _variables("", rows, dims, axis.name)
     status = np.stack([visit.status[order] for visit in visits]).astype(np.int8)
     data["status"] = (dims, status, flag_attributes("status"))
     data |= _curve(curves, axis, value)
-    data |= _jumps([jump for visit in visits for jump in visit.jumps], axis, value)
+    data |= _jumps(curves, [jump for visit in visits for jump in visit.jumps], axis, value)
     coordinates: Variables = {
         "direction": ("direction", list(axis.directions), {"long_name": "direction of the sweep"}),
         axis.name: (axis.name, axis.values, {"long_name": axis.long_name, "units": axis.units}),
@@ -113,7 +113,7 @@ def _traces(traces: np.ndarray, dims: tuple[str, ...]) -> Variables:
 def _curve(curves: Curves, axis: Axis, value: Callable[[np.ndarray], np.ndarray]) -> Variables:
     """The complete curve and its folds."""
     pieces, data = curves.pieces, Variables()
-    rows = np.concatenate([piece.rows for piece in pieces]) if pieces else np.zeros((0, col.FULL))
+    rows = curves.seen(np.concatenate([piece.rows for piece in pieces]) if pieces else np.zeros((0, col.FULL)))
     number = np.repeat(np.arange(len(pieces), dtype=np.int32), [len(piece.rows) for piece in pieces])
     for prefix, dim, part in (("curve_", "point", slice(None)), ("fold_", "fold", rows[:, col.KIND] == axis.fold)):
         some = rows[part]
@@ -128,11 +128,11 @@ def _curve(curves: Curves, axis: Axis, value: Callable[[np.ndarray], np.ndarray]
     return data
 
 
-def _jumps(jumps: list[Jump], axis: Axis, value: Callable[[np.ndarray], np.ndarray]) -> Variables:
+def _jumps(curves: Curves, jumps: list[Jump], axis: Axis, value: Callable[[np.ndarray], np.ndarray]) -> Variables:
     """Where sweeps jumped, from which orbit to which."""
     nothing = np.full(col.FULL, np.nan)
-    before = np.array([jump.before for jump in jumps]).reshape(len(jumps), col.FULL)
-    after = np.array([nothing if jump.after is None else jump.after for jump in jumps]).reshape(len(jumps), col.FULL)
+    ends = [jump.before for jump in jumps], [nothing if jump.after is None else jump.after for jump in jumps]
+    before, after = (curves.seen(np.array(some).reshape(len(jumps), col.FULL)) for some in ends)
     attributes = {"long_name": axis.long_name + " at the jump", "units": axis.units}
     codes = np.array([jump.direction for jump in jumps], np.int8)
     meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": " ".join(axis.directions)}

@@ -14,6 +14,8 @@ from phasemap.curves.pieces import Curves
 from phasemap.curves.record import Axis, dataset
 from phasemap.curves.walk import Jump, Segment, Visit, like, segments, walk
 from phasemap.curves.whole import FAINT, complete, held_curves, mend
+from phasemap.errors import InputError
+from phasemap.excitation import seen
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 from phasemap.status import Status
@@ -37,7 +39,18 @@ def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
     complete(curves, scope, tip_offset)
     rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
-    return rows[rows[:, col.KIND] == col.WANTED], all(piece.ended != FULL for piece in curves.pieces)
+    return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), all(piece.ended != FULL for piece in curves.pieces)
+
+
+def at_seen(material: Material, scope: Microscope, amplitude: float) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit that the detector sees with this amplitude, and whether all curves were followed."""
+    from phasemap._kernels.follow import FULL
+
+    law, path = fixed_path(Question(material, scope))
+    curves = held_curves(law, path, np.array([amplitude]), 0)
+    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
+    complete = all(piece.ended != FULL for piece in curves.pieces)
+    return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), complete
 
 
 def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
@@ -74,6 +87,10 @@ def parameter(
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
     from phasemap._kernels.path import MP
     from phasemap.curves.control import UNITS
+
+    if ratio is not None and scope.drive.excitation != "direct":
+        hint = "A feedback on the deflection is not followed along other parameters; solve the values one by one."
+        raise InputError("excitation", scope.drive.excitation, "'direct' for a sweep with a setpoint held", hint)
 
     question, scale = Question(material, scope), Scale.over(axis)
     for value in (scale.low, scale.high):

@@ -21,15 +21,16 @@ DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 
 def held_curves(law: Law, path: Fixed, amplitudes: np.ndarray, samples: int) -> Curves:
-    """The distance curve from far, with rows at these amplitudes."""
+    """The distance curve from far, with rows where the detector sees these amplitudes."""
     from phasemap._kernels.approach import free_amplitude
-    from phasemap._kernels.path import AP
+    from phasemap._kernels.path import AP, VP
 
-    free = float(free_amplitude(path.lever))
-    curves = Curves(law, path, AP, amplitudes, (-DEEP * free, np.inf, 0.98 * amplitudes[0]), samples)
+    free, base = float(free_amplitude(path.lever)), path.lever[col.SHAKER]
+    least = max(amplitudes[0] - base, FAINT * free) if base else amplitudes[0]  # of z
+    curves = Curves(law, path, VP if base else AP, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
     curves.from_far(0.0)
     # A start is no value wanted: beside the lowest one.
-    for amplitude in np.linspace(1.0037 * amplitudes[0], max(0.98 * free, 1.01 * amplitudes[0]), APART):
+    for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
         curves.seek(float(amplitude))
     mend(curves, free)
     return curves

@@ -12,8 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from phasemap._kernels.approach import averaged_orbits
+from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.cheap import phase_of
-from phasemap._kernels.columns import ALPHA0, GOOD
+from phasemap._kernels.columns import ALPHA0, GOOD, SHAKER
+from phasemap._kernels.inverting.averaged import held_root
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
 from phasemap._kernels.scanning import loop as of
@@ -144,7 +146,7 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
     valid = np.flatnonzero(work.refused() == GOOD)
     for i in valid[:: max(1, len(valid) // MOST)]:
         p, amplitude = parameters(work.rows[i]), float(work.amplitudes[i])
-        for orbit in averaged_orbits(work.law, p, work.lever, amplitude):
+        for orbit in _orbits(work, p, amplitude):
             loop = loop_of(replace(control, proportional_gain=0.0, integral_gain=0.0), scope, amplitude)
             loop[of.LOW], loop[of.HIGH] = -math.inf, math.inf
             state, mean = _steady(work, loop, orbit)
@@ -157,7 +159,7 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
             lifted = (
                 still[of.AMP : of.AMP + 2, of.PLACE] if loop[of.SPRING] else -still[of.AMP : of.AMP + 2, of.INTEGRAL]
             )
-            rising = np.linalg.solve(lever, -lifted) @ state[of.AMP : of.AMP + 2]
+            rising = np.linalg.solve(lever, -lifted) @ (state[of.AMP : of.AMP + 2] - [loop[of.SHAKER], 0.0])
             # The feedback holds an orbit that is stable and whose amplitude grows with distance.
             if (np.linalg.eigvals(lever).real < 0).all() and rising > 0:
                 kept = _moving(loop)
@@ -168,6 +170,20 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
         return empty, empty, empty
     still, first, second = (np.array(part) for part in zip(*parts, strict=True))
     return still, first, second
+
+
+def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
+    """Averaged orbits (z0, mean deflection, A, P, S) that the detector sees with this amplitude, shape (n, 5)."""
+    if not work.lever[SHAKER]:
+        found: Array = averaged_orbits(work.law, p, work.lever, amplitude)
+        return found
+    rows, reach = [], reach_of(work.law, p)
+    for side in (-1, 1):
+        a, c, slope = held_root(work.law, p, work.lever, reach, amplitude, side, True, math.nan)
+        if slope < 0:
+            push, drag, mean = harmonics(work.law, p, work.lever, reach, a, c)
+            rows.append([a * c + mean, mean, a, push, drag])
+    return np.array(rows).reshape(-1, 5)
 
 
 def _moving(loop: Array) -> Array:

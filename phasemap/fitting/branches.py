@@ -81,8 +81,9 @@ def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branche
     parts = segments(curves.pieces, column)
     if not parts:  # nothing oscillates
         return Branches(np.zeros((1, len(x))), np.zeros((1, len(x))), np.full((1, len(x)), np.ptp(x) * unit))
+    seen = [curves.seen(part.rows) for part in parts]
     amplitude, phase = (
-        np.stack([np.interp(x, part.x, part.rows[:, column]) for part in parts])
+        np.stack([np.interp(x, part.x, rows[:, column]) for part, rows in zip(parts, seen, strict=True)])
         for column in (col.AMPLITUDE, col.PHASE)
     )
     gap = np.stack([np.maximum(0, np.maximum(part.x[0] - x, x - part.x[-1])) for part in parts])

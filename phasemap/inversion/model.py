@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.law import Law
+from phasemap.excitation import of_tip
 from phasemap.inversion.stack import HEIGHT, PHASE, Stack
 from phasemap.material import Material
 from phasemap.microscope import Microscope
-from phasemap.work import contact_stiffness, material_row, properties
+from phasemap.work import contact_stiffness, lever_of, material_row, properties
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -46,7 +47,7 @@ class Model:
     poisson_ratio : float
     scope : Microscope
     law : Law
-    levers : ndarray, shape (m, 4)
+    levers : ndarray, shape (m, 5)
     amplitudes : ndarray, shape (m,)
         At the setpoint [m].
     """
@@ -101,10 +102,7 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
     scope = stack.scopes[0]
     row, viscous = material_row(prior)
     _, adhesion, damping = properties(row, viscous, scope)
-    levers = [
-        [one.frequency_ratio, one.cantilever.damping, one.cantilever.stiffness, one.base_amplitude]
-        for one in stack.scopes
-    ]
+    levers = [lever_of(one) for one in stack.scopes]
     amplitudes = [ratio * one.free_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
     return Model(
         np.array([prior.modulus, float(adhesion[0]), float(damping[0])]),
@@ -114,16 +112,17 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
 
 
 def sides_of(stack: Stack) -> Codes:
-    """Branch of each datum, shape (n, m): the sign of its phase beside that of the free lever; 0 without a datum.
+    """Branch of each datum, shape (n, m): the sign of the tip's phase beside the free one's; 0 without a datum.
 
     A height without a phase is taken to be on the branch of most other images.
     """
     seen = np.isfinite(stack.errors[:, :, PHASE])
-    turn = []
-    for scope in stack.scopes:
+    turn, phases = [], stack.values[:, :, PHASE].copy()
+    for j, (scope, setpoint) in enumerate(zip(stack.scopes, stack.setpoints, strict=True)):
         omega = scope.frequency_ratio
         turn.append(np.arctan2(1 - omega**2, 2 * scope.cantilever.damping * omega))
-    raised = np.where(stack.values[:, :, PHASE] > np.array(turn), 1, -1)
+        phases[:, j] = of_tip(lever_of(scope), setpoint * scope.free_amplitude, phases[:, j])[1]
+    raised = np.where(phases > np.array(turn), 1, -1)
     most = np.where((raised * seen).sum(axis=1, keepdims=True) < 0, -1, 1)
     sides = np.where(seen, raised, most)
     return np.where(seen | np.isfinite(stack.errors[:, :, HEIGHT]), sides, 0).astype(np.int8)

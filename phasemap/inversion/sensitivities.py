@@ -13,6 +13,7 @@ from phasemap.accuracy import Accuracy
 from phasemap.branches import stable_branches
 from phasemap.dataset import branch_of, describe, flag_attributes, provenance
 from phasemap.errors import InputError
+from phasemap.excitation import of_tip
 from phasemap.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.surface import Surface
@@ -93,7 +94,8 @@ def sensitivity(
     def solve(first: int, last: int) -> None:
         some = good[first:last]
         sides = np.where(rows[some, col.STIFFENING] > 0, 1, -1).astype(np.int8)
-        places = (rows[some, col.TIP_OFFSET] - rows[some, col.MEAN]) / amplitude
+        of_z = of_tip(work.lever, amplitude, rows[some, col.PHASE])[0]
+        places = (rows[some, col.TIP_OFFSET] - rows[some, col.MEAN]) / of_z
         for i in range(3):
             ends = []
             for sign in (1, -1):

@@ -87,10 +87,11 @@ def _of_tables(
     """The canonical values of a configuration."""
     resonance, quality = lever["resonance_frequency"], lever["quality_factor"]
     frequency = drive["frequency"] or resonance
+    ratio, deflection = frequency / resonance, drive.get("excitation") == "base"
     scan = ScanData()
     scan.take(
         drive_frequency=frequency,
-        free_amplitude=drive["free_amplitude"] / off_resonance(frequency / resonance, quality),
+        free_amplitude=drive["free_amplitude"] / off_resonance(ratio, quality, deflection),
         setpoint=setpoint,
         stiffness=lever["stiffness"],
         resonance_frequency=resonance,
@@ -98,22 +99,37 @@ def _of_tables(
         line_rate=control.get("line_rate"),
         proportional_gain=control.get("proportional_gain"),
         integral_gain=control.get("integral_gain"),
-        phase_zero=math.degrees(math.atan2(quality * (resonance / frequency - frequency / resonance), 1.0)),
+        phase_zero=phase_of_free(ratio, quality, deflection),
     )
     if levelled:
         del scan.values["phase_zero"]
     return scan.values
 
 
-def off_resonance(ratio: float, quality: float) -> float:
-    """Amplitude at resonance over that at `ratio` times the resonance frequency [1].
+def off_resonance(ratio: float, quality: float, deflection: bool = False) -> float:
+    """Amplitude of the free tip at resonance over what is seen at `ratio` times the resonance frequency [1].
+
+    Parameters
+    ----------
+    ratio, quality : float
+    deflection : bool
+        Whether the detector sees the deflection of a lever whose base is driven, and not the position of the tip.
 
     Examples
     --------
-    >>> off_resonance(1.0, 400.0)
-    1.0
+    >>> off_resonance(1.0, 400.0), round(off_resonance(1.0, 3.0, True), 4)
+    (1.0, 0.9487)
     """
-    return quality * math.hypot(1 - ratio**2, ratio / quality)
+    seen = math.hypot(ratio**2, ratio / quality) if deflection else 1.0
+    return quality * math.hypot(1 - ratio**2, ratio / quality) / seen
+
+
+def phase_of_free(ratio: float, quality: float, deflection: bool) -> float:
+    """Phase that is seen of the free lever at `ratio` times the resonance frequency [degree]."""
+    phase = math.atan2(quality * (1 / ratio - ratio), 1.0)
+    if deflection:
+        phase += math.atan(1 / quality) - math.atan2(1 / quality, ratio)
+    return math.degrees(phase)
 
 
 def quantity(text: str | None) -> float | None:

@@ -2,6 +2,7 @@
 
 At a given amplitude the averaged orbit is a root c of one scalar equation, the mismatch of the drive (`averaging`), so
 that by the implicit function theorem phase and tip offset change with a parameter at fixed c, and by what c changes.
+Where the detector sees the deflection, that holds at a given A; what A is follows from the amplitude that is seen.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ from numba import njit
 
 from phasemap._kernels.approach import averaged_orbits
 from phasemap._kernels.averaging import harmonics, mismatch
-from phasemap._kernels.columns import ALPHA0, OMEGA
+from phasemap._kernels.columns import ALPHA0, OMEGA, SHAKER
+from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
 
 PHASE, OFFSET, VALUES = 0, 1, 2  # what is measured: phase [rad], tip offset [m]
 MOST_STEPS = 14
+HELD, WELL = 1e-12, 1e-8  # of the amplitude that is held: as near is exact, and as near is enough in the end
+APART = 1e-5  # of A, for derivatives with respect to it
 FINE = 1e-4  # of the depth, for derivatives with respect to c
 CLOSE = 1e-5  # of the depth: Newton's last step, whose square is what is left
 LONGEST = 0.6  # of the depth, of a step
@@ -80,6 +84,50 @@ def root_anywhere(
 
 
 @njit(**OPTIONS)
+def root_of(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, search: bool, c: float
+) -> tuple[float, float]:
+    """The root c near a guess, or with `search` anywhere, and dh/dc there; NaN if there is none."""
+    root, slope = root_near(law, p, lever, reach, amplitude, side, c)
+    if search and not slope < 0.0:
+        root, slope = root_anywhere(law, p, lever, reach, amplitude, side)
+    return root, slope
+
+
+@njit(**OPTIONS)
+def look(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
+) -> tuple[float, float, float, float]:
+    """Mismatch of a harmonic orbit, amplitude [m] and phase [rad] that the detector sees, and tip offset [m]."""
+    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+    phase, offset = observed(lever, amplitude, c, push, drag, mean)
+    seen, turned = show(lever, amplitude, phase)
+    return mismatch(lever, amplitude, push, drag), seen, turned, offset
+
+
+@njit(**OPTIONS)
+def held_root(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, held: float, side: int, search: bool, c: float
+) -> tuple[float, float, float]:
+    """A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and dh/dc; NaN without one."""
+    amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
+    for step in range(MOST_STEPS):
+        c, slope = root_of(law, p, lever, reach, amplitude, side, search, c)
+        if not slope < 0.0 or lever[SHAKER] == 0.0:
+            return amplitude, c, slope
+        push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+        phase, _ = observed(lever, amplitude, c, push, drag, mean)
+        miss = show(lever, amplitude, phase)[0] - held
+        if abs(miss) < (HELD if step < MOST_STEPS - 1 else WELL) * held:
+            return amplitude, c, slope
+        following = next_amplitude(lever, held, amplitude, phase, miss, before)
+        before, amplitude = (amplitude, miss), following
+        if not amplitude > 0.0:
+            break
+    return amplitude, math.nan, math.nan
+
+
+@njit(**OPTIONS)
 def averaged_block(
     law: Law, rows: np.ndarray, step: float, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray,
     search: bool, places: np.ndarray, values: np.ndarray, slopes: np.ndarray, good: np.ndarray,
@@ -92,6 +140,7 @@ def averaged_block(
         Parameters of the materials, and those with each of k logarithms larger by `step`.
     levers : ndarray, shape (m, 4)
     amplitudes : ndarray, shape (m,)
+        Setpoints, as the detector sees them [m].
     sides : ndarray of int8, shape (n, m)
         -1 attractive, 1 repulsive, 0 where there is nothing to compare with.
     search : bool
@@ -112,26 +161,32 @@ def averaged_block(
             slopes[i, j] = 0.0
             if sides[i, j] == 0:
                 continue
-            lever, amplitude = levers[j], amplitudes[j]
-            c, slope = root_near(law, p, lever, reach, amplitude, sides[i, j], places[i, j])
-            if search and not slope < 0.0:
-                c, slope = root_anywhere(law, p, lever, reach, amplitude, sides[i, j])
+            lever = levers[j]
+            amplitude, c, slope = held_root(law, p, lever, reach, amplitudes[j], sides[i, j], search, places[i, j])
             if not slope < 0.0:
                 good[i] = False
                 break
             places[i, j] = c
-            push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
-            h = mismatch(lever, amplitude, push, drag)
-            phase, offset = observed(lever, amplitude, c, push, drag, mean)
-            values[i, j, PHASE], values[i, j, OFFSET] = phase, offset
-            small = FINE * depth_of(reach, amplitude, c)
-            push, drag, mean = harmonics(law, p, lever, reach, amplitude, c + small)
-            phase_c, offset_c = observed(lever, amplitude, c + small, push, drag, mean)
-            slope = (mismatch(lever, amplitude, push, drag) - h) / small
+            here = look(law, p, lever, reach, amplitude, c)
+            values[i, j, PHASE], values[i, j, OFFSET] = here[2], here[3]
+            small, wide = FINE * depth_of(reach, amplitude, c), APART * amplitude
+            there = look(law, p, lever, reach, amplitude, c + small)
+            h_c, v_c, phase_c, offset_c = (
+                (there[0] - here[0]) / small, (there[1] - here[1]) / small,
+                (there[2] - here[2]) / small, (there[3] - here[3]) / small,
+            )  # fmt: skip
+            h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
+            if lever[SHAKER] != 0.0:
+                there = look(law, p, lever, reach, amplitude + wide, c)
+                h_a, v_a = (there[0] - here[0]) / wide, (there[1] - here[1]) / wide
+                phase_a, offset_a = (there[2] - here[2]) / wide, (there[3] - here[3]) / wide
             for k in range(rows.shape[0] - 1):
                 other = parameters(rows[1 + k, i])
-                push, drag, mean = harmonics(law, other, lever, reach_of(law, other), amplitude, c)
-                along = -(mismatch(lever, amplitude, push, drag) - h) / slope  # of c, for this step of the logarithm
-                phase_k, offset_k = observed(lever, amplitude, c, push, drag, mean)
-                slopes[i, j, PHASE, k] = (phase_k - phase + (phase_c - phase) * along / small) / step
-                slopes[i, j, OFFSET, k] = (offset_k - offset + (offset_c - offset) * along / small) / step
+                there = look(law, other, lever, reach_of(law, other), amplitude, c)
+                # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
+                h, v = here[0] - there[0], here[1] - there[1]
+                both = h_c * v_a - h_a * v_c
+                along, wider = (h * v_a - v * h_a) / both, (v * h_c - h * v_c) / both
+                phase, offset = there[2] - here[2], there[3] - here[3]
+                slopes[i, j, PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
+                slopes[i, j, OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step

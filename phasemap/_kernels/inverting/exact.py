@@ -8,7 +8,8 @@ from numba import njit
 from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.corrected import HEIGHT as STATE_HEIGHT
 from phasemap._kernels.corrected import PHASE as STATE_PHASE
-from phasemap._kernels.inverting.averaged import OFFSET, PHASE, root_anywhere, root_near
+from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
+from phasemap._kernels.inverting.averaged import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import new_room, parameters, refine
@@ -41,16 +42,25 @@ def exact_block(
             good[i, j] = False
             if sides[i, j] == 0:
                 continue
-            lever, amplitude = levers[j], amplitudes[j]
-            c, slope = root_near(law, p, lever, reach, amplitude, sides[i, j], places[i, j])
-            if not slope < 0.0:
-                c, slope = root_anywhere(law, p, lever, reach, amplitude, sides[i, j])
-            if not slope < 0.0:
-                continue
-            places[i, j] = c
-            push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
-            guess[0], guess[1], guess[2] = amplitude * c + mean, mean, amplitude
-            guess[3], guess[4], guess[5] = push, drag, slope / amplitude
-            if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
-                values[i, j, PHASE], values[i, j, OFFSET] = room.state[STATE_PHASE], room.state[STATE_HEIGHT]
-                good[i, j] = True
+            lever, held, before = levers[j], amplitudes[j], (np.nan, np.nan)
+            amplitude = likely_amplitude(lever, held, sides[i, j])
+            for step in range(MOST_STEPS):
+                c, slope = root_of(law, p, lever, reach, amplitude, sides[i, j], True, places[i, j])
+                if not slope < 0.0:
+                    break
+                places[i, j] = c
+                push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+                guess[0], guess[1], guess[2] = amplitude * c + mean, mean, amplitude
+                guess[3], guess[4], guess[5] = push, drag, slope / amplitude
+                if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+                    break
+                seen, phase = show(lever, amplitude, room.state[STATE_PHASE])
+                miss = seen - held
+                if abs(miss) <= (HELD if step < MOST_STEPS - 1 else WELL) * held:
+                    values[i, j, PHASE], values[i, j, OFFSET] = phase, room.state[STATE_HEIGHT]
+                    good[i, j] = True
+                    break
+                following = next_amplitude(lever, held, amplitude, room.state[STATE_PHASE], miss, before)
+                before, amplitude = (amplitude, miss), following
+                if not amplitude > 0.0:
+                    break

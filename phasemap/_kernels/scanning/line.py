@@ -32,6 +32,7 @@ from phasemap._kernels.scanning.loop import (
     RAMP,
     RATE,
     SETPOINT,
+    SHAKER,
     STATE,
     STOPPED,
     SUM_AMPLITUDE,
@@ -39,6 +40,7 @@ from phasemap._kernels.scanning.loop import (
     SUM_PLACE,
     TALLY,
     TIME,
+    TURN,
     shown,
 )
 
@@ -159,8 +161,8 @@ def engage_in_time(
     """
     goal, free, y = loop[SETPOINT], free_amplitude(lever), tip.y
     if math.isfinite(orbit[col.TIP_OFFSET]):
-        lag = 0.5 * math.pi - orbit[col.PHASE]
-        a = goal * complex(math.cos(lag), -math.sin(lag))
+        lag = 0.5 * math.pi - (orbit[col.PHASE] - loop[TURN])
+        a = goal * complex(math.cos(lag), -math.sin(lag)) + loop[SHAKER]
         start_at(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
     else:
         status = approach_in_time(law, row, lever, loop, ground, tip, noise)

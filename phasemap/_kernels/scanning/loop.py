@@ -2,8 +2,8 @@
 
 Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z = Re(a exp(i omega tau)):
 
-* lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; the last one is what it shows, R = abs(x),
-  phase = 90 degrees + arg(x);
+* lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
+  phase = 90 degrees + arg(x - b) + `TURN`: what the base moves, b, is constant, and passes the filters as it is;
 * controller: e = R - setpoint, I' = Ki e, command = -(Kp e + I + Kd e') within the scanner's range, where I waits;
 * scanner: at the command, or Z'' + (w_s/Q_s) Z' + w_s^2 (Z - command) = 0.
 
@@ -30,7 +30,8 @@ RAMP = 10  # speed at which the tip is lowered whatever the amplitude
 THERMAL = 11  # <z^2> of the free lever [m^2]
 DETECTOR = 12  # n^2 [m^2 per tau]
 CALM = 13  # whether the feedback settled when it engaged (1 or 0)
-LOOP = 14
+SHAKER, TURN = 14, 15  # b [m], and what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
+LOOP = 16
 
 # Entries of the state: a; I, Z, Z'; the filters.
 AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
@@ -49,7 +50,8 @@ def used(loop: np.ndarray) -> int:
 def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] at the lock-in's output."""
     last = used(loop) - 2
-    return math.hypot(y[last], y[last + 1]), math.atan2(y[last], -y[last + 1])
+    x = y[last] - loop[SHAKER]
+    return math.hypot(x, y[last + 1]), math.atan2(x, -y[last + 1]) + loop[TURN]
 
 
 @njit(**OPTIONS)
@@ -59,6 +61,7 @@ def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     before = last - 2 if last > FILTERS else AMP
     x, u = y[last], y[last + 1]
     dx, du = loop[RATE] * (y[before] - x), loop[RATE] * (y[before + 1] - u)
+    x -= loop[SHAKER]
     size = math.hypot(x, u)
     return (x * dx + u * du) / size, (x * du - u * dx) / (size * size)
 

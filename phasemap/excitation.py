@@ -1,0 +1,86 @@
+"""From the motion of the tip to what the detector sees of it, and back.
+
+Z is the complex amplitude of z = Re(Z exp(i omega tau)). A detector of the deflection sees Z less what the lever's base
+moves, b; its phase is turned so that it is 0 at free resonance. Where the drive's force acts on the tip b is 0. Solvers
+know z; `phasemap.held` finds the orbits at which the detector shows the setpoint.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+
+Array = NDArray[np.float64]
+
+DETECTED = {
+    "direct": "position of the tip: the drive's force acts on it",
+    "base": "deflection of the lever: position of the tip less that of the base, which the drive moves",
+}
+"""What amplitude, phase and setpoint are of, by excitation."""
+
+
+def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
+    """What the detector sees of a first harmonic of z.
+
+    Parameters
+    ----------
+    lever : ndarray, shape (..., 5)
+        As of `phasemap.work.lever_of`.
+    amplitude, phase : array_like
+        Of z [m, rad].
+
+    Returns
+    -------
+    amplitude, phase : ndarray
+        [m, rad], 0 at free resonance.
+
+    Examples
+    --------
+    >>> lever = np.array([1.0, 0.5 / 3, 1.0, 1e-9, 1e-9])  # Q is 3, the base moves by 1 nm
+    >>> amplitude, phase = show(lever, 3e-9, 0.0)  # of the free lever
+    >>> bool(np.isclose(amplitude, 10**0.5 * 1e-9)), bool(abs(phase) < 1e-15)
+    (True, True)
+    """
+    base = lever[..., col.SHAKER]
+    if not np.any(base):
+        return np.asarray(amplitude), np.asarray(phase)
+    seen = np.asarray(amplitude) * np.exp(1j * np.asarray(phase)) - 1j * base
+    return np.abs(seen), np.angle(seen) + np.arctan(2 * lever[..., col.ALPHA0])
+
+
+def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
+    """The first harmonic of z, from what the detector sees: the inverse of `show`."""
+    base = lever[..., col.SHAKER]
+    if not np.any(base):
+        return np.asarray(amplitude), np.asarray(phase)
+    turned = np.asarray(phase) - np.arctan(2 * lever[..., col.ALPHA0])
+    tip = np.asarray(amplitude) * np.exp(1j * turned) + 1j * base
+    return np.abs(tip), np.angle(tip)
+
+
+def seen(rows: Array, lever: Array) -> Array:
+    """Result rows as the detector sees them: amplitude, phase and their spreads.
+
+    Of motion that is not periodic the means are exact, for the base's motion is constant; the spreads are those of an
+    amplitude and a phase that vary independently.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (..., COLUMNS)
+        Of the tip.
+    lever : ndarray, shape (5,) or (..., 5)
+    """
+    if not np.any(lever[..., col.SHAKER]):
+        return rows
+    found, amplitude, phase = rows.copy(), rows[..., col.AMPLITUDE], rows[..., col.PHASE]
+    size, turned = show(lever, amplitude, phase)
+    found[..., col.AMPLITUDE], found[..., col.PHASE] = size, turned
+    along = phase + np.arctan(2 * lever[..., col.ALPHA0]) - turned  # from the direction of the deflection to that of z
+    of_size, of_phase = rows[..., col.SPREAD_AMPLITUDE], rows[..., col.SPREAD_PHASE] * amplitude
+    found[..., col.SPREAD_AMPLITUDE] = np.hypot(of_size * np.cos(along), of_phase * np.sin(along))
+    found[..., col.SPREAD_PHASE] = np.hypot(of_size * np.sin(along), of_phase * np.cos(along)) / size
+    return found

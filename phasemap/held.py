@@ -1,0 +1,183 @@
+"""Orbits at which the detector shows the setpoint, where what it sees is not the position of the tip.
+
+Solvers hold the amplitude A of z. Which A the detector shows as the setpoint depends on the phase, which the solver
+says: one equation in A for each material, solved by secants, all materials at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap.excitation import seen, show
+from phasemap.solvers.march import March
+from phasemap.work import Work
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int8]
+Found = tuple[Array, Codes, Codes]
+"""Result rows, status and solver codes."""
+
+ATTRACTIVE, REPULSIVE = -1, 1
+MOST_ROUNDS, MOST_MISSING = 40, 6
+EXACT, CLOSE, NEAR = 1e-12, 1e-7, 1e-4  # of the setpoint: found; enough in the end; and of irregular motion
+PATIENT = 8  # rounds after which that is enough
+LEAST_SLOPE = 0.05  # of the amplitude seen with A, that of a branch that can be held
+APART = 1e-7  # of A: secants over less say nothing of the slope
+JUMP, STEEP = 1e-3, 30.0  # of A, and slope of the amplitude seen: what changes the branch so fast is a jump
+A, MISS, PHASE, OFFSET, SIDE, LAST = 0, 1, 2, 3, 4, 5  # what is known of the last orbit
+
+
+def hold(work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...] = (ATTRACTIVE, REPULSIVE)) -> Found:
+    """Find the orbits at which the detector shows the amplitudes of a work.
+
+    Where engagement from far passes the end of a branch between the two A that show the setpoint, or the amplitude that
+    is seen turns on the way, the tip is engaged in time, on what is seen; a contact with hysteresis always is.
+
+    Parameters
+    ----------
+    work : Work
+    solve : callable
+        Gives the orbits of a work at amplitudes of z.
+    sides : tuple of int
+        Branches from which to start.
+
+    Returns
+    -------
+    rows : ndarray, shape (n, COLUMNS)
+        As the detector sees them.
+    status, solver : ndarray of int8, shape (n,)
+    """
+    search = _Search(work, solve, sides)
+    for _ in range(MOST_ROUNDS):
+        if not search.go_on():
+            break
+    return search.found()
+
+
+class _Search:
+    """Secants in A for all materials at a time, between an A that is seen too small and one that is seen too large."""
+
+    def __init__(self, work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...]) -> None:
+        count, lever = len(work), work.lever.copy()
+        lever[col.SHAKER] = 0.0
+        self.work, self.solve, self.tip = work, solve, replace(work, lever=lever)
+        self.rows = np.full((count, col.COLUMNS), np.nan)
+        self.status, self.used = np.full(count, col.NO_STABLE_ORBIT, np.int8), np.full(count, -1, np.int8)
+        starts = [_starts(work, side) for side in sides]
+        self.starts = np.stack([*starts, np.mean(starts, axis=0) if len(sides) > 1 else work.amplitudes])
+        self.a, self.tried = self.starts[0].copy(), np.ones(count, int)
+        self.last = np.full((count, LAST), np.nan)
+        self.ends = np.full((count, 2, LAST), np.nan)  # of the bracket
+        self.slopes = np.full((count, 3), np.nan)  # of amplitude seen, phase and tip offset with A
+        self.rounds, self.missing = np.zeros(count, int), np.zeros(count, int)
+        self.lost = work.rows[:, col.RELEASE] != 0
+        self.open = ~self.lost
+
+    def go_on(self) -> bool:
+        """Solve once more what is open; False if there is nothing."""
+        at = np.flatnonzero(self.open)
+        if not len(at):
+            return False
+        rows, status, used = self.solve(self.tip.part(at, self.a[at]))
+        self.status[at], self.used[at] = status, used
+        good = status == col.GOOD
+        self._go_back(at[~good])
+        self._take(at[good], rows[good])
+        return True
+
+    def _go_back(self, at: NDArray[np.intp]) -> None:
+        """Where there was no orbit: half the way back to where one was, or to another start."""
+        known = np.isfinite(self.last[at, A])
+        back, anew = at[known], at[~known]
+        self.missing[back] += 1
+        self.a[back] = 0.5 * (self.a[back] + self.last[back, A])
+        self._give_up(back[self.missing[back] > MOST_MISSING])
+        over = self.tried[anew] == len(self.starts)
+        self.open[anew[over]] = False
+        anew = anew[~over]
+        self.a[anew] = self.starts[self.tried[anew], anew]
+        self.tried[anew] += 1
+
+    def _give_up(self, at: NDArray[np.intp]) -> None:
+        self.lost[at], self.open[at] = True, False
+
+    def _take(self, at: NDArray[np.intp], rows: Array) -> None:
+        """Take in orbits, and go to the next A or stop."""
+        wanted, a, phase = self.work.amplitudes[at], rows[:, col.AMPLITUDE], rows[:, col.PHASE]
+        miss = show(self.work.lever, a, phase)[0] - wanted
+        here = np.stack([a, miss, phase, rows[:, col.TIP_OFFSET], rows[:, col.STIFFENING] > 0], axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            change = (here - self.last[at])[:, [MISS, PHASE, OFFSET]] / (a - self.last[at, A])[:, None]
+        apart = np.abs(a - self.last[at, A]) > APART * a
+        self.slopes[at[apart]] = change[apart]
+        self.last[at], self.ends[at, (miss > 0).astype(int)] = here, here
+        self.rounds[at] += 1
+        enough = np.where(self.rounds[at] < PATIENT, EXACT, CLOSE)
+        done = np.abs(miss) <= wanted * np.where(rows[:, col.SPREAD_AMPLITUDE] > 0, NEAR, enough)
+        self.rows[at[done]], self.open[at[done]] = rows[done], False
+        self._give_up(at[done & (self.slopes[at, 0] < LEAST_SLOPE)])  # the amplitude seen turns here
+        self._choose(at[~done])
+
+    def _choose(self, at: NDArray[np.intp]) -> None:
+        """The next A: by the secant, as if the phase stayed, or in the middle of the bracket."""
+        base, wanted, (a, miss, phase, _, _) = self.work.lever[col.SHAKER], self.work.amplitudes[at], self.last[at].T
+        low, high = self.ends[at, 0], self.ends[at, 1]
+        both = np.isfinite(low[:, A] + high[:, A])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            still = base * np.sin(phase) + np.sqrt(wanted**2 - (base * np.cos(phase)) ** 2)
+            following = np.where(self.slopes[at, 0] > LEAST_SLOPE, a - miss / self.slopes[at, 0], still)
+        middle = 0.5 * (low[:, A] + high[:, A])
+        width = high[:, A] - low[:, A]
+        outside = both & ~((following - low[:, A]) * (high[:, A] - following) > 0)
+        slow = both & (self.rounds[at] > PATIENT) & (self.rounds[at] % 2 == 0)
+        following = np.where(outside | slow, middle, following)
+        self.a[at] = np.clip(following, wanted - base, wanted + base)
+        # The branch changes between the two ends: neither has an orbit there that is seen with this amplitude.
+        jump = both & (low[:, SIDE] != high[:, SIDE]) & (np.abs(width) < JUMP * a)
+        jump &= high[:, MISS] - low[:, MISS] > STEEP * np.abs(width)
+        self._give_up(at[jump | ~(following > 0) | (width < 0)])
+
+    def found(self) -> Found:
+        """What came of it."""
+        self.lost |= self.open
+        good = np.flatnonzero(np.isfinite(self.rows[:, 0]) & ~self.lost)
+        self._carry_errors(good)
+        self.rows[good] = seen(self.rows[good], self.work.lever)
+        self.rows[good, col.AMPLITUDE] = self.work.amplitudes[good]
+        self._follow(np.flatnonzero(self.lost))
+        return self.rows, self.status, self.used
+
+    def _carry_errors(self, at: NDArray[np.intp]) -> None:
+        """From errors at a given A to those at a given amplitude seen; the slope of the feedback likewise."""
+        rows, base = self.rows[at], self.work.lever[col.SHAKER]
+        a, phase, size = rows[:, col.AMPLITUDE], rows[:, col.PHASE], self.work.amplitudes[at]
+        # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
+        turn, grow = a * (a - base * np.sin(phase)) / size**2, -a * base * np.cos(phase) / size
+        by_size, by_phase, by_offset = np.nan_to_num(self.slopes[at], nan=0.0).T
+        by_size = np.where(by_size > LEAST_SLOPE, by_size, 1.0)
+        moved = -grow / by_size  # of A
+        turned = turn + moved * (base * np.cos(phase) / size**2 + turn * by_phase)
+        error = rows[:, col.ERROR_PHASE]
+        rows[:, col.ERROR_HEIGHT] += np.abs(moved * by_offset) * error
+        rows[:, col.ERROR_PHASE] = np.abs(turned) * error
+        rows[:, col.SLOPE] *= by_size
+        self.rows[at] = rows
+
+    def _follow(self, at: NDArray[np.intp]) -> None:
+        """Engage in time."""
+        self.rows[at], self.status[at] = np.nan, col.PENDING
+        March().settle(self.work, at, self.rows, self.status, self.used)
+        self.rows[at] = seen(self.rows[at], self.work.lever)
+
+
+def _starts(work: Work, side: int) -> Array:
+    """A [m] from which to start on a branch: that of orbits without losses."""
+    from phasemap._kernels.excitation import likely_amplitude
+
+    amplitudes, inverse = np.unique(work.amplitudes, return_inverse=True)
+    return np.array([likely_amplitude(work.lever, float(one), side) for one in amplitudes])[inverse.reshape(-1)]
