@@ -130,7 +130,7 @@ def _others(
     if solver.name == "averaging":
         _average(work, *arrays)
     elif isinstance(solver, March):
-        _march(work, solver, *arrays)
+        _march(work, solver, accuracy.periods, *arrays)
 
 
 def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
@@ -161,13 +161,15 @@ def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used
     rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 
-def _march(work: Work, solver: March, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+def _march(
+    work: Work, solver: March, periods: int, first: int, last: int, rows: Array, status: Codes, used: Codes
+) -> None:
     """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
     for slot in (ATTRACTING, REPELLING):
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
         some, done, by = rows[slot, other], status[slot, other], used[slot, other]
-        solver.settle(_part(work, other), np.arange(len(other)), some, done, by)
+        solver.settle(_part(work, other), np.arange(len(other)), some, done, by, periods)
         gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
         rows[slot, other], status[slot, other], used[slot, other] = some, done, by
