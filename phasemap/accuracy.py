@@ -1,15 +1,17 @@
-"""How exact an answer has to be."""
+"""How exact an answer has to be, and how long it may be sought in time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from phasemap._check import number
+from phasemap._check import number, whole
+
+MOST_PERIODS = 100_000
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Largest error allowed, against the exact periodic orbit.
+    """Largest error allowed, against the exact periodic orbit, and most work.
 
     Parameters
     ----------
@@ -17,6 +19,9 @@ class Accuracy:
         [degree], > 0. Smaller is slower.
     height : float
         [m], > 0. Smaller is slower.
+    periods : int
+        Periods of the drive [1], >= 1, that may be integrated for one material where time decides. What is not decided
+        by then has the status not_settled. Periods are counted, not seconds, so that results are the same everywhere.
 
     Examples
     --------
@@ -26,7 +31,9 @@ class Accuracy:
 
     phase: float = 0.01
     height: float = 1e-12
+    periods: int = MOST_PERIODS
 
     def __post_init__(self) -> None:
         number("accuracy phase", self.phase, "degree", above=0)
         number("accuracy height", self.height, "m", above=0)
+        whole("accuracy periods", self.periods, 1, 10**12)

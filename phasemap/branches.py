@@ -15,7 +15,7 @@ from phasemap.energy import close
 from phasemap.excitation import of_tip
 from phasemap.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers import Solver
-from phasemap.solvers.march import ETA, MOST_PERIODS, March
+from phasemap.solvers.march import ETA, March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.work import Work
 from phasemap.workers import Progress, run, spread
@@ -111,7 +111,7 @@ def stable_branches(
     def solve(first: int, last: int) -> None:
         solver.solve(work, accuracy, first, last, rows[ENGAGED], status[ENGAGED], used[ENGAGED])
         _others(work, solver, accuracy, first, last, rows, status, used)
-        _limit(work, first, last, rows, status, reach)
+        _limit(work, accuracy.periods, first, last, rows, status, reach)
 
     size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
     spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
@@ -133,7 +133,7 @@ def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int,
             both = stable_branches(part, solver, accuracy, workers, progress)
             return both.rows[slot], both.status[slot], both.solver[slot]
 
-        return hold(work.part(valid), solve, (REPULSIVE if slot == REPELLING else ATTRACTIVE,))
+        return hold(work.part(valid), solve, accuracy.periods, (REPULSIVE if slot == REPELLING else ATTRACTIVE,))
 
     engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
     for slot, some in ((ATTRACTING, solve_on(ATTRACTING)), (REPELLING, solve_on(REPELLING)), (ENGAGED, engaged)):
@@ -142,7 +142,7 @@ def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int,
         here = found.engaged == (slot == REPELLING)
         for whole in (found.rows, found.status, found.solver):
             whole[slot, here] = whole[ENGAGED, here]
-    _limit(work, 0, len(work), found.rows, found.status, found.reach)
+    _limit(work, accuracy.periods, 0, len(work), found.rows, found.status, found.reach)
     return found
 
 
@@ -167,10 +167,10 @@ def _others(
     if solver.name == "averaging":
         _average(work, *arrays)
     elif isinstance(solver, March):
-        _march(work, solver, *arrays)
+        _march(work, solver, accuracy.periods, *arrays)
 
 
-def _limit(work: Work, first: int, last: int, rows: Array, status: Codes, reach: Array) -> None:
+def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Codes, reach: Array) -> None:
     """Where a tip that comes from far taps irregularly, find up to which tip offset the repulsive branch is there.
 
     A tip that comes on that branch, but higher, from a stiffer material, falls off it.
@@ -186,7 +186,7 @@ def _limit(work: Work, first: int, last: int, rows: Array, status: Codes, reach:
         orbits[:, col.AMPLITUDE], orbits[:, col.PHASE] = of_tip(
             work.lever, orbits[:, col.AMPLITUDE], orbits[:, col.PHASE]
         )
-        reach_rows(part.law, part.rows, part.lever, ETA, MOST_PERIODS, orbits, limits)
+        reach_rows(part.law, part.rows, part.lever, ETA, most, orbits, limits)
         reach[REPELLING, chosen] = limits
 
 
@@ -217,13 +217,15 @@ def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used
     rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 
-def _march(work: Work, solver: March, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+def _march(
+    work: Work, solver: March, periods: int, first: int, last: int, rows: Array, status: Codes, used: Codes
+) -> None:
     """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
     for slot in (ATTRACTING, REPELLING):
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
         some, done, by = rows[slot, other], status[slot, other], used[slot, other]
-        solver.settle(work.part(other), np.arange(len(other)), some, done, by)
+        solver.settle(work.part(other), np.arange(len(other)), some, done, by, periods)
         gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
         rows[slot, other], status[slot, other], used[slot, other] = some, done, by

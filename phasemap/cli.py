@@ -58,6 +58,7 @@ BENCH_EXAMPLES = """examples:
   phasemap bench --output bench.nc --plot bench.png
   phasemap bench --seed 7 --pixels 80 --no-peers
   phasemap bench --hard
+  phasemap bench --box --materials 1000 --microscopes 100
   phasemap bench --scan
   phasemap bench --blocks
 
@@ -246,9 +247,13 @@ def _parser() -> argparse.ArgumentParser:
     instead.add_argument(
         "--hard", action="store_true", help="solve the hard cases instead, and say what became of each"
     )
+    about = "solve materials drawn at random instead, and say what became of them and how long they took"
+    instead.add_argument("--box", action="store_true", help=about)
     instead.add_argument("--scan", action="store_true", help="compare the two engines of a scan in time instead")
     instead.add_argument("--blocks", action="store_true", help="measure simulation block by block with Dask instead")
     bench.add_argument("--pixels", type=_positive, metavar="N", help="cases a regime that are compared; default: 40")
+    bench.add_argument("--materials", type=_positive, metavar="N", help="with --box, in all; default: 10000")
+    bench.add_argument("--microscopes", type=_positive, metavar="N", help="with --box; default: 300")
     bench.add_argument("--seed", type=int, default=1, help="of the cases drawn; default: 1")
     bench.add_argument("--no-peers", action="store_true", help="measure the solvers of phasemap only")
     bench.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="write everything measured as netCDF")
@@ -305,9 +310,12 @@ def _complain(sentence: str) -> int:
 
 def _bench(arguments: argparse.Namespace) -> None:
     """Measure every solver, or what there are tables of their own for."""
-    if arguments.hard or arguments.scan or arguments.blocks:
+    if arguments.hard or arguments.box or arguments.scan or arguments.blocks:
         _bench_of_its_own(arguments)
         return
+    for name in ("materials", "microscopes"):
+        if getattr(arguments, name) is not None:
+            raise PhasemapError(f"--{name} goes with --box only.")
     from phasemap.bench import PIXELS, QUICK_PIXELS, bench
     from phasemap.bench.picture import check_format, draw
     from phasemap.bench.report import listing, table
@@ -333,9 +341,9 @@ def _bench(arguments: argparse.Namespace) -> None:
 
 
 def _bench_of_its_own(arguments: argparse.Namespace) -> None:
-    """Solve the hard cases, compare the engines of a scan in time, or measure block by block."""
-    kind = "hard" if arguments.hard else "scan" if arguments.scan else "blocks"
-    for name in ("output", "plot", "pixels"):
+    """Solve the hard cases or those of a box, compare the engines of a scan in time, or measure block by block."""
+    kind = next(name for name in ("hard", "box", "scan", "blocks") if getattr(arguments, name))
+    for name in ("output", "plot", "pixels", *(() if kind == "box" else ("materials", "microscopes"))):
         if getattr(arguments, name) is not None:
             raise PhasemapError(f"--{name} does not go with --{kind}, which prints a table of its own cases.")
     with _saying() as say:
@@ -343,6 +351,11 @@ def _bench_of_its_own(arguments: argparse.Namespace) -> None:
             from phasemap.bench.hard import hard
 
             said = hard(progress=say)
+        elif kind == "box":
+            from phasemap.bench.box import MATERIALS, MICROSCOPES, box
+
+            count = arguments.materials or MATERIALS
+            said = box(count, arguments.microscopes or min(MICROSCOPES, count), arguments.seed, say)
         elif kind == "scan":
             from phasemap.bench.scan import scan
 

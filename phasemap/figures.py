@@ -69,8 +69,8 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     Examples
     --------
     >>> import xarray as xr
-    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 4])}))[0][:47]
-    '1 of 4 pixels (25 %): The march did not settle '
+    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 4])}))[0][:44]
+    '1 of 4 pixels (25 %): What the tip does here'
     """
     import numpy as np
 

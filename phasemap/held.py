@@ -32,7 +32,9 @@ JUMP, STEEP = 1e-3, 30.0  # of A, and slope of the amplitude seen: what changes 
 A, MISS, PHASE, OFFSET, SIDE, LAST = 0, 1, 2, 3, 4, 5  # what is known of the last orbit
 
 
-def hold(work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...] = (ATTRACTIVE, REPULSIVE)) -> Found:
+def hold(
+    work: Work, solve: Callable[[Work], Found], periods: int, sides: tuple[int, ...] = (ATTRACTIVE, REPULSIVE)
+) -> Found:
     """Find the orbits at which the detector shows the amplitudes of a work.
 
     Where engagement from far passes the end of a branch between the two A that show the setpoint, or the amplitude that
@@ -43,6 +45,8 @@ def hold(work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...] = (A
     work : Work
     solve : callable
         Gives the orbits of a work at amplitudes of z.
+    periods : int
+        That a material may take in time.
     sides : tuple of int
         Branches from which to start.
 
@@ -52,7 +56,7 @@ def hold(work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...] = (A
         As the detector sees them.
     status, solver : ndarray of int8, shape (n,)
     """
-    search = _Search(work, solve, sides)
+    search = _Search(work, solve, sides, periods)
     for _ in range(MOST_ROUNDS):
         if not search.go_on():
             break
@@ -62,10 +66,10 @@ def hold(work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...] = (A
 class _Search:
     """Secants in A for all materials at a time, between an A that is seen too small and one that is seen too large."""
 
-    def __init__(self, work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...]) -> None:
+    def __init__(self, work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...], periods: int) -> None:
         count, lever = len(work), work.lever.copy()
         lever[col.SHAKER] = 0.0
-        self.work, self.solve, self.tip = work, solve, replace(work, lever=lever)
+        self.work, self.solve, self.tip, self.periods = work, solve, replace(work, lever=lever), periods
         self.rows = np.full((count, col.COLUMNS), np.nan)
         self.status, self.used = np.full(count, col.NO_STABLE_ORBIT, np.int8), np.full(count, -1, np.int8)
         starts = [_starts(work, side) for side in sides]
@@ -171,7 +175,7 @@ class _Search:
     def _follow(self, at: NDArray[np.intp]) -> None:
         """Engage in time."""
         self.rows[at], self.status[at] = np.nan, col.PENDING
-        March().settle(self.work, at, self.rows, self.status, self.used)
+        March().settle(self.work, at, self.rows, self.status, self.used, self.periods)
         self.rows[at] = seen(self.rows[at], self.work.lever)
 
 

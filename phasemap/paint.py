@@ -174,7 +174,7 @@ def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
     valid = np.isfinite(stiffness + adhesion + damping)
     axes = Axes.around(stiffness[valid], damping[valid]) if valid.any() else Axes(False, 0.0)
     sample = axes.points(stiffness[valid], adhesion[valid], damping[valid]).T
-    finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height)
+    finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
     oracle = Oracle(job.scope, job.amplitude, axes, job.workers, finer)
     shuffled = np.random.default_rng(1).permutation(len(sample))
     return axes, build(oracle, np.ascontiguousarray(sample[shuffled]), survey.count, tolerances_of(job))

@@ -18,7 +18,10 @@ class Status(Enum):
         "The orbit at this setpoint repeats only every second period or drifts. "
         "Raise the setpoint or lower the amplitude."
     )
-    not_settled = "The march did not settle in the allowed periods. Use solver='orbit', or allow more periods."
+    not_settled = (
+        "What the tip does here was not decided within the periods of the drive that may be integrated. "
+        "Allow more with Accuracy(periods=...)."
+    )
     invalid = (
         "The maps have no valid material here (NaN), or adhesion without stiffness, "
         "which a contact law with a neck cannot have."

@@ -6,6 +6,7 @@ import itertools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from functools import partial
 
 import numpy as np
 
@@ -73,7 +74,8 @@ def run(
     status, solver : ndarray of int8, shape (n,)
     """
     if work.lever[col.SHAKER]:
-        return hold(work, lambda part: run(solver, part, accuracy, threads=threads, progress=progress))
+        solve = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
+        return hold(work, solve, accuracy.periods)
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)

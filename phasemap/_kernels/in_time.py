@@ -46,6 +46,7 @@ PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude i
 COARSE = 2.0  # steps on the way to the setpoint, over those of a periodic orbit
 LOOSE = 100.0  # the same of the precision
 LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
+DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 FALL = 4e-3  # of the free amplitude, by which the tip offset falls in a ring-down time without a periodic orbit
 DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
 FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
@@ -53,6 +54,8 @@ GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mea
 EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
 PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
+HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
+HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
@@ -150,7 +153,7 @@ def follow_down(
             for j in range(4):
                 u[j] = before[j]
             u[3] -= stride
-            if not rest(law, p, lever, how, int(DISTURBED * rings), tip):
+            if not rest(law, p, lever, how, min(int(DISTURBED * rings), most - tip.periods[0]), tip):
                 return LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN
@@ -159,7 +162,7 @@ def follow_down(
         if stride == 0.0:
             stride = 0.1 * step
         elif off < 0.1 * PREDICTED * amplitude:
-            stride = min(2.0 * stride, LONGEST * step)
+            stride = min(2.0 * stride, max(LONGEST * step, -DEEPER * u[3]))
     return SPENT
 
 
@@ -175,10 +178,10 @@ def move_slowly(
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
     pace = FALL * free_amplitude(lever) / ring_down(lever)
     sums = begin_sums(lever, tip.acc)
-    if not average(law, p, lever, how[0], block, 0.0, tip, sums):
+    if tip.periods[0] + block > most or not average(law, p, lever, how[0], block, 0.0, tip, sums):
         return SPENT
     down = seen(lever, sums) > amplitude
-    while tip.periods[0] < most and average(law, p, lever, how[0], block, pace if down else -pace, tip, sums):
+    while tip.periods[0] + block <= most and average(law, p, lever, how[0], block, pace if down else -pace, tip, sums):
         if (seen(lever, sums) <= amplitude) == down:
             return SEEN
         if not abs(tip.u[3]) < -lowest:
@@ -197,22 +200,25 @@ def hold_mean(
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
     the one that would hold the setpoint. Averaging ends when the standard error of groups is small; twice that is the
-    error stated. NOT_SETTLED if it is still large when `most` periods were marched: then nothing is held. An
-    `amplitude` of 0 leaves the tip offset alone.
+    error stated. NOT_SETTLED if it is still large when `most` periods were marched, or will be. NO_STABLE_ORBIT where
+    the amplitude jumps across the setpoint, down as the tip comes nearer and up as it goes away, so that a feedback
+    hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
     """
     for j in range(len(row)):
         row[j] = math.nan
     held = amplitude > 0.0
     block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
+    if tip.periods[0] + 3 * GROUP * block > most:
+        return col.NOT_SETTLED
     for _ in range(3 * GROUP):
         if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
             return col.NOT_SETTLED
         tip.u[3] += EAGER * (amplitude - seen(lever, sums)) if held else 0.0
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
-    groups, z_mean, z_square, a_mean, a_square = 0, 0.0, 0.0, 0.0, 0.0
+    groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     z_error = a_error = math.inf
-    while tip.periods[0] < most:
+    while tip.periods[0] + GROUP * block <= most:
         group[0] = group[1] = group[2] = 0.0
         for _ in range(GROUP):
             if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
@@ -222,6 +228,7 @@ def hold_mean(
             group[0] += tip.u[3] / GROUP
             group[1] += sums[0]
             group[2] += sums[1]
+            missed += (seen(lever, sums) - amplitude) ** 2
             tip.u[3] += SLOW * (amplitude - seen(lever, sums)) if held else 0.0
         x, y = group[1] / (GROUP * block) - lever[col.SHAKER], group[2] / (GROUP * block)
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
@@ -239,6 +246,11 @@ def hold_mean(
             a_error = math.sqrt(a_square / (groups - 1) / groups)
             if z_error < LENGTH and a_error < PHASE:
                 break
+            if held and missed > GROUP * groups * (HUNTED * amplitude) ** 2:
+                return col.NO_STABLE_ORBIT
+            needed = GROUP * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
+            if needed > HOPE * most:
+                return col.NOT_SETTLED
         if held and sums[CHANGE] < STILL * amplitude:  # it repeats itself by now
             how = (eta, PRECISE[0] * amplitude, PRECISE[1])
             if skip(law, p, lever, how, amplitude, tip):
@@ -335,19 +347,19 @@ def carry_to(
     tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
     pace = FALL * free_amplitude(lever) / ring_down(lever)
     count = int(abs(u[3] - z0) / pace)
-    if not pass_period(law, p, lever, eta, tip):
+    if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
     if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(lever, tip.acc)):
         return col.NOT_SETTLED
     u[3] = z0
     how = (eta, PRECISE[0] * free_amplitude(lever), PRECISE[1])
-    if rest(law, p, lever, how, int(DISTURBED * ring_down(lever)), tip):
+    if rest(law, p, lever, how, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
         for j in range(len(row)):
             row[j] = math.nan
         fill(lever, z0, tip.acc, row)
         row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), slope_of(tip.linear)
         return col.GOOD
-    return hold_mean(law, p, lever, 0.0, eta, tip.periods[0] + most, tip, row)
+    return hold_mean(law, p, lever, 0.0, eta, most, tip, row)
 
 
 @njit(**STEADY)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from phasemap._kernels.tableau import Numbers
 
 PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
+STRIDE, TO_RELEASE = 0.1, 0.05  # steps of a feedback, of the amplitude, and of the way that a tip must go to come free
+EXPECTED = 0.1  # of the amplitude, by which the longer of these may miss a linear prediction
+MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for ever
 
 
 class Tip(NamedTuple):
@@ -185,7 +188,7 @@ def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, ti
             # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
             tip.u[0] *= 1 + 1e-6
             tip.u[1] *= 1 + 1e-6
-        for _ in range(wait):
+        for _ in range(min(wait, end - tip.periods[0])):
             if not pass_period(law, p, lever, how[0], tip):
                 return False
     return False
@@ -197,6 +200,8 @@ def hold_periodic(
 ) -> int:
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
+    Steps of the tip offset get longer as long as the amplitude goes with it as predicted: a tip that sticks is freed.
+
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
@@ -204,20 +209,39 @@ def hold_periodic(
         row[j] = math.nan
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
-    stride = 0.1 * amplitude
-    last = 0.0
+    stride, longest = STRIDE * amplitude, max(STRIDE * amplitude, TO_RELEASE * snap)
+    last = move = 0.0
+    jumps, before = 0, np.empty(4)
     patience = int(PATIENCE * ring_down(lever))
     while not skip(law, p, lever, how, amplitude, tip):
         if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
             return col.NOT_SETTLED
         error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
-            stride *= 0.5
+            stride = 0.5 * min(stride, STRIDE * amplitude)
+            jumps += abs(error - last) > max(2.0 * abs(move), 0.02 * amplitude)
         last = error
         # A setpoint inside a jump is passed again and again, and one above the free amplitude is never reached.
-        if stride < 1e-4 * amplitude or not abs(tip.u[3]) < farthest:
+        if stride < 1e-4 * amplitude or jumps > MOST_JUMPS or not abs(tip.u[3]) < farthest:
             return col.NO_STABLE_ORBIT
-        tip.u[3] -= max(-stride, min(error / max(slope_of(tip.linear), 0.2), stride))
+        slope = slope_of(tip.linear)
+        wanted = error / max(slope, 0.2)
+        move = max(-stride, min(wanted, stride))
+        for j in range(4):
+            before[j] = tip.u[j]
+        tip.u[3] -= move
+        if abs(move) > STRIDE * amplitude:
+            if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
+                return col.NOT_SETTLED
+            if abs(math.hypot(tip.acc[0], tip.acc[1]) - amplitude - error + slope * move) > EXPECTED * amplitude:
+                for j in range(4):
+                    tip.u[j] = before[j]
+                stride = STRIDE * amplitude
+                move = math.copysign(stride, move)
+                tip.u[3] -= move
+                continue
+        if abs(wanted) > stride:
+            stride = min(2.0 * stride, longest)
     fill(lever, tip.u[3], tip.acc, row)
     row[col.FLOQUET] = multiplier_of(tip.linear)
     row[col.SLOPE] = slope_of(tip.linear)

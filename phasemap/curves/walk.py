@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.accuracy import MOST_PERIODS
 from phasemap.curves.in_time import Adrift
 from phasemap.curves.pieces import Curves, Piece
 from phasemap.status import Status
@@ -169,8 +170,8 @@ def walk(
 
 
 def patience(lever: np.ndarray) -> int:
-    """Periods after which a tip that was let go is no longer expected to settle."""
-    return int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200
+    """Periods after which a tip that was let go is no longer expected to settle, or that are too many."""
+    return min(int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200, MOST_PERIODS)
 
 
 def is_periodic(row: np.ndarray) -> bool:

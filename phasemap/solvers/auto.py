@@ -29,4 +29,5 @@ class Auto:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        solve_exactly(work, accuracy.phase, accuracy.height, True, first, last, out, status, solver)
+        limits = accuracy.phase, accuracy.height
+        solve_exactly(work, limits, True, accuracy.periods, first, last, out, status, solver)

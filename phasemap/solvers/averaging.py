@@ -14,7 +14,7 @@ class Averaging:
     """First-order Krylov-Bogolyubov-Mitropolsky averaging (Wang 1999, Eqs. 5-8): fast, and good in air.
 
     Which branch it is on is decided as for every solver, by engagement; where the motion is not periodic it is marched
-    in time. It does not look at `Accuracy`: its error is
+    in time. It looks at no error allowed by `Accuracy`: its error is
     what it is, and `phasemap bench` measures it over regimes.
     """
 
@@ -34,7 +34,7 @@ class Averaging:
         """See `phasemap.solvers.Solver`."""
         from phasemap._kernels.cheap import averaged_near_rows
 
-        if not engage_averaged(work, first, last, out, status, solver):
+        if not engage_averaged(work, accuracy.periods, first, last, out, status, solver):
             return
         # What is not periodic has no averaged orbit: the march's mean stands.
         kept = first + np.flatnonzero(out[first:last, col.SPREAD_AMPLITUDE] > 0)
@@ -43,7 +43,9 @@ class Averaging:
         out[kept], status[kept], solver[kept] = rows, col.GOOD, col.MARCH
 
 
-def engage_averaged(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> bool:
+def engage_averaged(
+    work: Work, periods: int, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray
+) -> bool:
     """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
     from phasemap._kernels.cheap import averaging_rows
 
@@ -53,6 +55,6 @@ def engage_averaged(work: Work, first: int, last: int, out: np.ndarray, status: 
     doubtful = first + np.flatnonzero(status[first:last] == col.PENDING)
     part = work.part(doubtful)
     rows, found, used = np.empty((waiting, col.COLUMNS)), np.empty(waiting, np.int8), np.empty(waiting, np.int8)
-    solve_exactly(part, PHASE, LENGTH, False, 0, waiting, rows, found, used)
+    solve_exactly(part, (PHASE, LENGTH), False, periods, 0, waiting, rows, found, used)
     out[doubtful], status[doubtful], solver[doubtful] = rows, found, used
     return True

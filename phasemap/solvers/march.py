@@ -7,13 +7,12 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
+from phasemap.accuracy import MOST_PERIODS, Accuracy
 from phasemap.work import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
 ERROR_PHASE, ERROR_HEIGHT = math.radians(5e-5), 1e-14  # [rad, m], found against independent orbits
-MOST_PERIODS = 100_000  # of one material
 
 
 class March:
@@ -50,15 +49,23 @@ class March:
         """See `phasemap.solvers.Solver`."""
         from phasemap.solvers.averaging import engage_averaged
 
-        engage_averaged(work, first, last, out, status, solver)
+        engage_averaged(work, accuracy.periods, first, last, out, status, solver)
         decided = np.isin(status[first:last], (col.GOOD, col.NO_STABLE_ORBIT))
         in_time = solver[first:last] == col.MARCH  # engaged from far, with the steps of the default
         again = first + np.flatnonzero(~decided | (status[first:last] == col.GOOD))
         if self.eta == ETA:
             again = again[~in_time[again - first]]
-        self.settle(work, again, out, status, solver)
+        self.settle(work, again, out, status, solver, accuracy.periods)
 
-    def settle(self, work: Work, chosen: np.ndarray, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:
+    def settle(
+        self,
+        work: Work,
+        chosen: np.ndarray,
+        out: np.ndarray,
+        status: np.ndarray,
+        solver: np.ndarray,
+        periods: int = MOST_PERIODS,
+    ) -> None:
         """March the chosen rows, an array of numbers: from the orbits in `out`, or from far where none is GOOD."""
         from phasemap._kernels.marching import march_rows
 
@@ -68,7 +75,7 @@ class March:
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
         some, codes = out[chosen], status[chosen]
         rows = np.ascontiguousarray(work.rows[chosen])
-        march_rows(work.law, rows, work.lever, work.amplitudes[chosen], eta, MOST_PERIODS, some, codes)
+        march_rows(work.law, rows, work.lever, work.amplitudes[chosen], eta, periods, some, codes)
         periodic = (codes == col.GOOD) & ~(some[:, col.SPREAD_AMPLITUDE] > 0)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
@@ -93,4 +100,4 @@ class FromFar(March):
     ) -> None:
         """See `phasemap.solvers.Solver`."""
         status[first:last] = col.PENDING  # for `settle`: there is no orbit to begin with
-        self.settle(work, np.arange(first, last), out, status, solver)
+        self.settle(work, np.arange(first, last), out, status, solver, accuracy.periods)

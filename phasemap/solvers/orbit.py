@@ -48,32 +48,33 @@ class Orbit:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.Solver`."""
-        phase, height = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
-        solve_exactly(work, phase, height, False, first, last, out, status, solver)
+        limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
+        solve_exactly(work, limits, False, accuracy.periods, first, last, out, status, solver)
         polish(work, first, last, out, status, solver)
 
 
 def solve_exactly(
     work: Work,
-    phase: float,
-    height: float,
+    limits: tuple[float, float],
     average: bool,
+    periods: int,
     first: int,
     last: int,
     out: np.ndarray,
     status: np.ndarray,
     solver: np.ndarray,
 ) -> None:
-    """Take the cheap path where its error is below `phase` [degree] and `height` [m], else collocation, else time.
+    """Take the cheap path where its error is below `limits` [degree, m], else collocation, else time.
 
     With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
     A contact with hysteresis goes to time at once: between far and the setpoint there may be no periodic orbit.
     """
     from phasemap._kernels.cheap import cheap_rows
 
+    phase, height = limits
     if phase > 0:
-        limits = np.array([math.radians(phase), height])
-        cheap_rows(work.law, work.rows, work.lever, work.amplitudes, limits, average, first, last, out, status, solver)
+        allowed = np.array([math.radians(phase), height])
+        cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, out, status, solver)
     else:
         status[first:last] = col.PENDING
     hysteretic = work.rows[first:last, col.RELEASE] != 0
@@ -84,7 +85,7 @@ def solve_exactly(
         from phasemap._kernels.tables import TABLES
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
-    March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), out, status, solver)
+    March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), out, status, solver, periods)
 
 
 def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:

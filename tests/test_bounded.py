@@ -1,0 +1,75 @@
+"""Work in time is bounded by a number of periods, counted, so that results are the same on every machine."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap._kernels import in_time, period_map
+from phasemap.curves.walk import patience
+from phasemap.work import work_of_material
+
+SCOPE = pm.Microscope(
+    pm.Cantilever(3.0, 300e3, 200.0), pm.Tip(10e-9), pm.Drive(40e-9), pm.Interaction("jkr", decay_length=0.3e-9)
+)
+RUBBER = pm.Material(30e6, 0.05, 0.01)  # on which this tip taps irregularly at 0.6
+SLOW = pm.Microscope(  # rings down in 3e5 periods
+    pm.Cantilever(3.0, 300e3, 1e6), pm.Tip(10e-9), pm.Drive(40e-9), pm.Interaction("jkr", decay_length=0.3e-9)
+)
+MORE = 100
+"""Periods by which a bound may be passed: a step of Newton's method is ended, 20 iterations of 5 at most."""
+
+
+def tip_at(scope: pm.Microscope, z0: float) -> period_map.Tip:
+    return period_map.new_tip(0.0, 0.5 * scope.free_amplitude, z0)
+
+
+@pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])
+@pytest.mark.parametrize("most", [1, 300, 5000])
+@pytest.mark.parametrize("what", ["hold", "hold_mean", "move_slowly", "follow_down", "rest"])
+def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int, what: str) -> None:
+    amplitude = 0.6 * scope.free_amplitude
+    work = work_of_material(RUBBER, scope, amplitude)
+    problem = work.law, work.rows[0], work.lever
+    tip, row, how = tip_at(scope, 24e-9), np.empty(col.COLUMNS), (0.5, 1e-7 * amplitude, 1e-12)
+    {
+        "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, tip, row),
+        "hold_mean": lambda: in_time.hold_mean(*problem, amplitude, 0.25, most, tip, row),
+        "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, how, most, tip),
+        "follow_down": lambda: in_time.follow_down(*problem, amplitude, 1e-10, how, most, tip),
+        "rest": lambda: period_map.rest(*problem, how, most, tip),
+    }[what]()
+    assert tip.periods[0] <= most + MORE
+
+
+def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
+    work = work_of_material(RUBBER, SLOW, 0.6 * SLOW.free_amplitude)
+    state, row = np.array([0.0, 0.0, 0.0, 80e-9]), np.full(col.COLUMNS, math.nan)
+    status = in_time.carry_to(work.law, work.rows[0], work.lever, 24e-9, 0.25, 10_000, state, row)
+    assert status == col.NOT_SETTLED
+    assert state[3] == 80e-9
+    assert np.isnan(row).all()
+
+
+def test_a_landing_is_given_up_after_as_many() -> None:
+    assert patience(np.array([1.0, 0.5 / 1e6, 3.0, 1e-13])) == pm.Accuracy().periods
+
+
+@pytest.mark.parametrize("solver", ["auto", "orbit", "march"])
+def test_what_is_not_decided_in_time_says_what_to_do_and_that_helps(solver: str) -> None:
+    short = pm.solve_pixel(RUBBER, SCOPE, 0.6, solver, accuracy=pm.Accuracy(periods=2000))
+    assert short.status is pm.Status.not_settled
+    assert "Accuracy(periods=...)" in short.status.value
+    assert math.isnan(short.phase)
+    enough = pm.solve_pixel(RUBBER, SCOPE, 0.6, solver)
+    assert enough.status is pm.Status.good
+    assert enough.motion == "irregular"
+
+
+def test_more_periods_than_needed_change_no_bit() -> None:
+    usual, more = (pm.solve_pixel(RUBBER, SCOPE, 0.6, accuracy=pm.Accuracy(periods=n)) for n in (100_000, 10**9))
+    assert (usual.phase, usual.tip_offset, usual.phase_spread) == (more.phase, more.tip_offset, more.phase_spread)
