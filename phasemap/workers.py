@@ -74,8 +74,8 @@ def run(
     status, solver : ndarray of int8, shape (n,)
     """
     if work.lever[col.SHAKER]:
-        solve = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
-        return hold(work, solve, accuracy.periods)
+        at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
+        return hold(work, at_amplitudes, accuracy.periods)
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)
