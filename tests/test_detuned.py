@@ -72,7 +72,7 @@ def test_next_to_resonance_no_more_orbits_are_left_to_collocation(name: str) -> 
 
     at_resonance = left(1.0)
     assert at_resonance < 12  # of 120, a tenth
-    assert all(left(1.0 + sign * apart) == at_resonance for apart in CLOSE for sign in (-1, 1))
+    assert all(left(1.0 + sign * apart) <= at_resonance for apart in CLOSE for sign in (-1, 1))
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.9, 0.999, 1.0, 1.001, 1.1, 2.0])
