@@ -155,7 +155,7 @@ def test_both_excitations_agree_to_order_one_over_q() -> None:
 def test_the_whole_curve_of_orbits_has_the_pixel_on_it(scope: pm.Microscope) -> None:
     pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
     found = pm.orbits(SOFT, scope, setpoint=SETPOINT)
-    nearest = found.isel(orbit=int(np.abs(found.phase - pixel.phase).argmin()))
+    nearest = found.isel(orbit=int(np.abs(found.phase.values - pixel.phase).argmin()))
     # Two searches on orbits that are exact to 1e-6 degree, with rounding where the curve is flat.
     assert float(nearest.phase) == pytest.approx(pixel.phase, abs=2e-6)
     assert float(nearest.tip_offset) == pytest.approx(pixel.tip_offset, abs=1e-14)
@@ -272,9 +272,9 @@ def test_check_certifies_an_image_and_finds_a_wrong_word(scope: pm.Microscope) -
 def test_an_orbit_that_the_attractive_branch_leaves_just_before_is_found_along_the_whole_curve() -> None:
     # Where the attractive branch ends between the two A that show the setpoint, neither is what engagement finds at
     # its own A; the sweep, which follows the curve as the deflection shows it, does.
-    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(6e-9, excitation="base"))
-    sticky = pm.Material(1e9, adhesion=0.04, damping=0.01)
-    setpoints = np.linspace(0.9, 0.6, 61)
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 150.0), pm.Tip(10e-9), pm.Drive(8e-9, excitation="base"))
+    sticky = pm.Material(2e9, adhesion=0.1, damping=0.01)
+    setpoints = np.linspace(0.76, 0.66, 51)
     swept = pm.sweep_setpoint(sticky, scope, setpoints).sel(direction="down")
     jump = int(np.flatnonzero(np.diff(swept.branch.values) > 0)[0])
     for i in range(jump - 1, jump + 4):
