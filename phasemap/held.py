@@ -29,6 +29,8 @@ PATIENT = 8  # rounds after which that is enough
 LEAST_SLOPE = 0.05  # of the amplitude seen with A, that of a branch that can be held
 APART = 1e-7  # of A: secants over less say nothing of the slope
 JUMP, STEEP = 1e-3, 30.0  # of A, and slope of the amplitude seen: what changes the branch so fast is a jump
+MOST_STARTS = 3  # on both branches, and between them
+UNDECIDED = (col.UNSTABLE, col.NOT_CONVERGED, col.NOT_SETTLED)  # at the A tried; at others there may be an orbit
 A, MISS, PHASE, OFFSET, SIDE, LAST = 0, 1, 2, 3, 4, 5  # what is known of the last orbit
 
 
@@ -48,7 +50,7 @@ def hold(
     periods : int
         That a material may take in time.
     sides : tuple of int
-        Branches from which to start.
+        Branches from which to start; if it is one, `solve` gives orbits of that only, and there is no engagement.
 
     Returns
     -------
@@ -73,7 +75,7 @@ class _Search:
         self.rows = np.full((count, col.COLUMNS), np.nan)
         self.status, self.used = np.full(count, col.NO_STABLE_ORBIT, np.int8), np.full(count, -1, np.int8)
         starts = [_starts(work, side) for side in sides]
-        self.starts = np.stack([*starts, np.mean(starts, axis=0) if len(sides) > 1 else work.amplitudes])
+        self.starts = np.stack([*starts, np.mean([*starts, work.amplitudes], axis=0)])
         self.a, self.tried = self.starts[0].copy(), np.ones(count, int)
         self.last = np.full((count, LAST), np.nan)
         self.ends = np.full((count, 2, LAST), np.nan)  # of the bracket
@@ -148,7 +150,7 @@ class _Search:
 
     def found(self) -> Found:
         """What came of it."""
-        self.lost |= self.open
+        self.lost |= self.open | np.isin(self.status, UNDECIDED)
         good = np.flatnonzero(np.isfinite(self.rows[:, 0]) & ~self.lost)
         self._carry_errors(good)
         self.rows[good] = seen(self.rows[good], self.work.lever)
@@ -173,8 +175,12 @@ class _Search:
         self.rows[at] = rows
 
     def _follow(self, at: NDArray[np.intp]) -> None:
-        """Engage in time."""
-        self.rows[at], self.status[at] = np.nan, col.PENDING
+        """Engage in time; of one branch alone, there is nothing then."""
+        self.rows[at] = np.nan
+        if len(self.starts) < MOST_STARTS:
+            self.status[at] = col.NO_STABLE_ORBIT
+            return
+        self.status[at] = col.PENDING
         March().settle(self.work, at, self.rows, self.status, self.used, self.periods)
         self.rows[at] = seen(self.rows[at], self.work.lever)
 

@@ -523,8 +523,8 @@ def _microscope(tables: Table) -> Microscope:
     lever, tip = _object(tables, "cantilever", Cantilever), _object(tables, "tip", Tip)
     if lever.quality_factor < LOW_Q and "excitation" not in _table(tables, "drive"):
         warnings.warn(
-            f"Q is {lever.quality_factor:g} and [drive] does not say excitation: with a shaker under the lever phases "
-            "may be off by degrees, so set 'base', or 'direct' if the force acts on the tip.",
+            f"Q is {lever.quality_factor:g} and [drive] does not say excitation: set it to 'base' for a shaker under "
+            "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
             stacklevel=2,
         )
     return Microscope(lever, tip, _object(tables, "drive", Drive), _object(tables, "interaction", Interaction))

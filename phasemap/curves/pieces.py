@@ -81,11 +81,11 @@ class Curves:
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """Rows as the detector sees them, shape (..., FULL)."""
-        if not self.standing(0.0)[1][col.SHAKER]:
+        if not self.standing(0.0)[1][col.SHAKER] or not rows.size:
             return rows
-        flat = rows.reshape(-1, col.FULL)
-        levers = np.array([self.standing(m)[1] for m in np.nan_to_num(flat[:, col.PARAMETER])]).reshape(len(flat), -1)
-        return seen(flat, levers).reshape(rows.shape)
+        at = np.nan_to_num(rows[..., col.PARAMETER]).reshape(-1)
+        levers = np.array([self.standing(m)[1] for m in at]).reshape(*rows.shape[:-1], -1)
+        return seen(rows, levers)
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""

@@ -1,0 +1,305 @@
+"""A shaker under the lever: what a detector of the deflection sees, against an independent integration and limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import Case, label, load
+
+import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap._kernels import excitation as kernel
+from phasemap.excitation import of_tip, seen, show
+from phasemap.scene import load_scene
+from phasemap.work import lever_of, work_of_material
+
+CASES = load("excitation")
+IN_LIQUID = [case for case in CASES if case["quality_factor"] < 20]
+IN_AIR = [case for case in CASES if case["quality_factor"] >= 100]
+WET = pm.Microscope(pm.Cantilever(0.5, 30e3, 3.0), pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"))
+DRY = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base"))
+SOFT = pm.Material(1e9, adhesion=0.05, damping=0.01)
+SETPOINT = 0.7
+
+
+def scope_of(case: Case) -> pm.Microscope:
+    frequency = 100e3
+    return pm.Microscope(
+        pm.Cantilever(case["stiffness"], frequency, case["quality_factor"]),
+        pm.Tip(case["radius"]),
+        pm.Drive(case["free_amplitude"], case["frequency_ratio"] * frequency, "base"),
+        pm.Interaction("dmt", case["decay_length"]),
+    )
+
+
+def material_of(case: Case) -> pm.Material:
+    return pm.Material(
+        case["modulus"], adhesion=case["adhesion"], damping=case["damping"], poisson_ratio=case["poisson_ratio"]
+    )
+
+
+def direct(scope: pm.Microscope) -> pm.Microscope:
+    return replace(scope, drive=replace(scope.drive, excitation="direct"))
+
+
+def one_pixel(material: pm.Material, shape: tuple[int, int] = (1, 1)) -> pm.Surface:
+    return pm.Surface(
+        material.modulus, adhesion=material.adhesion, damping=material.damping, pixel_size=4e-9, shape=shape
+    )
+
+
+def test_the_free_lever_as_the_detector_sees_it() -> None:
+    # z is Q u0 behind the base by a quarter of a period, so that z less the base is hypot(Q, 1) u0.
+    assert WET.free_amplitude == pytest.approx(math.hypot(3, 1) * 10e-9 / 3, rel=1e-15)
+    amplitude, phase = show(lever_of(WET), 10e-9, 0.0)
+    assert float(amplitude) == pytest.approx(WET.free_amplitude, rel=1e-15)
+    assert float(phase) == pytest.approx(0.0, abs=1e-15)
+    off = replace(WET, drive=pm.Drive(10e-9, 0.8 * 30e3, "base"))
+    response = 1 / (1 - 0.8**2 + 0.8j / 3)
+    assert off.free_amplitude == pytest.approx(abs(response - 1) * 10e-9 / 3, rel=1e-14)
+    assert direct(off).free_amplitude == pytest.approx(abs(response) * 10e-9 / 3, rel=1e-14)
+
+
+def test_what_is_seen_and_what_the_tip_does_are_inverse_to_each_other() -> None:
+    lever, rng = lever_of(WET), np.random.default_rng(1)
+    amplitude, phase = rng.uniform(1e-9, 1e-8, 100), rng.uniform(-1.5, 1.5, 100)
+    again = of_tip(lever, *show(lever, amplitude, phase))
+    np.testing.assert_allclose(again, [amplitude, phase], rtol=1e-13, atol=1e-14)
+    assert [float(x) for x in show(lever_of(direct(WET)), 3e-9, 0.4)] == [3e-9, 0.4]
+
+
+@pytest.mark.parametrize("scope", [WET, direct(WET)], ids=["base", "direct"])
+def test_kernels_see_what_arrays_see(scope: pm.Microscope) -> None:
+    lever = lever_of(scope)
+    amplitude, phase = 7e-9, 0.6
+    expected = show(lever, amplitude, phase)
+    push = lever[col.BASE] * math.sin(phase) - amplitude * (1 - lever[col.OMEGA] ** 2)
+    for at in (kernel.show, kernel.show.py_func):
+        assert at(lever, amplitude, phase) == pytest.approx([float(x) for x in expected], rel=1e-14)
+    for at in (kernel.seen_amplitude, kernel.seen_amplitude.py_func):
+        assert at(lever, amplitude, push) == pytest.approx(float(expected[0]), rel=1e-14)
+    # Central differences are off by the square of their step.
+    step = 1e-5
+    ends = [kernel.seen_amplitude(lever, amplitude * (1 + s), push * (1 - 2 * s)) for s in (step, -step)]
+    rate = kernel.seen_rate(lever, amplitude, push, amplitude, -2 * push)
+    assert rate == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-8)
+
+
+def test_spreads_are_turned_with_the_mean() -> None:
+    rng, lever = np.random.default_rng(3), lever_of(WET)
+    row = np.zeros(col.COLUMNS)
+    row[[col.AMPLITUDE, col.PHASE, col.SPREAD_AMPLITUDE, col.SPREAD_PHASE]] = 6e-9, 0.7, 3e-12, 1e-3
+    many = show(lever, 6e-9 + 3e-12 * rng.standard_normal(100_000), 0.7 + 1e-3 * rng.standard_normal(100_000))
+    found = seen(row, lever)
+    # Of 10^5 draws a standard deviation is known to 0.2 %.
+    assert found[col.SPREAD_AMPLITUDE] == pytest.approx(many[0].std(), rel=0.01)
+    assert found[col.SPREAD_PHASE] == pytest.approx(many[1].std(), rel=0.01)
+
+
+@pytest.mark.parametrize("solver", ["orbit", "auto"])
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_the_pixel_is_that_of_an_independent_integration(case: Case, solver: str) -> None:
+    strict = pm.Accuracy(phase=1e-5, height=1e-14)
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver, strict)
+    assert pixel.status is pm.Status.good
+    assert pixel.amplitude == pytest.approx(case["amplitude"], rel=1e-10)
+    assert pixel.phase == pytest.approx(case["phase"], abs=1e-5)
+    # Collocation leaves 1e-15 m in air, and some ten times that in liquid.
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=1e-13)
+    assert pixel.mean_deflection == pytest.approx(case["mean_deflection"], abs=1e-13)
+    assert abs(pixel.energy_closure) < 1e-6
+
+
+@pytest.mark.parametrize("case", IN_LIQUID[:2] + IN_AIR[:1], ids=label)
+def test_time_leads_to_the_same(case: Case) -> None:
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], "march")
+    assert pixel.phase == pytest.approx(case["phase"], abs=pixel.error_phase)
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=pixel.error_height)
+
+
+@pytest.mark.parametrize("case", IN_AIR, ids=label)
+def test_averaging_is_as_good_as_for_a_force_on_the_tip(case: Case) -> None:
+    material, scope, setpoint = material_of(case), scope_of(case), case["setpoint"]
+    averaged, exact = (pm.solve_pixel(material, direct(scope), setpoint, solver) for solver in ("averaging", "orbit"))
+    found = pm.solve_pixel(material, scope, setpoint, "averaging")
+    # What averaging leaves out is the same but for 1/Q.
+    assert found.phase - case["phase"] == pytest.approx(averaged.phase - exact.phase, rel=0.05)
+
+
+def test_without_losses_the_phase_follows_from_the_amplitude() -> None:
+    # All that the drive gives goes into the air: A = Q u0 cos(phase) of z, so that the deflection's phase is known.
+    # What the higher harmonics take at Q 400 is less than 1e-4 of it.
+    pixel = pm.solve_pixel(pm.Material(3e9), DRY, SETPOINT, "orbit")
+    turn = np.linspace(0, math.pi / 2, 1_000_001)
+    amplitude, phase = show(lever_of(DRY), 40e-9 * np.cos(turn), turn)
+    expected = phase[np.argmax(amplitude < SETPOINT * DRY.free_amplitude)]
+    assert pixel.phase == pytest.approx(math.degrees(expected), abs=0.01)
+
+
+def test_both_excitations_agree_to_order_one_over_q() -> None:
+    qualities, apart = np.array([100.0, 200.0, 400.0, 800.0]), []
+    for quality in qualities:
+        base = pm.Microscope(pm.Cantilever(40.0, 300e3, quality), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base"))
+        pixels = [pm.solve_pixel(pm.Material(3e9), scope, SETPOINT, "orbit") for scope in (base, direct(base))]
+        apart.append(abs(pixels[0].phase - pixels[1].phase))
+    slope = np.polyfit(np.log(qualities), np.log(apart), 1)[0]
+    # Without losses the expansion in 1/Q has the next term 1/Q^2, 1 % at Q 100.
+    assert slope == pytest.approx(-1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("scope", [WET, DRY], ids=["liquid", "air"])
+def test_the_whole_curve_of_orbits_has_the_pixel_on_it(scope: pm.Microscope) -> None:
+    pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
+    found = pm.orbits(SOFT, scope, setpoint=SETPOINT)
+    nearest = found.isel(orbit=int(np.abs(found.phase.values - pixel.phase).argmin()))
+    # Two searches on orbits that are exact to 1e-6 degree, with rounding where the curve is flat.
+    assert float(nearest.phase) == pytest.approx(pixel.phase, abs=2e-6)
+    assert float(nearest.tip_offset) == pytest.approx(pixel.tip_offset, abs=1e-14)
+    # The pixel's slope is that of a last secant.
+    assert float(nearest.feedback_slope) == pytest.approx(pixel.feedback_slope, rel=1e-3)
+    assert bool(nearest.stable)
+    there = pm.orbits(SOFT, scope, tip_offset=pixel.tip_offset)
+    assert np.abs(there.phase.values - pixel.phase).min() < 2e-6
+
+
+def test_the_slope_of_the_feedback_is_that_of_the_amplitude_seen() -> None:
+    pixel, step = pm.solve_pixel(SOFT, WET, SETPOINT, "orbit"), 1e-12
+    ends = pixel.tip_offset + step * np.array([-1.0, 1.0])
+    amplitude = pm.sweep_distance(SOFT, WET, ends).amplitude.sel(direction="approach").values
+    assert (amplitude[1] - amplitude[0]) / (2 * step) == pytest.approx(pixel.feedback_slope, rel=1e-3)
+
+
+@pytest.mark.parametrize("scope", [WET, DRY], ids=["liquid", "air"])
+def test_sweeps_pass_the_pixel(scope: pm.Microscope) -> None:
+    pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
+    held = pm.sweep_setpoint(SOFT, scope, [0.9, SETPOINT, 0.6]).sel(direction="down", setpoint=SETPOINT)
+    assert float(held.phase) == pytest.approx(pixel.phase, abs=2e-6)
+    assert float(held.amplitude) == pytest.approx(SETPOINT * scope.free_amplitude, rel=1e-10)
+    z0 = pixel.tip_offset
+    lowered = pm.sweep_distance(SOFT, scope, [z0 + 1e-10, z0]).sel(direction="approach").isel(tip_offset=-1)
+    assert float(lowered.phase) == pytest.approx(pixel.phase, abs=2e-6)
+    assert float(lowered.amplitude) == pytest.approx(pixel.amplitude, rel=1e-7)
+
+
+def test_a_frequency_sweep_far_from_the_surface_is_the_free_lever() -> None:
+    ratios = np.array([0.8, 1.0, 1.1])
+    curve = pm.sweep_frequency(pm.Material(1e9), WET, ratios * 30e3, tip_offset=30e-9).sel(direction="up")
+    deflection = 1 / (1 - ratios**2 + 1j * ratios / 3) - 1
+    np.testing.assert_allclose(curve.amplitude, np.abs(deflection) * 10e-9 / 3, rtol=1e-9)
+    expected = np.degrees(np.angle(1j * deflection) + math.atan(1 / 3))
+    np.testing.assert_allclose(curve.phase, expected, atol=1e-6)
+
+
+def test_raster_shows_what_engage_shows() -> None:
+    surface = pm.Surface(modulus=[[1e9, 3e9]], adhesion=0.05, damping=0.01, pixel_size=4e-9)
+    engaged = pm.simulate(surface, WET, SETPOINT, "orbit")
+    raster = pm.simulate(surface, WET, SETPOINT, "orbit", pm.Raster())
+    for name in ("phase", "height", "amplitude", "branch"):
+        for direction in ("trace", "retrace"):
+            np.testing.assert_array_equal(raster[name].sel(direction=direction), engaged[name])
+
+
+@pytest.mark.parametrize(("scope", "solver"), [(DRY, "averaging"), (WET, "march")], ids=["slow flow", "in time"])
+def test_a_feedback_comes_to_rest_where_engage_does(scope: pm.Microscope, solver: str) -> None:
+    still = pm.simulate(one_pixel(SOFT), scope, SETPOINT, "orbit")
+    image = pm.simulate(one_pixel(SOFT, (1, 4)), scope, SETPOINT, solver, pm.Feedback(line_rate=2.0))
+    # The slow flow is of first order: 0.1 degree, and some hundredths of a nanometre (as without a shaker).
+    np.testing.assert_allclose(image.phase.values, float(still.phase[0, 0]), atol=0.1)
+    np.testing.assert_allclose(image.amplitude.values, SETPOINT * scope.free_amplitude, rtol=1e-3)
+    np.testing.assert_allclose(image.tip_offset.values, float(still.tip_offset[0, 0]), atol=5e-11)
+
+
+def test_contrast_is_the_difference_of_two_pixels() -> None:
+    hard = pm.Material(3e9, adhesion=0.02)
+    found = pm.contrast(SOFT, hard, WET, [0.6, SETPOINT], solver="orbit")
+    pixels = [pm.solve_pixel(material, WET, SETPOINT, "orbit") for material in (SOFT, hard)]
+    assert float(found.contrast.sel(setpoint=SETPOINT)) == pytest.approx(pixels[1].phase - pixels[0].phase, abs=1e-9)
+
+
+def test_sensitivities_are_differences_of_pixels() -> None:
+    found, step = pm.sensitivity(one_pixel(SOFT), WET, SETPOINT), 3e-3
+    for name, unit in (("modulus", SOFT.modulus), ("damping", SOFT.damping)):
+        ends = [
+            pm.solve_pixel(replace(SOFT, **{name: unit * math.exp(sign * step)}), WET, SETPOINT, "orbit")
+            for sign in (1, -1)
+        ]
+        # Orbits of 1e-6 degree and 1e-15 m, over twice the step.
+        by_phase, by_height = float(found[f"phase_by_{name}"][0, 0]), float(found[f"height_by_{name}"][0, 0])
+        assert by_phase == pytest.approx((ends[0].phase - ends[1].phase) / (2 * step), abs=1e-3)
+        assert by_height == pytest.approx((ends[0].height - ends[1].height) / (2 * step), abs=1e-12)
+
+
+def test_images_lead_back_to_their_materials() -> None:
+    setpoints = (0.5, 0.6, 0.7, 0.8)
+    surface = pm.Surface(modulus=[[1e9, 2e9]], adhesion=[[0.08, 0.05]], damping=[[0.02, 0.01]], pixel_size=4e-9)
+    images = [pm.simulate(surface, DRY, setpoint, "orbit") for setpoint in setpoints]
+    found = pm.invert(images, DRY, setpoints=setpoints, phase_error=1e-3, height_error=1e-12)
+    for name in ("modulus", "adhesion", "damping"):
+        expected = np.broadcast_to(getattr(surface, name), (1, 2))
+        np.testing.assert_allclose(found[name], expected, rtol=0.01)
+    # The same images taken for those of a force on the tip are off by 1/Q of a radian, a hundred standard errors.
+    other = pm.invert(images, direct(DRY), setpoints=setpoints, phase_error=1e-3, height_error=1e-12)
+    assert float(other.misfit.min()) > 100 * float(found.misfit.max())
+
+
+def test_a_measured_curve_leads_back_to_its_material() -> None:
+    axis = np.linspace(11e-9, 5e-9, 25)
+    curve = pm.sweep_distance(SOFT, WET, axis).sel(direction="approach")
+    found = pm.fit_distance(
+        axis, scope=WET, start=pm.Material(2e9, adhesion=0.05, damping=0.02), parameters=("modulus", "damping"),
+        amplitude=curve.amplitude.values, amplitude_error=1e-12, phase=curve.phase.values, phase_error=1e-3,
+    )  # fmt: skip
+    assert found.values["modulus"] == pytest.approx(1e9, rel=1e-3)
+    assert found.values["damping"] == pytest.approx(0.01, rel=1e-2)
+
+
+@pytest.mark.parametrize("scope", [WET, DRY], ids=["liquid", "air"])
+def test_check_certifies_an_image_and_finds_a_wrong_word(scope: pm.Microscope) -> None:
+    surface = pm.Surface(modulus=[[1e9, 3e9]], adhesion=0.05, damping=0.01, pixel_size=4e-9)
+    image = pm.simulate(surface, scope, SETPOINT)
+    assert "deflection" in image.attrs["detected"]
+    assert pm.check(image, surface).holds
+    told = image.attrs["configuration"]
+    assert '"excitation": "base"' in told
+    wrong = image.assign_attrs(configuration=told.replace('"excitation": "base"', '"excitation": "direct"'))
+    assert not pm.check(wrong, surface).holds
+
+
+def test_an_orbit_that_the_attractive_branch_leaves_just_before_is_found_along_the_whole_curve() -> None:
+    # Where the attractive branch ends between the two A that show the setpoint, neither is what engagement finds at
+    # its own A; the sweep, which follows the curve as the deflection shows it, does.
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 150.0), pm.Tip(10e-9), pm.Drive(8e-9, excitation="base"))
+    sticky = pm.Material(2e9, adhesion=0.1, damping=0.01)
+    setpoints = np.linspace(0.76, 0.66, 51)
+    swept = pm.sweep_setpoint(sticky, scope, setpoints).sel(direction="down")
+    jump = int(np.flatnonzero(np.diff(swept.branch.values) > 0)[0])
+    for i in range(jump - 1, jump + 4):
+        pixel = pm.solve_pixel(sticky, scope, float(setpoints[i]), "orbit")
+        assert pixel.phase == pytest.approx(float(swept.phase[i]), abs=1e-5)
+
+
+def test_what_is_not_allowed_is_one_sentence() -> None:
+    with pytest.raises(pm.InputError, match=r"excitation is 'shaker'; allowed: 'direct' or 'base'"):
+        pm.Drive(10e-9, excitation="shaker")
+    with pytest.raises(pm.InputError, match="solve the values one by one"):
+        pm.sweep_parameter(SOFT, WET, "modulus", [1e9, 2e9], setpoint=SETPOINT)
+
+
+def test_a_scene_says_what_shakes_the_lever() -> None:
+    path = Path(__file__).parent.parent / "samples" / "step.toml"
+    wet = ["cantilever.quality_factor=3"]
+    with pytest.warns(UserWarning, match="Q is 3 and .drive. does not say excitation"):
+        assert load_scene(path, wet).microscope.drive.excitation == "direct"
+    for word in ("base", "direct"):
+        scene = load_scene(path, [*wet, f"drive.excitation={word}"])
+        assert scene.microscope.drive.excitation == word
+    assert load_scene(path).microscope.drive.excitation == "direct"
+
+
+def test_the_lever_of_a_force_on_the_tip_hides_nothing() -> None:
+    assert work_of_material(SOFT, direct(WET), 1e-9).lever[col.SHAKER] == 0
+    assert work_of_material(SOFT, WET, 1e-9).lever[col.SHAKER] == pytest.approx(10e-9 / 3)
