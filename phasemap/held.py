@@ -81,7 +81,7 @@ class _Search:
         self.ends = np.full((count, 2, LAST), np.nan)  # of the bracket
         self.slopes = np.full((count, 3), np.nan)  # of amplitude seen, phase and tip offset with A
         self.rounds, self.missing = np.zeros(count, int), np.zeros(count, int)
-        self.lost = work.rows[:, col.RELEASE] != 0
+        self.lost = (work.rows[:, col.RELEASE] != 0) & (len(sides) > 1)
         self.open = ~self.lost
 
     def go_on(self) -> bool:
