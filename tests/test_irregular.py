@@ -24,6 +24,10 @@ HELD = next(held for case, held in IRREGULAR if case["name"] == "rubber" and hel
 # What is not periodic is averaged until the standard error of phase and tip offset are below 0.01 degree and 2 pm; five
 # of them, for the means of two codes that both average.
 PHASE, LENGTH = 0.05, 1e-11
+# Much of it is a pattern of taps that repeats after n periods, and others beside it hold the same setpoint: which one is
+# there depends on picometres on the way. The reference, begun from other states near by, finds them up to 0.44 degree
+# and 6 pm apart ("near", polymer 0), which makes this much room for either code.
+PATTERN_PHASE, PATTERN_LENGTH, SAME_PATTERN = 0.5, 2e-11, 0.1
 
 
 def scope_of(case: Case) -> pm.Microscope:
@@ -45,12 +49,21 @@ def test_the_mean_is_what_a_slow_lock_in_shows_after_slow_engagement(pair: tuple
     pixel = pm.solve_pixel(material_of(case), scope_of(case), held["setpoint"])
     assert pixel.status is pm.Status.good
     assert pixel.motion == "irregular"
-    assert pixel.phase == pytest.approx(held["phase"], abs=PHASE + 2 * held["phase_error"])
-    assert pixel.tip_offset == pytest.approx(held["tip_offset"], abs=LENGTH + 2 * held["tip_offset_error"])
+    assert pixel.phase == pytest.approx(held["phase"], abs=PATTERN_PHASE)
+    assert pixel.tip_offset == pytest.approx(held["tip_offset"], abs=PATTERN_LENGTH)
     assert pixel.amplitude == pytest.approx(held["setpoint"] * case["free_amplitude"], rel=1e-12)
     # The same energy leaves by both roads: taken by the surface, and missing in the first harmonic. Of this the mean
     # over time keeps what the energy of the lever changes by, below 1e-4 of what is supplied.
     assert abs(pixel.energy_closure) < 1e-4
+
+
+def test_mostly_the_same_pattern_of_taps_is_held() -> None:
+    apart = []
+    for case, held in IRREGULAR:
+        phase = pm.solve_pixel(material_of(case), scope_of(case), held["setpoint"]).phase
+        known = [held["phase"], *(near[1] for near in held.get("near", []))]
+        apart.append(min(abs(phase - one) for one in known))
+    assert np.mean(np.array(apart) < SAME_PATTERN) >= 0.8
 
 
 @pytest.mark.parametrize("pair", PERIODIC, ids=named)
