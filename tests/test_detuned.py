@@ -82,6 +82,6 @@ def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(rat
     lever = np.array([ratio, 0.5 / quality, 1.0, 1.0])
     whole = math.hypot(1 - ratio**2, ratio / quality)
     x, y = (1 - ratio**2) / whole, ratio / quality / whole
-    r = np.linspace(0, 1 / y, 400_001)[1:]
+    r = np.geomspace(1e-2, 1 / y, 400_001)
     share = np.sqrt(r) * (np.sqrt(np.maximum(1 - (r * y) ** 2, 0)) + r * x)
     assert narrowest(lever) == pytest.approx(r[np.argmax(share)], rel=1e-3)  # as near as a flat maximum is found
