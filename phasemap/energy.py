@@ -51,7 +51,7 @@ def close(rows: Array, lever: Array) -> None:
 
     Examples
     --------
-    >>> lever, rows = np.array([1.0, 1e-3, 40.0, 4e-11]), np.full((2, col.COLUMNS), np.nan)
+    >>> lever, rows = np.array([1.0, 1e-3, 40.0, 4e-11, 0.0]), np.full((2, col.COLUMNS), np.nan)
     >>> rows[0, [col.AMPLITUDE, col.PHASE, col.DISSIPATION]] = 2e-8, 0.0, 0.0  # the free lever: u0 / (2 alpha0)
     >>> close(rows, lever)
     >>> np.abs(rows[:, col.CLOSURE]).round(12).tolist()

@@ -79,7 +79,7 @@ def test_next_to_resonance_no_more_orbits_are_left_to_collocation(name: str) -> 
 @pytest.mark.parametrize("quality", [3.0, 400.0])
 def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(ratio: float, quality: float) -> None:
     # What is needed, (1 - r^2 y^2)^(1/2) + r x, over what there is, r^(-1/2), has its maximum there.
-    lever = np.array([ratio, 0.5 / quality, 1.0, 1.0])
+    lever = np.array([ratio, 0.5 / quality, 1.0, 1.0, 0.0])
     whole = math.hypot(1 - ratio**2, ratio / quality)
     x, y = (1 - ratio**2) / whole, ratio / quality / whole
     r = np.geomspace(1e-2, 1 / y, 400_001)

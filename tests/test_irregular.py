@@ -24,7 +24,7 @@ HELD = next(held for case, held in IRREGULAR if case["name"] == "rubber" and hel
 # What is not periodic is averaged until the standard error of phase and tip offset are below 0.01 degree and 2 pm; five
 # of them, for the means of two codes that both average.
 PHASE, LENGTH = 0.05, 1e-11
-# Much of it is a pattern of taps that repeats after n periods; others beside it hold the same setpoint, and which one is
+# Much of it is a pattern of taps that repeats after n periods; others beside it hold the same setpoint, and which is
 # there depends on picometres on the way. The reference, begun from other states near by, finds them up to 0.44 degree
 # and 6 pm apart ("near", polymer 0), which makes this much room for either code.
 PATTERN_PHASE, PATTERN_LENGTH, SAME_PATTERN = 0.5, 2e-11, 0.1

@@ -35,7 +35,7 @@ def problem_of(case: Case) -> Problem:
     adhesion, damping = np.array([case["adhesion"]]), np.array([case["damping"]])
     rows = interaction.columns(np.array([4 / 3 / (sample + tip)]), adhesion, damping, case["tip_radius"])
     quality = case["quality_factor"]
-    lever = [case.get("frequency_ratio", 1.0), 0.5 / quality, case["stiffness"], case["free_amplitude"] / quality]
+    lever = [case.get("frequency_ratio", 1.0), 0.5 / quality, case["stiffness"], case["free_amplitude"] / quality, 0.0]
     return interaction.token(), rows[0], np.array(lever)
 
 
