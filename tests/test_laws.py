@@ -418,7 +418,7 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
 
 def test_no_touch_no_neck() -> None:
     interaction = Interaction("jkr")
-    token, p, lever = interaction.token(), row_of(interaction), np.array([1.0, 0.005, 5.0, 2e-10])
+    token, p, lever = interaction.token(), row_of(interaction), np.array([1.0, 0.005, 5.0, 2e-10, 0.0])
     without = p.copy()
     without[10] = 0.0
     numbers = (lever, reach_of(token, p), 1e-8, 1.001)
