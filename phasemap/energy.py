@@ -14,7 +14,7 @@ def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
 
     Parameters
     ----------
-    lever : ndarray, shape (4,)
+    lever : ndarray, shape (5,)
         As in `phasemap.work.Work`.
     amplitude, phase : ndarray
         Of the first harmonic [m, rad].
@@ -30,7 +30,7 @@ def lost_in_air(lever: Array, amplitude: Array) -> Array:
 
     Parameters
     ----------
-    lever : ndarray, shape (4,)
+    lever : ndarray, shape (5,)
         As in `phasemap.work.Work`.
     amplitude : ndarray
         [m].
@@ -46,7 +46,7 @@ def close(rows: Array, lever: Array) -> None:
     ----------
     rows : ndarray, shape (..., COLUMNS)
         Result rows; those that have a closure keep it.
-    lever : ndarray, shape (4,)
+    lever : ndarray, shape (5,)
         As in `phasemap.work.Work`.
 
     Examples
