@@ -438,7 +438,7 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
 
 # The march through necks.
 
-LEVER = np.array([1.0, 0.5 / 100, 5.0, 20e-9 / 100])  # omega, alpha0, k, u0
+LEVER = np.array([1.0, 0.5 / 100, 5.0, 20e-9 / 100, 0.0])  # omega, alpha0, k, u0, base
 MARCHED: dict[str, tuple[Interaction, float]] = {  # with the damping
     "jkr": (Interaction("jkr", 0.3e-9), 0.0),
     "jkr, no force before contact, damped": (Interaction("jkr", None), 0.02),
@@ -504,7 +504,7 @@ def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
 def test_contact_is_carried_over_from_period_to_period() -> None:
     # A weak swing in a long neck, which is never released; and the same depth reached out of contact.
     interaction = Interaction(Neck(4e-9), None)
-    problem = (interaction.token(), row_of(interaction, adhesion=1e-3), LEVER * [1, 1, 1, 0.01])
+    problem = (interaction.token(), row_of(interaction, adhesion=1e-3), LEVER * [1, 1, 1, 0.01, 1])
     hanging, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 1.0]), 0.3, 3)
     assert hanging[2] == 1 and acc[5] < 0 and acc[3] == 0
     free, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 0.0]), 0.3, 1)
