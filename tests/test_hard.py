@@ -22,18 +22,13 @@ from phasemap.bench.hard import CASES, UNSOLVED, HardCase, fault_of, hard, shot
 from phasemap.bench.hard_cases import BOX, case_of, draw
 
 KNOWN: dict[str, dict[str, Any]] = json.loads((DATA / "hard.json").read_text())
-WRONG = {  # known and open; a case that turns out right may go
+WRONG = {  # known and open
     "folds: liquid, hard, above": "no_stable_orbit: 5e-7 above the least amplitude the crossing is stepped over",
-    "found by drawing at random: 2": "unstable: the tip leaves the branch where it gets unstable without a fold",
-    "found by drawing at random: 3": "unstable: as above",
-    "found by drawing at random: 4": "unstable: as above",
 }
-WRONG_AUTO = {  # only where the march answers in place of the orbit
-    "zero adhesion: 7": "unstable: the march takes one period of a chaotic motion for the setpoint reached",
-    "found by drawing at random: 15": "unstable: as above",
-}
-NAMED_UNSOLVED, DRAWN_UNSOLVED = 0.15, 0.25
-"""Shares of the named cases, and of cases drawn from the whole box, that may end without an answer."""
+NAMED_UNSOLVED = ["whole box: drawn 21-8", "whole box: drawn 21-10"]
+"""Named cases that end without an answer: levers that ring down in 2,000 and 35,000 periods, on no periodic orbit."""
+DRAWN, DRAWN_UNSOLVED = 300, 16
+"""Cases drawn from the whole box, and how many of them end without an answer: 14 with Q above 2,000."""
 NOTHING_HOLDS = ("jumps across", "never reached")
 EXACT = ("tip_offset", "height", "phase", "amplitude", "mean_deflection", "indentation", "dissipation", "virial")
 FURTHER = ("floquet", "feedback_slope", "energy_closure")  # the solver "orbit" knows them too
@@ -55,7 +50,7 @@ LONG = ("zero adhesion: drawn 13-3",)  # a minute of marching
 
 def open_cases(wrong: dict[str, str]) -> list[Any]:
     def marked(case: HardCase) -> Any:
-        return pytest.param(case, marks=pytest.mark.xfail(reason=wrong[case.name], strict=False))
+        return pytest.param(case, marks=pytest.mark.xfail(reason=wrong[case.name], strict=True))
 
     def patient(case: HardCase) -> Any:
         return pytest.param(case, marks=pytest.mark.slow) if case.name in LONG else case
@@ -107,7 +102,7 @@ def test_the_orbit_is_the_one_that_engaging_in_time_ends_on(case: HardCase) -> N
             assert abs(pixel.floquet - orbit["floquet"]) < 1e-3
 
 
-@pytest.mark.parametrize("case", open_cases(WRONG | WRONG_AUTO), ids=lambda case: case.name)
+@pytest.mark.parametrize("case", open_cases(WRONG), ids=lambda case: case.name)
 def test_auto_is_as_exact_as_it_is_asked_to_be(case: HardCase) -> None:
     pixel, known = solved(case, "auto"), KNOWN[case.name]
     if pixel.status.name in UNSOLVED:
@@ -120,9 +115,8 @@ def test_auto_is_as_exact_as_it_is_asked_to_be(case: HardCase) -> None:
 
 
 @pytest.mark.parametrize("solver", ["orbit", "auto"])
-def test_few_of_the_named_cases_end_without_an_answer(solver: str) -> None:
-    unsolved = [case.name for case in CASES if solved(case, solver).status.name in UNSOLVED]
-    assert len(unsolved) <= NAMED_UNSOLVED * len(CASES), unsolved
+def test_no_other_named_cases_end_without_an_answer(solver: str) -> None:
+    assert [case.name for case in CASES if solved(case, solver).status.name in UNSOLVED] == NAMED_UNSOLVED
 
 
 @pytest.mark.parametrize("name", ["small amplitude", "wide tip", "above resonance", "soft sample"])
@@ -150,7 +144,7 @@ def test_pixels_ten_decades_apart_do_not_disturb_each_other() -> None:
         assert KNOWN[family[i].name]["orbit"]["phase"] == pytest.approx(alone.phase, abs=1e-4)
 
 
-@pytest.mark.xfail(reason="too few elements where the tip never leaves a hard sample", strict=False)
+@pytest.mark.xfail(reason="too few elements where the tip never leaves a hard sample", strict=True)
 def test_in_permanent_contact_a_small_oscillation_decays_as_the_linear_one_does() -> None:
     # The depth d changes by 0.8 % a period, so that the oscillator is linear to about as much: stiffness 1 + F'(d)/k,
     # damping alpha0 + alpha_s(d), multipliers exp(-2 pi alpha / omega) in modulus.
@@ -232,7 +226,7 @@ SETTINGS = settings(deadline=None, derandomize=True, database=None, suppress_hea
 @settings(SETTINGS, max_examples=1000)
 @given(values=anywhere)
 def test_orbit_holds_the_setpoint_or_says_why_not(values: dict[str, float | None]) -> None:
-    hold_or_say_why(values, "orbit", set(pm.Status) - NEVER - {pm.Status.not_settled, pm.Status.no_averaged_orbit})
+    hold_or_say_why(values, "orbit", set(pm.Status) - NEVER - {pm.Status.no_averaged_orbit})
 
 
 @settings(SETTINGS, max_examples=20)  # where the orbit is not found the march takes seconds
@@ -242,13 +236,12 @@ def test_auto_holds_the_setpoint_or_says_why_not(values: dict[str, float | None]
 
 
 def test_few_of_any_cases_end_without_an_answer() -> None:
-    count = 300
     unsolved = 0
-    for number in range(count):
+    for number in range(DRAWN):
         case = case_of("drawn", "drawn", math.nan, draw(np.random.default_rng([2024, number])))
         status = pm.solve_pixel(case.material, case.scope, case.setpoint, "orbit").status
         unsolved += status.name in UNSOLVED
-    assert unsolved <= DRAWN_UNSOLVED * count
+    assert unsolved <= DRAWN_UNSOLVED
 
 
 def test_the_bench_finds_nothing_wrong(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,7 +47,7 @@ COARSE = 2.0  # steps on the way to the setpoint, over those of a periodic orbit
 LOOSE = 100.0  # the same of the precision
 LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
-FALL = 4e-3  # of the free amplitude, by which the tip offset falls in a ring-down time without a periodic orbit
+FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
 DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
 FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
@@ -176,7 +176,7 @@ def move_slowly(
     """
     block, from_z0 = block_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
-    pace = FALL * free_amplitude(lever) / ring_down(lever)
+    pace = FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
     sums = begin_sums(lever, tip.acc)
     if tip.periods[0] + block > most or not average(law, p, lever, how[0], block, 0.0, tip, sums):
         return SPENT
@@ -345,7 +345,7 @@ def carry_to(
     Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
     """
     tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
-    pace = FALL * free_amplitude(lever) / ring_down(lever)
+    pace = FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
     count = int(abs(u[3] - z0) / pace)
     if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
