@@ -144,7 +144,7 @@ def test_a_period_with_contact_agrees_with_another_integrator() -> None:
     from scipy.integrate import solve_ivp
 
     law, p, lever = problem_of(TAPPING)
-    omega, alpha0, stiffness, base = lever
+    omega, alpha0, stiffness, base, _ = lever
     z0 = TAPPING_ORBIT["tip_offset"]
 
     def rate(tau: float, y: np.ndarray) -> list[float]:
