@@ -14,7 +14,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import phasemap as pm
-from phasemap._kernels import averaging, march
+from phasemap._kernels import averaging, in_time, march
 from phasemap._kernels import columns as col
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.neck import loop_energies
@@ -467,7 +467,7 @@ def test_energy_closes_with_a_neck(name: str) -> None:
     token, p = interaction.token(), row_of(interaction, damping=damping)
     row, amplitude = np.empty(col.COLUMNS), 12e-9
     start = np.array([amplitude, 0.0, amplitude, math.radians(55)])
-    assert march.settle(token, p, LEVER, amplitude, start, 0.2, 1.0, 200_000, row) == col.GOOD
+    assert in_time.settle(token, p, LEVER, amplitude, start, 0.2, 200_000, row) == col.GOOD
     assert row[col.INDENTATION] > 0
     assert abs(row[col.CLOSURE]) < 1e-8
     lost = loop_energies(token, p[None])[0]
@@ -555,7 +555,7 @@ def test_the_phase_with_a_neck_is_that_of_another_integrator() -> None:
 
     row = np.empty(col.COLUMNS)
     start = np.array([z0, 0.0, other_amplitude, other_lag])
-    assert march.settle(interaction.token(), p, lever, other_amplitude, start, 0.2, 1.0, 100_000, row) == col.GOOD
+    assert in_time.settle(interaction.token(), p, lever, other_amplitude, start, 0.2, 100_000, row) == col.GOOD
     assert row[col.TIP_OFFSET] == pytest.approx(z0, abs=2e-14)
     assert math.degrees(row[col.PHASE]) == pytest.approx(90 - math.degrees(other_lag), abs=1e-4)
     assert row[col.DISSIPATION] > loop_energies(interaction.token(), p[None])[0]
