@@ -246,11 +246,13 @@ def hold_mean(
             a_error = math.sqrt(a_square / (groups - 1) / groups)
             if z_error < LENGTH and a_error < PHASE:
                 break
-            if held and missed > GROUP * groups * (HUNTED * amplitude) ** 2:
-                return col.NO_STABLE_ORBIT
             needed = GROUP * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
-            if needed > HOPE * most:
+            if groups >= 4 * LEAST_GROUPS and needed > HOPE * most:
                 return col.NOT_SETTLED
+        if held and groups % LEAST_GROUPS == 0:
+            if groups > LEAST_GROUPS and missed > GROUP * LEAST_GROUPS * (HUNTED * amplitude) ** 2:
+                return col.NO_STABLE_ORBIT
+            missed = 0.0
         if held and sums[CHANGE] < STILL * amplitude:  # it repeats itself by now
             how = (eta, PRECISE[0] * amplitude, PRECISE[1])
             if skip(law, p, lever, how, amplitude, tip):
