@@ -23,8 +23,8 @@ from phasemap._kernels.period_map import (
     Tip,
     amplitude_of,
     fill,
+    fill_orbit,
     hold_periodic,
-    multiplier_of,
     new_tip,
     pass_period,
     relaxed,
@@ -61,10 +61,10 @@ AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lower
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
-# What is added up over periods: the seven of `march_period`, their number, amplitude and angle behind the lock-in and
-# their squares. Carried on: the phasor behind the lock-in, the one from which angles count, that of the last period;
-# and the largest change of it from one period to the next.
-COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 7, 8, 9, 10, 11, 12
+# What is added up over periods: the seven of `march_period` (of the depths the largest is kept), their number, amplitude
+# and angle behind the lock-in and their squares. Carried on: the phasor behind the lock-in, the one from which angles
+# count, that of the last period; and the largest change of it from one period to the next.
+DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 5, 7, 8, 9, 10, 11, 12
 LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, SUMS = 12, 13, 14, 15, 16, 17, 18, 19
 
 
@@ -84,7 +84,7 @@ def average(
     """March so many periods, z0 falling by `fall` [m] in each, and put into `sums` what is seen."""
     for j in range(ADDED):
         sums[j] = 0.0
-    sums[CHANGE] = 0.0
+    sums[CHANGE], sums[DEEPEST] = 0.0, -math.inf
     keep = math.exp(-2.0 * math.pi * BANDWIDTH)
     acc = tip.acc
     for _ in range(count):
@@ -93,7 +93,7 @@ def average(
         if march_period(law, p, lever, tip.u[3], eta, tip.u, acc) < 0:
             return False
         for j in range(7):
-            sums[j] += acc[j]
+            sums[j] = max(sums[j], acc[j]) if j == DEEPEST else sums[j] + acc[j]
         cosine, sine = acc[0] - lever[col.SHAKER], acc[1]
         x = keep * sums[LOW_COS] + (1.0 - keep) * cosine
         y = keep * sums[LOW_SIN] + (1.0 - keep) * sine
@@ -207,6 +207,7 @@ def hold_mean(
     for j in range(len(row)):
         row[j] = math.nan
     held = amplitude > 0.0
+    how = (eta, PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
     block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
     if tip.periods[0] + 3 * GROUP * block > most:
         return col.NOT_SETTLED
@@ -224,12 +225,15 @@ def hold_mean(
             if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
                 return col.NOT_SETTLED
             for j in range(ADDED):
-                total[j] += sums[j]
+                total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
             group[0] += tip.u[3] / GROUP
             group[1] += sums[0]
             group[2] += sums[1]
             missed += (seen(lever, sums) - amplitude) ** 2
             tip.u[3] += SLOW * (amplitude - seen(lever, sums)) if held else 0.0
+        if sums[CHANGE] < STILL * seen(lever, sums) and skip(law, p, lever, how, amplitude, tip):
+            fill_orbit(lever, tip, row)  # it repeats itself by now
+            return col.GOOD
         x, y = group[1] / (GROUP * block) - lever[col.SHAKER], group[2] / (GROUP * block)
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         z = group[0] + amplitude - math.hypot(x, y)
@@ -253,15 +257,12 @@ def hold_mean(
             if groups > LEAST_GROUPS and missed > GROUP * LEAST_GROUPS * (HUNTED * amplitude) ** 2:
                 return col.NO_STABLE_ORBIT
             missed = 0.0
-        if held and sums[CHANGE] < STILL * amplitude:  # it repeats itself by now
-            how = (eta, PRECISE[0] * amplitude, PRECISE[1])
-            if skip(law, p, lever, how, amplitude, tip):
-                return hold_periodic(law, p, lever, how, amplitude, most, tip, row)
     if not (z_error < WORST_LENGTH and a_error < WORST_PHASE):
         return col.NOT_SETTLED
     count = total[COUNT]
     for j in range(ADDED):
-        total[j] /= count
+        if j != DEEPEST:
+            total[j] /= count
     fill(lever, z_mean if held else tip.u[3], total, row)
     if held and lever[col.SHAKER] == 0.0:
         row[col.AMPLITUDE] = amplitude
@@ -358,8 +359,7 @@ def carry_to(
     if rest(law, p, lever, how, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
         for j in range(len(row)):
             row[j] = math.nan
-        fill(lever, z0, tip.acc, row)
-        row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), slope_of(tip.linear)
+        fill_orbit(lever, tip, row)
         return col.GOOD
     return hold_mean(law, p, lever, 0.0, eta, most, tip, row)
 

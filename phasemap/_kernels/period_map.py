@@ -242,9 +242,7 @@ def hold_periodic(
                 continue
         if abs(wanted) > stride:
             stride = min(2.0 * stride, longest)
-    fill(lever, tip.u[3], tip.acc, row)
-    row[col.FLOQUET] = multiplier_of(tip.linear)
-    row[col.SLOPE] = slope_of(tip.linear)
+    fill_orbit(lever, tip, row)
     return col.GOOD
 
 
@@ -265,3 +263,10 @@ def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None
     row[col.STIFFENING] = lever[col.BASE] * math.cos(lag) / row[col.AMPLITUDE] - 1 + lever[col.OMEGA] ** 2
     supplied = math.pi * lever[col.STIFFNESS] * lever[col.BASE] * acc[1]
     row[col.CLOSURE] = (supplied - acc[3] - acc[6]) / supplied
+
+
+@njit(**STEADY)
+def fill_orbit(lever: np.ndarray, tip: Tip, row: np.ndarray) -> None:
+    """Fill a result row from a tip that `skip` has put to rest."""
+    fill(lever, tip.u[3], tip.acc, row)
+    row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), slope_of(tip.linear)

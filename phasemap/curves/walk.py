@@ -143,11 +143,9 @@ def walk(
             at = float(edge[column])
             beyond = max(at - beside, x) if down else min(at + beside, x)
             here = landing(edge, beyond) if landing else land(curves, column, parts, edge, beyond)
-            jumps.append(Jump(direction, edge, here.row_at(beyond) if isinstance(here, Segment) else None))
+            jumps.append(Jump(direction, edge, _after(curves, column, here, beyond)))
         if isinstance(here, Adrift):
             status[k], row = here.go(curves, column, x)
-            if jumps and jumps[-1].after is None and status[k] == col.GOOD:
-                jumps[-1] = Jump(direction, jumps[-1].before, row)
             again = like(parts, x, row) if is_periodic(row) else None
             if again is None:
                 rows[k] = row
@@ -167,6 +165,14 @@ def walk(
         if len(found):
             rows[k], traces[k] = here.rows[found[0]], here.traces[found[0]]
     return Visit(rows, traces, status, jumps, here)
+
+
+def _after(curves: Curves, column: int, here: Segment | Adrift, x: float) -> np.ndarray | None:
+    """The row of a tip just after a jump; None if it comes to no steady motion."""
+    if isinstance(here, Segment):
+        return here.row_at(x)
+    status, row = here.go(curves, column, x)
+    return row if status == col.GOOD else None
 
 
 def patience(lever: np.ndarray) -> int:
