@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import phasemap as pm
 from phasemap import raster
+from phasemap._kernels.scanning.slots import Orbits
 from phasemap.branches import stable_branches
 from phasemap.solvers import by_name
 from phasemap.work import work_of_material
@@ -199,15 +200,16 @@ def test_an_orbit_that_a_strong_pull_throws_out_is_found_as_time_finds_it() -> N
     assert np.abs(np.sort(stable.phase) - np.sort(np.degrees(exact.rows[:2, 0, 2]))).max() < 1e-6
 
 
-def test_a_tip_that_taps_already_stays_where_engagement_from_far_finds_no_rest() -> None:
+def test_a_tip_comes_to_the_motion_that_time_finds_where_no_curve_of_orbits_leads() -> None:
     scope = pm.Microscope(pm.Cantilever(2.2, 300e3, 3.4), pm.Tip(28e-9), pm.Drive(6.5e-9))
     restless, smooth = pm.Material(18e9, adhesion=0.23, damping=0.03), pm.Material(5e9)
     alone = pm.solve_pixel(restless, scope, 0.7, "orbit")
     surface = pm.Surface.from_labels(np.array([[0, 1, 0]]), {0: restless, 1: smooth}, pixel_size=2e-9)
     image = pm.simulate(surface, scope, 0.7, "orbit", pm.Raster(), threads=1)
-    assert alone.status is pm.Status.unstable
-    assert branches_of(image) == [[[-1, 1, 1]], [[1, 1, 1]]]
-    assert image.status.values.tolist() == [[[alone.status.code, 0, 0]], [[0, 0, 0]]]
+    assert (alone.status, alone.solver, alone.branch) == (pm.Status.good, "march", "repulsive")
+    assert branches_of(image) == [[[1, 1, 1]]] * 2
+    assert (image.status == 0).all()
+    assert (image.phase[:, 0, 0] == alone.phase).all()
 
 
 def test_the_number_of_threads_does_not_change_a_byte() -> None:
@@ -264,7 +266,8 @@ def test_any_scan_over_any_materials_obeys_the_rule(
     known = [dict.fromkeys(branches, 0.0) for branches in table]
     labels, slots = np.array(lines, np.int32), np.empty((2, len(lines), 5), np.int8)
     stable = np.array([[branch in phases for phases in known] for branch in (0, 1)])
-    compiled(labels, stable, np.array(engaged, np.int8), engage == "line", NONE, slots)
+    everywhere = np.zeros((3, len(table))), np.full((2, len(table)), np.inf)
+    compiled(labels, Orbits(stable, np.array(engaged, np.int8), *everywhere), engage == "line", NONE, 0.0, slots)
     seen = np.where(slots == 2, NONE, slots)
     expected = walked(labels, known, engaged, engage)
     assert [seen[0].tolist(), seen[1].tolist()] == [expected[0], expected[1]]

@@ -61,7 +61,7 @@ AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lower
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
-# What is added up over periods: the seven of `march_period` (of the depths the largest is kept), their number, amplitude
+# What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
 # and angle behind the lock-in and their squares. Carried on: the phasor behind the lock-in, the one from which angles
 # count, that of the last period; and the largest change of it from one period to the next.
 DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 5, 7, 8, 9, 10, 11, 12
