@@ -169,7 +169,7 @@ def test_peers_refuse_an_equation_that_they_do_not_know() -> None:
 
 
 def test_the_dataset_has_everything_with_units(measured: xr.Dataset, tmp_path: Path) -> None:
-    assert measured.sizes == {"regime": 7, "solver": len(methods_of(installed()[0])), "case": 4}
+    assert measured.sizes == {"regime": 8, "solver": len(methods_of(installed()[0])), "case": 4}
     for name, variable in measured.data_vars.items():
         assert variable.attrs["long_name"], name
         assert "units" in variable.attrs or "flag_meanings" in variable.attrs, name
@@ -299,7 +299,7 @@ def test_the_picture_has_a_panel_for_each_regime_and_error_and_one_legend(measur
     figure = draw_picture(measured, tmp_path / "bench.png")
     assert (tmp_path / "bench.png").stat().st_size > 10_000
     legends = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
-    assert len(figure.axes) == 15 and len(legends) == 1
+    assert len(figure.axes) == 17 and len(legends) == 1
     names = [text.get_text() for text in legends[0].get_texts()]
     assert names[: len(set(measured["family"].values))] == list(dict.fromkeys(measured["family"].values.tolist()))
     assert {axes.get_xscale() for axes in figure.axes[:7]} == {"log"}

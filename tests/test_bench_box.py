@@ -60,7 +60,8 @@ def test_every_material_is_counted_and_the_slowest_can_be_solved_again(monkeypat
     status, material, scope, setpoint = re.fullmatch(
         r"Slowest, \S+ ms, (\w+): (Material.*) under (Microscope.*) at setpoint (\S+)", slowest
     ).groups()  # type: ignore[union-attr]
-    pixel = pm.solve_pixel(eval(material, vars(pm)), eval(scope, vars(pm)), float(setpoint))
+    names = {name: getattr(pm, name) for name in pm.__all__}
+    pixel = pm.solve_pixel(eval(material, names), eval(scope, names), float(setpoint))
     assert pixel.status.name == status
 
 

@@ -19,7 +19,17 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.averaging import harmonics, mismatch
 from phasemap._kernels.law import OPTIONS, Law, contact_force
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.resonance import ATTRACTIVE, HEIGHT, UNCLEAR, approach, leaps, narrowest, on_side, strongest
+from phasemap._kernels.resonance import (
+    ATTRACTIVE,
+    HEIGHT,
+    UNCLEAR,
+    approach,
+    leaps,
+    narrowest,
+    near_resonance,
+    on_side,
+    strongest,
+)
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
 SMALLEST_STEP = 1e-6
@@ -191,11 +201,12 @@ def engage(
     where averaging cannot tell the side, with the maximum of the mismatch in `top`.
     """
     free, reach = free_amplitude(lever), reach_of(law, p)
-    side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
-    if side == UNCLEAR and p[4] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
-        return col.GOOD, OPEN
-    if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
-        return col.GOOD, SURE
+    if near_resonance(lever):
+        side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
+        if side == UNCLEAR and p[4] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
+            return col.GOOD, OPEN
+        if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
+            return col.GOOD, SURE
     status, surety = engage_traced(law, p, lever, amplitude, guess)
     if status == col.GOOD:
         guess[5] = slope_of(law, p, lever, guess)
@@ -211,6 +222,8 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 @njit(**OPTIONS)
 def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray) -> int:
     """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
+    if not near_resonance(lever):
+        return DOUBTFUL
     if p[4] == 0.0:
         return OPEN if approach(law, p, lever, 0.0, amplitude, free_amplitude(lever), 1.0, top) != UNCLEAR else DOUBTFUL
     strongest(law, p, lever, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)

@@ -40,6 +40,7 @@ from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
+NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
 FIRM = 1.0  # mismatch at the maximum that holds a tip that has jumped over the resonance
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST = -0.999999  # mismatch, where its logarithm is taken
@@ -71,6 +72,12 @@ def narrowest(lever: np.ndarray) -> float:
     """Amplitude over the free one at which the attractive branch is nearest to its end, Eq. (3)."""
     x, y = detuning(lever)
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
+
+
+@njit(**OPTIONS)
+def near_resonance(lever: np.ndarray) -> bool:
+    """Whether the drive is so near the resonance that averaging can decide: it leaves out terms of order 1 - omega^2."""
+    return abs(1.0 - lever[col.OMEGA] ** 2) < NEAREST
 
 
 @njit(**OPTIONS)

@@ -332,7 +332,7 @@ def engage_near(
         return col.NOT_CONVERGED, orbit, spare, found
     free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
-    if leaps(lever, force_reach, free):
+    if not near_resonance(lever) or leaps(lever, force_reach, free):
         return col.NOT_CONVERGED, orbit, spare, found
     for share in (0.3, 0.7):
         higher = worst + share * (free - worst)
