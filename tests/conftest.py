@@ -6,6 +6,10 @@ compiles the exact orbits while the other compiles scans and the march, each lat
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 FIRST = (
@@ -18,6 +22,17 @@ FIRST = (
     "test_hard",
     "test_raster",
 )
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile what most tests need, in processes of its own, so that all test processes load it."""
+    config = session.config
+    if hasattr(config, "workerinput") or config.option.collectonly or not config.option.numprocesses:
+        return
+    script = Path(__file__).with_name("warm_up.py")
+    parts = [subprocess.Popen([sys.executable, script, part]) for part in ("at_rest", "in_time")]
+    if any([part.wait() for part in parts]):
+        pytest.exit("tests/warm_up.py failed", returncode=1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -76,7 +76,7 @@ def narrowest(lever: np.ndarray) -> float:
 
 @njit(**OPTIONS)
 def near_resonance(lever: np.ndarray) -> bool:
-    """Whether the drive is so near the resonance that averaging can decide: it leaves out terms of order 1 - omega^2."""
+    """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
     return abs(1.0 - lever[col.OMEGA] ** 2) < NEAREST
 
 

@@ -36,7 +36,7 @@ from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import PERMANENT, reach_of
 from phasemap._kernels.orbit import begin, finish, newton
 from phasemap._kernels.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
-from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach, leaps
+from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
 from phasemap._kernels.snap import HANGING, land, lets_go, loosened, pressed_in, pulled
 
 MOST_POINTS = 1500
