@@ -31,7 +31,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         return
     script = Path(__file__).with_name("warm_up.py")
     parts = [subprocess.Popen([sys.executable, script, part]) for part in ("at_rest", "in_time")]
-    if any([part.wait() for part in parts]):
+    codes = [part.wait() for part in parts]
+    if any(codes):
         pytest.exit("tests/warm_up.py failed", returncode=1)
 
 
