@@ -77,6 +77,14 @@ class Feedback:
                 best, place = apart, Place(part, float(row[col.TIP_OFFSET]))
         return place
 
+    def _next(self, z0: float, down: bool) -> Place | None:
+        """The first place that a tip reaches that is lowered, or raised, from where nothing is stable."""
+        if down:
+            part = max((part for part in self.parts if part.x[-1] < z0), key=lambda part: part.x[-1], default=None)
+            return None if part is None else Place(part, float(part.x[-1]))
+        part = min((part for part in self.parts if part.x[0] > z0), key=lambda part: part.x[0], default=None)
+        return None if part is None else Place(part, float(part.x[0]))
+
     def seek(self, place: Place, index: int, direction: int) -> Held:
         """Move the tip until the amplitude is the wanted value `index`."""
         target = float(self.curves.wanted[index])
@@ -102,7 +110,12 @@ class Feedback:
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
-            place = Place(land(self.curves, col.TIP_OFFSET, self.parts, edge, beyond), beyond)
+            landed = land(self.curves, col.TIP_OFFSET, self.parts, edge, beyond)
+            # Where it settles on nothing it is moved on until a stable orbit appears.
+            following = self._next(beyond, down) if landed is None else Place(landed, beyond)
+            if following is None:
+                break
+            place = following
         return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
 
     def _in_time(self, tip: Adrift, index: int, direction: int, lost: np.ndarray | None) -> Held:

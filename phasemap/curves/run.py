@@ -190,9 +190,9 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     """Up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves.pieces, col.PARAMETER, held=True)
 
-    def landing(edge: np.ndarray, m: float) -> Segment | Adrift:
+    def landing(edge: np.ndarray, m: float) -> Segment | Adrift | None:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
-        return engaged(m, edge) or Adrift(edge)
+        return engaged(m, edge) or (Adrift(edge) if question.scope.interaction.law.hysteretic else None)
 
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | Adrift | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""

@@ -70,7 +70,7 @@ class Visit:
     ended: Segment | Adrift | None = None
 
 
-Landing = Callable[[np.ndarray, float], Segment | Adrift]
+Landing = Callable[[np.ndarray, float], Segment | Adrift | None]
 
 
 def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
@@ -167,10 +167,10 @@ def walk(
     return Visit(rows, traces, status, jumps, here)
 
 
-def _after(curves: Curves, column: int, here: Segment | Adrift, x: float) -> np.ndarray | None:
+def _after(curves: Curves, column: int, here: Segment | Adrift | None, x: float) -> np.ndarray | None:
     """The row of a tip just after a jump; None if it comes to no steady motion."""
-    if isinstance(here, Segment):
-        return here.row_at(x)
+    if here is None or isinstance(here, Segment):
+        return None if here is None else here.row_at(x)
     status, row = here.go(curves, column, x)
     return row if status == col.GOOD else None
 
@@ -200,17 +200,17 @@ def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
     return found
 
 
-def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | Adrift:
+def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | Adrift | None:
     """The segment on which a tip settles that comes from the orbit `start` and finds itself at x, if it does.
 
     One that is the only one there is taken to be the one, but not by a contact with hysteresis, which may tap
-    irregularly beside it.
+    irregularly beside it, and then goes on in time.
     """
     there = [(part, part.row_at(x)) for part in parts]
     reached = [(part, row) for part, row in there if row is not None]
-    hysteretic = curves.standing(x if column == col.PARAMETER else 0.0)[0][col.RELEASE] != 0
+    hysteretic = bool(curves.standing(x if column == col.PARAMETER else 0.0)[0][col.RELEASE] != 0)
     if not reached:
-        return Adrift(start)
+        return Adrift(start) if hysteretic else None
     if len(reached) == 1 and not hysteretic:
         return reached[0][0]
     from phasemap._kernels.approach import free_amplitude
@@ -226,4 +226,6 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     most = patience(lever)
     free = float(free_amplitude(lever))
     which, _ = land_on(curves.law, p, lever, z0, state, targets, NEAR * free, most)
-    return reached[which][0] if which >= 0 else Adrift(start)
+    if which >= 0:
+        return reached[int(which)][0]
+    return Adrift(start) if hysteretic else None
