@@ -18,7 +18,17 @@ from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA, RELEASE
 from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.resonance import ATTRACTIVE, GAP, MAXIMUM, REPULSIVE, UNCLEAR, leaps, narrowest, pull
+from phasemap._kernels.resonance import (
+    ATTRACTIVE,
+    GAP,
+    MAXIMUM,
+    REPULSIVE,
+    UNCLEAR,
+    leaps,
+    narrowest,
+    near_resonance,
+    pull,
+)
 from phasemap._kernels.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.response import ALL, FIELDS
 
@@ -65,8 +75,10 @@ def farthest(lever: np.ndarray, amplitude: float) -> float:
     """How far [m] an exact orbit may lie from the averaged one and still be on its branch.
 
     With s = 1 - omega^2, P is up to 2 A |s| beside resonance, and the harmonics of a short contact, P/(n^2 - 1), lift
-    the tip by 3/4 of it.
+    the tip by 3/4 of it. Farther from the resonance that would be as far as to another branch.
     """
+    if not near_resonance(lever):
+        return FAR_OFF * amplitude
     return (FAR_OFF + 1.5 * abs(1.0 - lever[OMEGA] ** 2)) * amplitude
 
 
