@@ -176,7 +176,7 @@ def check(pixel: pm.Pixel, case: HardCase) -> None:
     cosine = math.cos(math.radians(pixel.phase))
     assert cosine > least - slack
     material = case.material
-    if drive == 1.0 and material.adhesion == 0 and material.damping == 0:
+    if drive == 1.0 and material.adhesion == 0 and material.damping == 0 and pixel.motion == "periodic":
         # Undamped the phase is +- arccos(A / A_free), but for what harmonics take: a share h = sum (n A_n / A)^2. A
         # force that only pushes has harmonics G_n <= 2 G_0, A_n = G_n / (n^2 - 1) at most, and G_0 is the mean
         # deflection: h <= 4 (mean / A)^2 sum n^2 / (n^2 - 1)^2, and that sum is 0.8849...
