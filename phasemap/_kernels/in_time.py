@@ -59,6 +59,7 @@ HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: th
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
+WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
@@ -276,7 +277,8 @@ def hold_mean(
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = 2.0 * a_error, 2.0 * z_error
-    return col.GOOD
+    # Energy that is missing says that steps or rounding are too coarse for so small a motion.
+    return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
 
 
 @njit(**STEADY)
