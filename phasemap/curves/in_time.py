@@ -45,5 +45,7 @@ class Adrift:
             row[col.PARAMETER] = x
         move = carry_on if by_amplitude else carry_to
         status = move(curves.law, np.array(p), lever, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        if status != col.GOOD:
+            row[: col.COLUMNS] = np.nan
         row[col.SEEN] = show(lever, row[col.AMPLITUDE], row[col.PHASE])[0]
         return int(status), row
