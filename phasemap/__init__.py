@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from phasemap import generate, plot
+    from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.accuracy import Accuracy
     from phasemap.checking.check import check
     from phasemap.checking.result import Check
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from phasemap.control import Engage, Feedback, Raster
     from phasemap.dataset import phase_lag
     from phasemap.ensemble import load_ensemble
-    from phasemap.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.interaction import Interaction
     from phasemap.inversion.images import invert
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _NAMES = {
+    "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "accuracy": ("Accuracy",),
     "checking.check": ("check",),
     "checking.result": ("Check",),
@@ -50,7 +51,6 @@ _NAMES = {
     "control": ("Engage", "Feedback", "Raster"),
     "dataset": ("phase_lag",),
     "ensemble": ("load_ensemble",),
-    "errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
     "interaction": ("Interaction",),
     "inversion.images": ("invert",),

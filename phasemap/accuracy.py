@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from phasemap._check import number, whole
+from phasemap._shared.checks import number, whole
 
 MOST_PERIODS = 100_000
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasemap.errors import InputError
-from phasemap.lazy import chunks_of, is_lazy
+from phasemap._shared.dask_arrays import chunks_of, is_lazy
+from phasemap._shared.errors import InputError
 from phasemap.surface import Surface
 from phasemap.surface_dataset import QUANTITIES
 from phasemap.survey import Place

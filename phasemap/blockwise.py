@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.errors import InputError, Word
 from phasemap.blocks import Maps, Part
 from phasemap.canvas import Canvas, image_of, joined_notes
 from phasemap.dataset import FLAGS
-from phasemap.errors import InputError, Word
 from phasemap.job import Job
 from phasemap.painting import Stretch, paint_part, painter_of, plan_image
 from phasemap.realism import Realism

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, Orbits
+from phasemap._shared.threads import Progress, spread
 from phasemap.accuracy import Accuracy
 from phasemap.energy import close
 from phasemap.excitation import of_tip
@@ -18,7 +19,7 @@ from phasemap.solvers import Solver
 from phasemap.solvers.march import ETA, March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.work import Work
-from phasemap.workers import Progress, run, spread
+from phasemap.workers import run
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

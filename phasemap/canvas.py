@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.memory import check_fits
 from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
-from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     import xarray as xr

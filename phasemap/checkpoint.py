@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasemap._kernels.columns import RELEASE
+from phasemap._shared.errors import FileError
 from phasemap.canvas import Canvas, joined_notes
 from phasemap.dataset import provenance
-from phasemap.errors import FileError
 from phasemap.interaction import ContactLaw
 from phasemap.io.netcdf import replacing
 from phasemap.job import Job, Values

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from phasemap import cli_check, cli_compare, cli_contrast, cli_invert, cli_measured, cli_run, cli_sweep
-from phasemap._console import INTERRUPTED, ending_at_once, interrupted_once, plain_warnings, still_busy
-from phasemap.errors import PhasemapError
+from phasemap._shared.errors import PhasemapError
+from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, plain_warnings, still_busy
 
 if TYPE_CHECKING:
     pass

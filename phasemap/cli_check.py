@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap._console import interruptible, patience
+from phasemap._shared.interrupts import interruptible, patience
 
 if TYPE_CHECKING:
     import xarray as xr

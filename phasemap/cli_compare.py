@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr

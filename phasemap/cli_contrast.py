@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._console import patience
-from phasemap.errors import InputError, PhasemapError
+from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.interrupts import patience
 
 if TYPE_CHECKING:
     import xarray as xr

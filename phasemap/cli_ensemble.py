@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap._console import ending_at_once, patience
-from phasemap.errors import PhasemapError
+from phasemap._shared.errors import PhasemapError
+from phasemap._shared.interrupts import ending_at_once, patience
 
 if TYPE_CHECKING:
     from phasemap.ensemble import Ensemble
@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None
     KeyboardInterrupt
         After Ctrl-C, with a word on what is kept.
     """
-    from phasemap.workers import workers_of
+    from phasemap._shared.threads import workers_of
 
     if arguments.threads or arguments.strict:
         option = "--threads" if arguments.threads else "--strict"

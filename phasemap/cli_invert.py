@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._console import patience
-from phasemap.errors import InputError, PhasemapError
+from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.interrupts import patience
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap import cli_ensemble
-from phasemap._console import ending_at_once, interruptible, patience
-from phasemap.errors import PhasemapError
+from phasemap._shared.errors import PhasemapError
+from phasemap._shared.interrupts import ending_at_once, interruptible, patience
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._console import patience
-from phasemap.errors import InputError, PhasemapError
+from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.interrupts import patience
 
 if TYPE_CHECKING:
     import numpy as np
@@ -242,9 +242,9 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
+    from phasemap._shared.units import readable
     from phasemap.figures import describe_failures, describe_irregular
     from phasemap.plot_title import titles
-    from phasemap.units import readable
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from phasemap._check import number, whole
-from phasemap.errors import InputError
+from phasemap._shared.checks import number, whole
+from phasemap._shared.errors import InputError
 
 LINES = ("trace", "retrace")
 _WHEN = {"line": "engaged before each line", "image": "engaged once"}

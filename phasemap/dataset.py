@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.excitation import DETECTED
 from phasemap.status import Status
 

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._check import number
-from phasemap.memory import check_fits
+from phasemap._shared.checks import number
+from phasemap._shared.memory import check_fits
 
 if TYPE_CHECKING:
     from phasemap.microscope import Tip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.errors import InputError, Word
+from phasemap._shared.errors import InputError, Word
 
 Array = NDArray[np.float64]
 

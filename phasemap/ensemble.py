@@ -32,9 +32,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from phasemap._check import whole
+from phasemap._shared.checks import whole
+from phasemap._shared.errors import FileError, InputError
 from phasemap.ensemble_samples import make_samples
-from phasemap.errors import FileError, InputError
 from phasemap.scene import TABLES, Scene, check_choice, missing, read_tables, scene_from_tables, with_value
 
 __all__ = ["Ensemble", "is_ensemble", "load_ensemble"]
@@ -173,9 +173,9 @@ class Ensemble:
         ...         print(dict(ds.sizes))
         {'sample': 2, 'y': 64, 'x': 64}
         """
+        from phasemap._shared.processes import in_processes
         from phasemap.ensemble_file import Parts, assemble
         from phasemap.io.netcdf import check_target
-        from phasemap.processes import in_processes
 
         path = check_target(path, overwrite)
         whole("workers", workers, 1)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._files import digest_of
+from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.files import digest_of
 from phasemap.dataset import provenance
-from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened, replacing
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from phasemap._check import number, whole
-from phasemap._files import size_of
-from phasemap.errors import FileError, InputError
-from phasemap.memory import check_fits
+from phasemap._shared.checks import number, whole
+from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.files import size_of
+from phasemap._shared.memory import check_fits
 from phasemap.scene import check_choice, check_keys, construct, value_of
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class Range:
     >>> Range(1e9, 1e8)
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: high is 100000000.0; allowed: a finite number of at least 1e+09, which is low.
+    phasemap.InputError: high is 100000000.0; allowed: a finite number of at least 1e+09, which is low.
     """
 
     low: float

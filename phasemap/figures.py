@@ -6,9 +6,9 @@ import math
 import os
 from typing import TYPE_CHECKING
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
+from phasemap._shared.units import say
 from phasemap.status import Status
-from phasemap.units import say
 
 if TYPE_CHECKING:
     import xarray as xr

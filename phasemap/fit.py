@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from phasemap._check import number, whole
-from phasemap.errors import InputError
+from phasemap._shared.checks import number, whole
+from phasemap._shared.errors import InputError
 from phasemap.fitting.result import Fit
 from phasemap.material import Material
 from phasemap.microscope import Microscope

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._check import WIDEST, number, pixel_pair, shape_pair, whole
-from phasemap.errors import InputError
-from phasemap.memory import check_fits
+from phasemap._shared.checks import WIDEST, number, pixel_pair, shape_pair, whole
+from phasemap._shared.errors import InputError
+from phasemap._shared.memory import check_fits
 
 __all__ = ["blend", "checkerboard", "gradient", "lamellae", "particles", "roughness", "step", "stripes"]
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.threads import Progress
 from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas, values_of
 from phasemap.control import Control
@@ -19,7 +20,7 @@ from phasemap.solvers import Solver
 from phasemap.surface import Surface
 from phasemap.survey import Place, Survey
 from phasemap.work import Work, properties, work_of
-from phasemap.workers import Progress, run
+from phasemap.workers import run
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]

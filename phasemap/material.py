@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from phasemap._check import number
-from phasemap.errors import InputError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.threads import spread
 from phasemap.accuracy import Accuracy
 from phasemap.atlas import Atlas, Oracle, build
 from phasemap.atlas.axes import Axes
@@ -22,7 +23,6 @@ from phasemap.job import Job, Painter, Values
 from phasemap.microscope import Microscope
 from phasemap.survey import Survey
 from phasemap.work import lever_of
-from phasemap.workers import spread
 
 Array = NDArray[np.float64]
 

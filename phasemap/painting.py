@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from phasemap._shared.errors import InputError
 from phasemap.canvas import Canvas
 from phasemap.control import Control, Engage, Feedback, Raster
-from phasemap.errors import InputError
 from phasemap.job import Job, Painter
 from phasemap.microscope import Microscope
 from phasemap.paint import PAINTER

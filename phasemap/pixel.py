@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._check import number
 from phasemap._kernels import columns as col
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError, SolveError
 from phasemap.accuracy import Accuracy
 from phasemap.dataset import (
     FLAGS,
@@ -20,7 +21,6 @@ from phasemap.dataset import (
     motion_of,
     provenance,
 )
-from phasemap.errors import InputError, SolveError
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 from phasemap.scan import run

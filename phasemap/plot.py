@@ -11,7 +11,7 @@ import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.figures import (
     FAILED,
     describe_failures,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.errors import InputError
 from phasemap.comparison.words import lines_of, names_of, verdict_of
-from phasemap.errors import InputError
 from phasemap.figures import FAILED, draw_scale_bar, length_unit, save
 
 if TYPE_CHECKING:

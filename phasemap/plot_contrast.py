@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
+from phasemap._shared.units import readable
 from phasemap.figures import describe_failures, describe_irregular, save
 from phasemap.plot_contrast_map import (
     FAILED,
@@ -25,7 +26,6 @@ from phasemap.plot_contrast_map import (
     ticks_of,
 )
 from phasemap.plot_title import titles
-from phasemap.units import readable
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.units import Unit
+from phasemap._shared.units import Unit
 
 if TYPE_CHECKING:
     import xarray as xr

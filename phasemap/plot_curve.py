@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
+from phasemap._shared.units import Unit, readable
 from phasemap.figures import describe_failures, describe_irregular, save
 from phasemap.plot_sweep import Sweep
 from phasemap.plot_title import titles
-from phasemap.units import Unit, readable
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.figures import save
 from phasemap.plot_regions import regions
 

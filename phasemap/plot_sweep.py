@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.units import Unit, readable
+from phasemap._shared.units import Unit, readable
 
 if TYPE_CHECKING:
     import xarray as xr

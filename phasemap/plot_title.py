@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from phasemap.units import say
+from phasemap._shared.units import say
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
+from phasemap._shared.units import readable, say
 from phasemap.figures import save
 from phasemap.plot_curve import COLOURS, is_sweep
 from phasemap.plot_title import titles
 from phasemap.status import Status
-from phasemap.units import readable, say
 
 if TYPE_CHECKING:
     import xarray as xr

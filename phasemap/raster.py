@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.scanning.slots import NOWHERE, Orbits
+from phasemap._shared.threads import Progress
 from phasemap.branches import stable_branches
 from phasemap.canvas import Canvas, values_of
 from phasemap.control import LINES, Raster
@@ -16,7 +17,6 @@ from phasemap.distinct import BLOCK, Distinct
 from phasemap.job import Job, Painter, Values
 from phasemap.paint import Numbers, numbers_in, numbers_of
 from phasemap.survey import Survey
-from phasemap.workers import Progress
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._check import number, whole
+from phasemap._shared.checks import number, whole
+from phasemap._shared.errors import InputError
 from phasemap.control import Control
 from phasemap.dilation import seen_at
-from phasemap.errors import InputError
 from phasemap.microscope import Microscope
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def check_realism(realism: object, control: Control, lines: int) -> Realism:
     >>> check_realism(Realism(temperature=300.0), Engage(), 64)
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: temperature is 300.0; allowed: None. Noise acts in time: use control=pm.Feedback().
+    phasemap.InputError: temperature is 300.0; allowed: None. Noise acts in time: use control=pm.Feedback().
     """
     if not isinstance(realism, Realism):
         raise InputError("realism", realism, "a Realism")

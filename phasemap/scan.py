@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError, SolveError
+from phasemap._shared.threads import Progress, workers_of
 from phasemap.accuracy import Accuracy
 from phasemap.blockwise import check_lazy, paint_lazily
 from phasemap.canvas import Canvas, check_image
 from phasemap.checkpoint import Checkpoint, paint_kept
 from phasemap.control import Control, Engage
 from phasemap.dataset import IN_TIME, check_variables, describe, provenance, variables_of
-from phasemap.errors import InputError, SolveError
 from phasemap.job import Job
 from phasemap.microscope import Microscope
 from phasemap.painting import paint_part, painter_of, plan_image
@@ -27,7 +28,7 @@ from phasemap.status import Status
 from phasemap.surface import Surface
 from phasemap.survey import Place, Survey, survey
 from phasemap.work import Work, check_setpoint, make_work
-from phasemap.workers import Progress, run, workers_of
+from phasemap.workers import run
 
 if TYPE_CHECKING:
     import xarray as xr

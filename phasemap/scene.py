@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from phasemap._files import size_of
+from phasemap._shared.errors import FileError, InputError, Word
+from phasemap._shared.files import size_of
 from phasemap.accuracy import Accuracy
 from phasemap.control import Control, Engage, Feedback, Raster
-from phasemap.errors import FileError, InputError, Word
 from phasemap.interaction import Interaction
 from phasemap.material import Material
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip
@@ -193,7 +193,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     >>> load_scene("samples/step.toml", ["tip.radus=20e-9"])
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: [tip] radus is unknown; allowed: radius, modulus, poisson_ratio. Did you mean 'radius'?
+    phasemap.InputError: [tip] radus is unknown; allowed: radius, modulus, poisson_ratio. Did you mean 'radius'?
     """
     tables = read_tables(path, overrides)
     if "ensemble" in tables:
@@ -222,7 +222,7 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
     >>> check_keys("[tip]", {"radus": 10e-9}, ["radius", "modulus"])
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: [tip] radus is unknown; allowed: radius, modulus. Did you mean 'radius'?
+    phasemap.InputError: [tip] radus is unknown; allowed: radius, modulus. Did you mean 'radius'?
     """
     allowed = list(allowed)
     if not isinstance(table, dict):

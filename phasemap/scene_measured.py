@@ -15,8 +15,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._check import whole
-from phasemap.errors import InputError, PhasemapError
+from phasemap._shared.checks import whole
+from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.io.measured import level_height, one_scan, segment_phase
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
@@ -112,7 +112,7 @@ def scene_from(
     >>> scene_from("nowhere.nid", "scene.toml")
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read nowhere.nid: there is no such file.
+    phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
     whole("phases", phases, 1, 4)
     path = Path(path)

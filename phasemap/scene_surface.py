@@ -27,11 +27,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._check import number
-from phasemap._files import digest_of, size_of
-from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.files import digest_of, size_of
+from phasemap._shared.memory import check_fits
 from phasemap.material import Material
-from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._check import in_words, number, pixel_pair, shape_pair
-from phasemap.errors import InputError, Word
-from phasemap.lazy import chunks_of, is_lazy, lazy_map
+from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
+from phasemap._shared.dask_arrays import chunks_of, is_lazy, lazy_map
+from phasemap._shared.errors import InputError, Word
+from phasemap._shared.memory import check_fits
 from phasemap.material import Material
-from phasemap.memory import check_fits
 from phasemap.surface_dataset import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
 if TYPE_CHECKING:

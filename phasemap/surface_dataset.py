@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.errors import InputError
-from phasemap.lazy import is_lazy
+from phasemap._shared.dask_arrays import is_lazy
+from phasemap._shared.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr

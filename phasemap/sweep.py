@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._check import number
-from phasemap.errors import InputError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 from phasemap.work import check_setpoint

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._check import number
 from phasemap._kernels import columns as col
-from phasemap.errors import InputError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap.material import Material
 from phasemap.microscope import Microscope, Tip
 

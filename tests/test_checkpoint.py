@@ -444,7 +444,7 @@ sys.exit(cli.main())
 """
 GOING_ON = """
 import os, signal, threading
-from phasemap._console import interruptible, still_busy
+from phasemap._shared.interrupts import interruptible, still_busy
 signal.signal(signal.SIGINT, signal.default_int_handler)
 go = threading.Event()
 threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.cli import main
-from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.io.export import export, write_gsf, write_gwy
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image

@@ -28,11 +28,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap import generate, memory
+from phasemap import generate
+from phasemap._shared import memory
+from phasemap._shared.errors import FileError, InputError, PhasemapError, TooLargeError
 from phasemap.cli import main
 from phasemap.ensemble import load_ensemble
 from phasemap.ensemble_file import assemble
-from phasemap.errors import FileError, InputError, PhasemapError, TooLargeError
 from phasemap.io.classic import check_classic
 from phasemap.io.container import check_container
 from phasemap.io.netcdf import load, save

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from phasemap import generate
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.material import Material
 from phasemap.surface import Surface
 

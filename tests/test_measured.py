@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.io import measured
 from phasemap.io.read import read_image
 

@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap.errors import FileError
+from phasemap._shared.errors import FileError
 from phasemap.io import netcdf
 
 DATA = Path(__file__).parent / "data"

@@ -12,8 +12,9 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
-from phasemap.errors import FileError, InputError
-from phasemap.plot import FAILED, describe_failures, describe_flags, describe_irregular, plot
+from phasemap._shared.errors import FileError, InputError
+from phasemap.figures import FAILED
+from phasemap.plot import describe_failures, describe_flags, describe_irregular, plot
 
 
 def image(

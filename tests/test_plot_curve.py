@@ -13,7 +13,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 import phasemap as pm
-from phasemap.errors import FileError, InputError
+from phasemap._shared.errors import FileError, InputError
 from phasemap.io.netcdf import load, save
 from phasemap.plot import curve, plot, trace
 from phasemap.plot_curve import COLOURS

@@ -16,7 +16,7 @@ import xarray as xr
 from vendor_files import jpk_file, nanoscope_file, park_file
 
 import phasemap as pm
-from phasemap.errors import FileError, PhasemapError
+from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import Channel
 from phasemap.io.kinds import KINDS
 from phasemap.io.metadata import off_resonance

@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 import phasemap.generate as generate
+from phasemap._shared.errors import FileError, InputError
 from phasemap.accuracy import Accuracy
 from phasemap.control import Engage
-from phasemap.errors import FileError, InputError
 from phasemap.interaction import Interaction
 from phasemap.material import Material
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip

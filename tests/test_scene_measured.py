@@ -13,8 +13,8 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.cli import main
-from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.io.netcdf import load, save
 from phasemap.scene_measured import scene_from
 

@@ -13,7 +13,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.material import Material
 from phasemap.surface import Surface
 

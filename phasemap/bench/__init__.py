@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from phasemap._check import whole
+from phasemap._shared.checks import whole
 
 if TYPE_CHECKING:
     import xarray as xr

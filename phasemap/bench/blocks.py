@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.errors import PhasemapError
 from phasemap.bench.record import machine, versions
 from phasemap.control import Control, Engage, Feedback, Raster
-from phasemap.errors import PhasemapError
 from phasemap.material import Material
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.scan import simulate

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.errors import InputError
 from phasemap.bench.record import failures, families
-from phasemap.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.threads import workers_of
 from phasemap.bench.record import machine, versions
 from phasemap.bench.scan_cases import CASES, MONOSTABLE, PIXELS, ScanCase, image_lines
 from phasemap.control import Feedback
 from phasemap.microscope import Microscope
 from phasemap.scan import simulate
 from phasemap.surface import Surface
-from phasemap.workers import workers_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import NOWHERE, Orbits
+from phasemap._shared.errors import InputError
+from phasemap._shared.threads import Progress, workers_of
 from phasemap.branches import stable_branches
 from phasemap.checking.picture import Picture
 from phasemap.control import Raster
-from phasemap.errors import InputError
 from phasemap.microscope import Microscope
 from phasemap.realism import scopes_by_row
 from phasemap.solvers import Solver
@@ -21,7 +22,7 @@ from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
 from phasemap.surface import Surface
 from phasemap.work import Work, make_work
-from phasemap.workers import Progress, run, workers_of
+from phasemap.workers import run
 
 __all__ = ["Again", "other_solver", "solve_again"]
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._check import whole
+from phasemap._shared.checks import whole
+from phasemap._shared.errors import InputError
 from phasemap.checking.again import other_solver, solve_again
 from phasemap.checking.claims import Claims, claims_of, scene_of
 from phasemap.checking.compare import compare
@@ -19,16 +20,15 @@ from phasemap.checking.picture import Picture
 from phasemap.checking.repeat import repeat
 from phasemap.checking.result import FAILS, HOLDS, Check, Claim
 from phasemap.checking.sample import sample
-from phasemap.errors import InputError
 from phasemap.realism import drifted
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from phasemap._shared.threads import Progress
     from phasemap.microscope import Microscope
     from phasemap.scene import Scene
     from phasemap.surface import Surface
-    from phasemap.workers import Progress
 
 __all__ = ["PIXELS", "check"]
 

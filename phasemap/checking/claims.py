@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from phasemap._check import pixel_pair, shape_pair
+from phasemap._shared.checks import pixel_pair, shape_pair
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.accuracy import Accuracy
 from phasemap.control import Control, Engage, Feedback, Raster
 from phasemap.dataset import describe
-from phasemap.errors import FileError, InputError, PhasemapError
 from phasemap.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.realism import Realism, TipChange, check_realism

@@ -11,16 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap.checking.again import Again
 from phasemap.checking.picture import Picture
 from phasemap.checking.result import OPEN, Claim, in_words, judged
-from phasemap.checking.tolerance import (
-    IRREGULAR,
-    QUANTITIES,
-    Errors,
-    Values,
-    allowed,
-    spread,
-    stated,
-    values_again,
-)
+from phasemap.checking.tolerance import IRREGULAR, QUANTITIES, Errors, Values, allowed, spread, stated, values_again
 from phasemap.dataset import FLOATS, flag_attributes
 from phasemap.surface import Surface
 from phasemap.work import lever_of

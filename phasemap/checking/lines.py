@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.threads import Progress, workers_of
 from phasemap.canvas import Canvas
 from phasemap.checking.picture import Picture
 from phasemap.checking.result import HOLDS, OPEN, Claim, judged
@@ -19,7 +20,6 @@ from phasemap.painting import Stretch, paint_part, painter_of, plan_image
 from phasemap.solvers import by_name
 from phasemap.surface import Surface
 from phasemap.survey import Place, survey
-from phasemap.workers import Progress, workers_of
 
 __all__ = ["scan_again"]
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
-from phasemap.errors import InputError
 from phasemap.io.measured import level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from phasemap.errors import PhasemapError
+from phasemap._shared.errors import PhasemapError
 
 
 def skimage(module: str, purpose: str) -> Any:

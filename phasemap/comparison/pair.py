@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
+from phasemap._shared.units import readable
 from phasemap.io.measured import on_one_turn
-from phasemap.units import readable
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._check import number
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
+from phasemap._shared.units import say
 from phasemap.comparison.levelling import level_map
 from phasemap.comparison.library import skimage
 from phasemap.comparison.pair import common_grid, pair_of, pitch_of
 from phasemap.comparison.scores import correlation_of
-from phasemap.errors import InputError
-from phasemap.units import say
 
 if TYPE_CHECKING:
     import xarray as xr

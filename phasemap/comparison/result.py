@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasemap._check import number
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap.comparison.levelling import outlier_lines
 from phasemap.comparison.pair import common_grid, pair_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
 from phasemap.comparison.scores import correlation_of, distance_of, is_varied, share_explained, similarity_of
 from phasemap.dataset import provenance
-from phasemap.errors import InputError
 from phasemap.io.metadata import of_simulation
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._shared.threads import spread
 from phasemap.contrasts.pair import Axes, Pair
-from phasemap.workers import spread
 
 Array = np.ndarray
 

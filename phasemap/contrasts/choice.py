@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.units import say
 from phasemap.contrasts.borders import Jump
 from phasemap.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Engaged
 from phasemap.dataset import FLOATS
-from phasemap.units import say
 
 Array = np.ndarray
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 from phasemap.work import Work, work_of_material

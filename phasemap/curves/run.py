@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError
 from phasemap.curves.control import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.curves.feedback import Feedback, Place
 from phasemap.curves.in_time import Adrift
@@ -14,7 +15,6 @@ from phasemap.curves.pieces import Curves
 from phasemap.curves.record import Axis, dataset
 from phasemap.curves.walk import Jump, Segment, Visit, like, segments, walk
 from phasemap.curves.whole import FAINT, complete, held_curves, mend
-from phasemap.errors import InputError
 from phasemap.excitation import seen
 from phasemap.material import Material
 from phasemap.microscope import Microscope

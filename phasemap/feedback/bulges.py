@@ -9,9 +9,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.bulge import bulges
+from phasemap._shared.threads import spread
 from phasemap.job import Job
 from phasemap.work import Work
-from phasemap.workers import spread
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from phasemap._kernels.scanning import loop as of
+from phasemap._shared.errors import InputError
 from phasemap.control import Feedback
-from phasemap.errors import InputError
 from phasemap.microscope import Microscope
 
 Array = np.ndarray

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError
+from phasemap._shared.threads import Progress, spread
 from phasemap.canvas import Canvas
 from phasemap.control import Feedback
-from phasemap.errors import InputError
 from phasemap.feedback.bulges import Bulges, bulges_of
 from phasemap.feedback.lines import ENGAGED, Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
@@ -21,7 +22,7 @@ from phasemap.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.survey import Survey
 from phasemap.work import Work
-from phasemap.workers import Progress, run, spread
+from phasemap.workers import run
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 TRIED = 48  # materials that are engaged to find out whether the averaged lever can follow them

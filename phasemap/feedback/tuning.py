@@ -20,8 +20,8 @@ from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.quick import parameters
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.flow import rates
+from phasemap._shared.errors import InputError
 from phasemap.control import Feedback
-from phasemap.errors import InputError
 from phasemap.feedback.loop import loop_of, tau_per_second
 from phasemap.microscope import Microscope
 from phasemap.work import Work

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.sweep import check_axis
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from phasemap._shared.errors import InputError
 from phasemap.curves.control import UNITS, Question
-from phasemap.errors import InputError
 from phasemap.material import Material
 from phasemap.microscope import Microscope
 

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from phasemap._check import number
 from phasemap._kernels.columns import BIAS, RELEASE
-from phasemap.errors import InputError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
 from phasemap.interaction.damping import PowerLawDamping
 from phasemap.interaction.longrange import Biased, InverseSquare

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from phasemap._check import number
+from phasemap._shared.checks import number
 from phasemap.interaction.base import ContactLaw
 from phasemap.interaction.jkr import JKR
 from phasemap.interaction.maugis import MaugisDugdale

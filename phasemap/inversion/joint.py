@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.inversion.descent import descend
 from phasemap.inversion.model import Found, Model
 from phasemap.inversion.starts import Starts

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.errors import InputError
 from phasemap.dataset import describe, provenance
-from phasemap.errors import InputError
 from phasemap.inversion.identifiability import CODES, COMBINED, GIVEN, OPEN, advise, codes_of, say_regions
 from phasemap.inversion.images import PRIOR, check_prior
 from phasemap.inversion.joint import DRAWS, Fitted, Joint, fit
@@ -18,15 +18,7 @@ from phasemap.inversion.regions import medians, regions_of
 from phasemap.inversion.search import make_grid
 from phasemap.inversion.stack import HEIGHT, PHASE, Stack, list_of_images, make_stack
 from phasemap.inversion.starts import Candidates, Starts, make_starts
-from phasemap.inversion.verdict import (
-    AVERAGED,
-    FLAGS,
-    POOR,
-    UNLIKELY,
-    Answer,
-    settings_of,
-    variables_of,
-)
+from phasemap.inversion.verdict import AVERAGED, FLAGS, POOR, UNLIKELY, Answer, settings_of, variables_of
 from phasemap.inversion.zeros import FREE, SHARED, Plan, make_plan
 from phasemap.material import Material
 from phasemap.microscope import Microscope

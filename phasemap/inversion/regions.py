@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.inversion.stack import Stack
 
 SPREAD = 1.4826  # standard deviation over the median absolute deviation of normal numbers

@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError
+from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.accuracy import Accuracy
 from phasemap.branches import stable_branches
 from phasemap.dataset import branch_of, describe, flag_attributes, provenance
-from phasemap.errors import InputError
 from phasemap.excitation import of_tip
 from phasemap.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.surface import Surface
 from phasemap.work import Work, check_setpoint, make_work
-from phasemap.workers import Progress, run, spread, workers_of
+from phasemap.workers import run
 
 if TYPE_CHECKING:
     import xarray as xr

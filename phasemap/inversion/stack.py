@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._check import number
-from phasemap.errors import InputError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap.microscope import Microscope
 from phasemap.work import check_setpoint
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._check import number
-from phasemap.errors import InputError
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap.inversion.stack import HEIGHT, PHASE, Stack, noise_of, zeros_of
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 from phasemap.io.gwyddion import MASKED, extra
 from phasemap.io.kinds import METRES
 from phasemap.io.measured import one_scan
@@ -77,7 +77,7 @@ def export(
     >>> export(xr.Dataset(), "image.tiff")
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: the suffix is '.tiff'; allowed: .gwy or .gsf.
+    phasemap.InputError: the suffix is '.tiff'; allowed: .gwy or .gsf.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (".gwy", ".gsf"):

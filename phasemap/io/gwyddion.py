@@ -14,9 +14,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.errors import FileError, PhasemapError
+from phasemap._shared.errors import FileError, PhasemapError
+from phasemap._shared.memory import check_fits
 from phasemap.io.container import check_container
-from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     import numpy as np
@@ -101,7 +101,7 @@ def load_channels(path: Path) -> list[Channel]:
     >>> load_channels(Path("nowhere.nid"))
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read nowhere.nid: there is no such file.
+    phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
     if path.is_dir():
         raise FileError(f"cannot read {path}: it is a folder.")
@@ -187,7 +187,7 @@ def extra(module: str, purpose: str, name: str) -> Any:
     >>> extra("colour_of_magic", "painting by magic", "read")
     Traceback (most recent call last):
     ...
-    phasemap.errors.PhasemapError: painting by magic needs 'colour_of_magic': run pip install "afm-phasemap[read]".
+    phasemap.PhasemapError: painting by magic needs 'colour_of_magic': run pip install "afm-phasemap[read]".
     """
     try:
         return import_module(module)

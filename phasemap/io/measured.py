@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from phasemap.errors import FileError, InputError
+from phasemap._shared.errors import FileError, InputError
 from phasemap.io.gwyddion import extra
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap._check import whole
-from phasemap._console import EndlessError, interruptible
-from phasemap.errors import FileError, InputError, PhasemapError
+from phasemap._shared.checks import whole
+from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.interrupts import EndlessError, interruptible
+from phasemap._shared.memory import check_fits
 from phasemap.io.classic import check_classic, is_classic
-from phasemap.memory import check_fits
 
 if TYPE_CHECKING:
     import netCDF4
@@ -52,7 +52,7 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     >>> check_target("no such folder/image.nc")
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
+    phasemap.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
     """
     path = Path(path)
     if path.exists() and not path.is_file():
@@ -201,7 +201,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     >>> load("nowhere.nc")
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
+    phasemap.FileError: cannot read nowhere.nc: there is no such file.
     """
     return _read(path, None)
 
@@ -233,7 +233,7 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
     >>> load_sample("nowhere.nc", 3)
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
+    phasemap.FileError: cannot read nowhere.nc: there is no such file.
     """
     return _read(path, sample)
 

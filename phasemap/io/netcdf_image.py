@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap.errors import FileError
+from phasemap._shared.errors import FileError
 from phasemap.io.kinds import KINDS, METRES
 from phasemap.io.measured import on_one_turn
 from phasemap.io.metadata import of_simulation
@@ -42,7 +42,7 @@ def read_netcdf(path: Path) -> xr.Dataset:
     >>> read_netcdf(Path("nowhere.nc"))
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read nowhere.nc: there is no such file.
+    phasemap.FileError: cannot read nowhere.nc: there is no such file.
     """
     ds = load(path)
     images = [name for name in KINDS if name in ds and set(ds[name].dims) - {"direction"} == {"y", "x"}]

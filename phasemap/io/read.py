@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.errors import FileError, InputError
+from phasemap._shared.errors import FileError, InputError
 from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.kinds import KINDS, Kind
 from phasemap.io.measured import on_one_turn
@@ -80,7 +80,7 @@ def read_image(
     >>> read_image("scan.nid")
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read scan.nid: there is no such file.
+    phasemap.FileError: cannot read scan.nid: there is no such file.
     """
     path, wanted = Path(path), {"height": height, "phase": phase, "amplitude": amplitude}
     for kind, name in wanted.items():

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from phasemap.errors import FileError
+from phasemap._shared.errors import FileError
 from phasemap.io.metadata import CANONICAL, ScanData, quantity
 
 __all__ = ["mode_of", "scan_data"]

@@ -17,7 +17,7 @@ from pathlib import Path
 
 GUIDES = [
     "tomllib", "phasemap.scene", "phasemap.scene_surface", "phasemap.ensemble", "phasemap.ensemble_samples",
-    "phasemap.surface", "phasemap.generate", "phasemap._check", "phasemap.errors",
+    "phasemap.surface", "phasemap.generate", "phasemap._shared.checks", "phasemap._shared.errors",
 ]  # fmt: skip
 """Modules whose branches count; numba could not compile those that it reads."""
 ROOTS = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
@@ -63,7 +63,7 @@ def _main() -> None:
     from fuzz import world
     from fuzz.targets import take_scene
 
-    from phasemap.errors import PhasemapError
+    from phasemap._shared.errors import PhasemapError
 
     world.build(Path.cwd())
     take_scene((world.SAMPLES / "step.toml").read_bytes(), [])

@@ -146,7 +146,7 @@ def _serve(line: Any, name: str, seed: int, first: int, stop: int) -> None:
 
 def _one(target: Any, rng: Random) -> tuple[str, str, float, float]:
     """What came of one input: its kind, and where it failed all about it; seconds and bytes that it took."""
-    from phasemap.errors import PhasemapError
+    from phasemap._shared.errors import PhasemapError
 
     made = target.make(rng)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

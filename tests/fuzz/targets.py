@@ -74,9 +74,9 @@ def _overrides(rng: Random) -> Input:
 
 def take_scene(text: bytes, overrides: list[str]) -> None:
     """Load what may be a scene or an ensemble, and describe it."""
+    from phasemap._shared.errors import PhasemapError
     from phasemap.ensemble import is_ensemble, load_ensemble
     from phasemap.ensemble_samples import MOST
-    from phasemap.errors import PhasemapError
     from phasemap.scan import modelled
     from phasemap.scene import load_scene, load_setup, read_tables
     from phasemap.work import make_work
@@ -108,8 +108,8 @@ def _command(rng: Random) -> Input:
 
 def take_command(text: bytes, overrides: list[str]) -> None:
     """``phasemap validate``: exit code 0, or 2 and one sentence."""
+    from phasemap._shared.errors import PhasemapError
     from phasemap.cli import main
-    from phasemap.errors import PhasemapError
 
     Path("scene.toml").write_bytes(text)
     said, complained = io.StringIO(), io.StringIO()
@@ -397,7 +397,7 @@ def _dataset(rng: Random) -> Input:
 
 def take_dataset(dataset: Any) -> None:
     """`Surface.from_dataset`, and the same Dataset written and read as an image."""
-    from phasemap.errors import PhasemapError
+    from phasemap._shared.errors import PhasemapError
     from phasemap.io.measured import one_scan
     from phasemap.io.read import read_image
     from phasemap.surface import Surface
@@ -424,7 +424,7 @@ def _netcdf(rng: Random) -> Input:
 
 def take_netcdf(data: bytes) -> None:
     """A netCDF file, for all that reads one."""
-    from phasemap.errors import PhasemapError
+    from phasemap._shared.errors import PhasemapError
     from phasemap.io.netcdf import load, load_sample
     from phasemap.io.read import read_image
     from phasemap.surface import Surface

@@ -2,10 +2,10 @@
 
     python tests/reference/check_feedback.py [word]
 
-The equation in (z, z') by the classical Runge-Kutta method in equal steps that know nothing of contact; the lock-in by the trapezoidal
-rule; the filter by the matrix exponential of its state space; position and surface from the speed and the acceleration, period by
-period.  The tip starts on an orbit guessed from the amplitude and phase in the file and settles standing still.  Prints the largest
-difference from the file for two numbers of steps a period.
+The equation in (z, z') by the classical Runge-Kutta method in equal steps that know nothing of contact; the lock-in by
+the trapezoidal rule; the filter by the matrix exponential of its state space; position and surface from the speed and
+the acceleration, period by period.  The tip starts on an orbit guessed from the amplitude and phase in the file and
+settles standing still.  Prints the largest difference from the file for two numbers of steps a period.
 """
 
 import json

@@ -1,5 +1,6 @@
 """Are the orbits of laws.json orbits?  Another integrator (scipy's DOP853 in z, z' and tau, solve_ivp events, the formulas of the laws
-written again in SI by bracketing a or m) goes once round from `start`; prints how far it comes back, and phase and amplitude.
+written again in SI by bracketing a or m) goes once round from `start`; prints how far it comes back, and phase and
+amplitude.
 
     python tests/reference/check_laws.py [how many orbits]
 """

@@ -1,18 +1,19 @@
 """Which orbit a quasi-static engagement ends on, in time (hard_map.py), for hard cases.
 
-The state is that of a stroboscope: (z, z') once a drive period.  The tip offset is lowered in small steps and time passes
-after each until the state repeats itself.  The wait is shortened: from the measured derivative of the period map the fixed
-point ahead is computed (Newton), and taken only if it lies near, is reached by contraction, and attracts (both multipliers inside
-the unit circle); otherwise time passes.  A step that changes the oscillation much, passes the setpoint, or cannot be followed is
-taken back and quartered, down to the smallest; only then whatever happens happens: the tip jumps.
+The state is that of a stroboscope: (z, z') once a drive period.  The tip offset is lowered in small steps and time
+passes after each until the state repeats itself.  The wait is shortened: from the measured derivative of the period map
+the fixed point ahead is computed (Newton), and taken only if it lies near, is reached by contraction, and attracts
+(both multipliers inside the unit circle); otherwise time passes.  A step that changes the oscillation much, passes the
+setpoint, or cannot be followed is taken back and quartered, down to the smallest; only then whatever happens happens:
+the tip jumps.
 
-If the amplitude passes the setpoint continuously, the setpoint is held there.  If it jumps across, the controller finds it too
-small and retracts: the tip offset is raised along the new oscillation until the setpoint is reached from below; if the amplitude jumps
-across it again, nothing holds the setpoint.
+If the amplitude passes the setpoint continuously, the setpoint is held there.  If it jumps across, the controller finds
+it too small and retracts: the tip offset is raised along the new oscillation until the setpoint is reached from below;
+if the amplitude jumps across it again, nothing holds the setpoint.
 
-outcome: "held"; "jumps across" (no oscillation holds the setpoint); "unsteady" (what reaches the setpoint does not repeat every
-period); "never reached" (pressed in by a centimetre the lever still swings by more than the setpoint); "budget" (the periods allowed
-were not enough to tell).
+outcome: "held"; "jumps across" (no oscillation holds the setpoint); "unsteady" (what reaches the setpoint does not
+repeat every period); "never reached" (pressed in by a centimetre the lever still swings by more than the setpoint);
+"budget" (the periods allowed were not enough to tell).
 """
 
 import numpy as np

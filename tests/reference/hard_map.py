@@ -2,10 +2,10 @@
 
     z'' + 2 (a0 + a_s(d)) z' + z + F(d)/k = u0 cos(w tau),   d = z - z0   (lengths in nm here)
 
-Dormand and Prince's method of order 8 with its error estimate (coefficients from scipy) on (tau, x, z', integral z cos, integral z sin).
-Before contact x = d and the independent variable is tau; no step is longer than a quarter radian, so that no visit to the
-surface is stepped over.  In contact x = q, d = q^2, dtau = 2 q ds: then d^(3/2) and d^(1/2) are smooth.  Contact and loss of
-contact are roots of the step's length, also where the tip turns back within a step.
+Dormand and Prince's method of order 8 with its error estimate (coefficients from scipy) on (tau, x, z', integral z cos,
+integral z sin). Before contact x = d and the independent variable is tau; no step is longer than a quarter radian, so
+that no visit to the surface is stepped over.  In contact x = q, d = q^2, dtau = 2 q ds: then d^(3/2) and d^(1/2) are
+smooth.  Contact and loss of contact are roots of the step's length, also where the tip turns back within a step.
 
 Every length of time lies in `budget` steps; a period that needs more fails.
 """
@@ -121,8 +121,8 @@ def root(what, contact, y, h, p, z0, k, yn, end, lo):
 def period(p, z0, s, tol, out, budget=200_000):
     """Let one drive period pass from drive phase 0.
 
-    s = (z, z') is advanced in place.  out = first harmonic (cos, sin), deepest d, contacts (entries; -1: never out of contact),
-    steps.  False: more than `budget` steps, or not finite.
+    s = (z, z') is advanced in place.  out = first harmonic (cos, sin), deepest d, contacts (entries; -1: never out of
+    contact), steps.  False: more than `budget` steps, or not finite.
     """
     k, y, yn, ym = np.zeros((12, N)), np.zeros(N), np.zeros(N), np.zeros(N)
     end = 2.0 * np.pi / p[W]

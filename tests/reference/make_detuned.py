@@ -2,10 +2,11 @@
 
     python tests/reference/make_detuned.py [how many]
 
-The drive is up to 20 linewidths below or above resonance, the free amplitude given at the frequency of the drive; parameters are such that
-attraction and repulsion both hold the setpoint in many of them.  Engaged by hard_engage.py, in other steps again where the tip jumped
-(make_hard.known, which says what is written; cases whose end depends on the steps are kept, and say so).  Every prefix of the cases is
-the same whatever their number, and what is in the file already is not done again.
+The drive is up to 20 linewidths below or above resonance, the free amplitude given at the frequency of the drive;
+parameters are such that attraction and repulsion both hold the setpoint in many of them.  Engaged by hard_engage.py, in
+other steps again where the tip jumped (make_hard.known, which says what is written; cases whose end depends on the
+steps are kept, and say so).  Every prefix of the cases is the same whatever their number, and what is in the file
+already is not done again.
 """
 
 import json

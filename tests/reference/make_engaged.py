@@ -2,18 +2,19 @@
 
     python tests/reference/make_engaged.py
 
-Starts far from the surface with the free steady oscillation, lowers z0 in small steps and integrates after each until the
-lock-in amplitude and phase have settled.  A step that changes the oscillation much (a jump) or passes the setpoint is taken
-back and halved, down to 1 pm; so the state follows its branch to the fold, jumps there, and whatever it does is what the
-oscillator does.  The first settled amplitude at or below the setpoint stops it; a secant on z0 then holds the setpoint.
-Plain RK4 on (z, z') with time steps that shrink near the surface; no event location, no periodicity assumed, nothing shared
-with shooting.py but the material constants.
+Starts far from the surface with the free steady oscillation, lowers z0 in small steps and integrates after each until
+the lock-in amplitude and phase have settled.  A step that changes the oscillation much (a jump) or passes the setpoint
+is taken back and halved, down to 1 pm; so the state follows its branch to the fold, jumps there, and whatever it does
+is what the oscillator does.  The first settled amplitude at or below the setpoint stops it; a secant on z0 then holds
+the setpoint. Plain RK4 on (z, z') with time steps that shrink near the surface; no event location, no periodicity
+assumed, nothing shared with shooting.py but the material constants.
 
-engaged: tip_offset, phase, amplitude, branch ("attractive" or "repulsive" by the in-phase part of the force's first harmonic;
-"none" if no oscillation of one drive period holds the setpoint: then the three others are null), periods integrated, start and
-end of the lowering of z0, jumps (tip offset; amplitude and phase before and after; a slow jump is listed as several, some pm
-apart), unsteady (tip offsets at which the oscillation had not settled after 25 Q + 200 periods: next to a fold, or for good).
-orbits: all exact orbits (shooting.py), of which the engaged one is orbits[engaged.orbit].
+engaged: tip_offset, phase, amplitude, branch ("attractive" or "repulsive" by the in-phase part of the force's first
+harmonic; "none" if no oscillation of one drive period holds the setpoint: then the three others are null), periods
+integrated, start and end of the lowering of z0, jumps (tip offset; amplitude and phase before and after; a slow jump is
+listed as several, some pm apart), unsteady (tip offsets at which the oscillation had not settled after 25 Q + 200
+periods: next to a fold, or for good). orbits: all exact orbits (shooting.py), of which the engaged one is
+orbits[engaged.orbit].
 """
 
 import json

@@ -2,12 +2,12 @@
 
     python tests/reference/make_errors.py
 
-Newton shooting (shooting.py) along the curve of orbits of the wanted amplitude, as in make_orbits.py; nothing of phasemap is
-used.  Moduli, adhesions and whatever spans decades are drawn from ranges with uniform logarithms, radius, decay length and
-setpoint uniformly; one material in five has no adhesion, one in five no damping.
+Newton shooting (shooting.py) along the curve of orbits of the wanted amplitude, as in make_orbits.py; nothing of
+phasemap is used.  Moduli, adhesions and whatever spans decades are drawn from ranges with uniform logarithms, radius,
+decay length and setpoint uniformly; one material in five has no adhesion, one in five no damping.
 
-Units SI.  Per orbit, far to near: tip_offset, phase [degree], and uncertainty = [m, degree], what one more step of Newton's
-method would change.
+Units SI.  Per orbit, far to near: tip_offset, phase [degree], and uncertainty = [m, degree], what one more step of
+Newton's method would change.
 """
 
 import json

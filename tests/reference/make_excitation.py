@@ -6,13 +6,13 @@ The equation of motion is written for the deflection y = z - u0 cos(omega tau) i
 
     y'' + 2 (alpha0 + alpha_s(d)) (y' + b') + y + F(d)/k = -b'',   b = u0 cos(omega tau),   d = y + b - z0,
 
-and integrated by scipy's DOP853, from contact to contact (where the force has its corner) found as events. Newton's method
-on y, y' at drive phase 0 and on z0 makes it periodic and its first harmonic as large as asked for: all by central
-differences. Nothing is shared with the package, nor with shooting.py.
+and integrated by scipy's DOP853, from contact to contact (where the force has its corner) found as events. Newton's
+method on y, y' at drive phase 0 and on z0 makes it periodic and its first harmonic as large as asked for: all by
+central differences. Nothing is shared with the package, nor with shooting.py.
 
-In liquid each case is begun far from the surface with the free oscillation and lowered in steps, each settled in time: the
-first settled amplitude below the setpoint says which orbit engagement finds. Elsewhere, where that takes long, Newton's
-method is begun at an orbit without losses of the branch that the case names.
+In liquid each case is begun far from the surface with the free oscillation and lowered in steps, each settled in time:
+the first settled amplitude below the setpoint says which orbit engagement finds. Elsewhere, where that takes long,
+Newton's method is begun at an orbit without losses of the branch that the case names.
 
 phase: of y, 0 for the free lever at resonance, positive repulsive. tip: amplitude and phase of z = y + b, 0 likewise.
 """

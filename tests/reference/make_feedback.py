@@ -3,37 +3,42 @@
     python tests/reference/make_feedback.py [word]
 
 The machine (truth_scan.py integrates it).  Time runs in drive periods T, each from drive phase 0.  During period n
-  - the tip offset is constant, z0 = Z_n - h(x_n): Z_n position of the scanner, x_n position along the line at the MIDDLE of the period,
-    h linear between pixel centres and constant beyond the outermost; the material is that of the pixel in which x_n lies, the outermost
-    pixels continued into the overscan;
-  - the lock-in measures a_n = (2/T) integral z exp(-i omega t) dt, which enters `order` equal one-pole filters in a row and is held there
-    for the period; time constant sqrt(2^(1/order) - 1) / (2 pi bandwidth), so that `bandwidth` is the -3 dB bandwidth of all of them;
-  - at its end R = |x|, phase = 90 degrees + arg x with x the last filter, e = R - setpoint * (free amplitude at the drive frequency),
-    I += Ki e T and Z_(n+1) = Z_engage - (Kp e + I).  The scanner follows at once.
-Path: standing at the left turning point, -overscan * length; constant acceleration to the left edge; trace at constant speed; a turn
-at constant acceleration over the right overscan; retrace; back to rest.  All of it takes 1 / line_rate.  The line begins (t = 0, I = 0)
-when tip, filters and controller have come to rest at the turning point.  They got there from the free lever by a slow way down
-(0.4 % of the free amplitude in Q periods) to where the amplitude is first at the setpoint; then the controller held it until Z and
-e stood still to 1e-8 nm.  Four times as fast or slow ends in the same orbit in every case.
+  - the tip offset is constant, z0 = Z_n - h(x_n): Z_n position of the scanner, x_n position along the line at the
+    MIDDLE of the period, h linear between pixel centres and constant beyond the outermost; the material is that of the
+    pixel in which x_n lies, the outermost pixels continued into the overscan;
+  - the lock-in measures a_n = (2/T) integral z exp(-i omega t) dt, which enters `order` equal one-pole filters in a row
+    and is held there for the period; time constant sqrt(2^(1/order) - 1) / (2 pi bandwidth), so that `bandwidth` is the
+    -3 dB bandwidth of all of them;
+  - at its end R = |x|, phase = 90 degrees + arg x with x the last filter, e = R - setpoint * (free amplitude at the
+    drive frequency), I += Ki e T and Z_(n+1) = Z_engage - (Kp e + I).  The scanner follows at once.
+Path: standing at the left turning point, -overscan * length; constant acceleration to the left edge; trace at constant
+speed; a turn at constant acceleration over the right overscan; retrace; back to rest.  All of it takes 1 / line_rate.
+The line begins (t = 0, I = 0) when tip, filters and controller have come to rest at the turning point.  They got there
+from the free lever by a slow way down (0.4 % of the free amplitude in Q periods) to where the amplitude is first at the
+setpoint; then the controller held it until Z and e stood still to 1e-8 nm.  Four times as fast or slow ends in the same
+orbit in every case.
 
-Parameters of a case (SI): those of laws.json for lever, tip, drive and DMT contact with the long-range force; materials; labels and
-topography [m] by pixel.  pixel_size is not used by the motion: only pixels pass under the tip.  Start of any period and border of a pixel are
-at least 1 % of a period apart on trace and retrace, so that rounding decides nothing.
+Parameters of a case (SI): those of laws.json for lever, tip, drive and DMT contact with the long-range force;
+materials; labels and topography [m] by pixel.  pixel_size is not used by the motion: only pixels pass under the tip.
+Start of any period and border of a pixel are at least 1 % of a period apart on trace and retrace, so that rounding
+decides nothing.
 
-Results: engaged = at rest, before the line begins; trace and retrace, both from left to right, averaged over the time in each pixel, with
-R and phase of a period half way between its beginning and its end (see truth_scan.weights for periods that begin in one pixel and end
-in the next): height = mean Z - setpoint amplitude; amplitude_error = mean R - setpoint amplitude; mean phase [degree]; mean amplitude;
-`periods` whose middle is in the pixel, and over them lowest_amplitude = min R and phase_wraps = steps of more than 180 degrees from
-period to period, the phase being in (-180, 180]: where there are any, the mean is that of a wrapped phase and says little.
+Results: engaged = at rest, before the line begins; trace and retrace, both from left to right, averaged over the time
+in each pixel, with R and phase of a period half way between its beginning and its end (see truth_scan.weights for
+periods that begin in one pixel and end in the next): height = mean Z - setpoint amplitude; amplitude_error = mean R -
+setpoint amplitude; mean phase [degree]; mean amplitude; `periods` whose middle is in the pixel, and over them
+lowest_amplitude = min R and phase_wraps = steps of more than 180 degrees from period to period, the phase being in
+(-180, 180]: where there are any, the mean is that of a wrapped phase and says little.
 
-Accuracy: uncertainty = largest change when the tolerance is 256 times larger, that is with steps about twice as long: at most 1e-6 nm and
-1e-4 degree, mostly 1e-7 nm and 1e-6 degree.  check_feedback.py (fixed steps that know nothing of contact, other lock-in, filter and
-path) agrees to 1e-5 nm and 3e-4 degree at 8000 steps a period (worst where branches are switched; else 3e-6 nm and 1e-4 degree), which
-is its own error: it falls with the step.
+Accuracy: uncertainty = largest change when the tolerance is 256 times larger, that is with steps about twice as long:
+at most 1e-6 nm and 1e-4 degree, mostly 1e-7 nm and 1e-6 degree.  check_feedback.py (fixed steps that know nothing of
+contact, other lock-in, filter and path) agrees to 1e-5 nm and 3e-4 degree at 8000 steps a period (worst where branches
+are switched; else 3e-6 nm and 1e-4 degree), which is its own error: it falls with the step.
 The engaged orbits agree with Newton shooting (truth_orbits.py) to 1e-7 nm and 1e-6 degree.
 
-Engaged at pixel 0: the only orbit of the setpoint there, but for "attractive pair" (a repulsive one exists too; the way from far ends on the
-attractive one) and "lever of the paper, more adhesion" (attractive; an unstable and a repulsive one below).
+Engaged at pixel 0: the only orbit of the setpoint there, but for "attractive pair" (a repulsive one exists too; the way
+from far ends on the attractive one) and "lever of the paper, more adhesion" (attractive; an unstable and a repulsive
+one below).
 """
 
 import json

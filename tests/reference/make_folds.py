@@ -3,18 +3,20 @@ with long range, and where curves of the laws with hysteresis end.
 
     python tests/reference/make_folds.py [word]
 
-Curves are followed from the free oscillation and from every orbit that averaging gives at some amplitudes, so that closed curves that
-are not joined to the free oscillation ("joined": false) are seen too; a fold is the root of (change over a period, det(I - M)) and is
-checked against the extremum of a polynomial through the parameter over the phase (truth_folds.py).
+Curves are followed from the free oscillation and from every orbit that averaging gives at some amplitudes, so that
+closed curves that are not joined to the free oscillation ("joined": false) are seen too; a fold is the root of (change
+over a period, det(I - M)) and is checked against the extremum of a polynomial through the parameter over the phase
+(truth_folds.py).
 
-Per case: parameters (SI), sweep "distance" (frequency_ratio given) or "frequency" (tip_offset given), folds: [tip_offset, frequency_ratio,
-amplitude, phase [degree], indentation (max d), setpoint (amplitude over free amplitude at the drive), joined, kind ("stable above": the
-stable orbits next to the fold have the larger amplitude, else "stable below"; "none": neither side is stable), uncertainty = [swept
-parameter (m or 1), amplitude (m)]: the largest of last step, change when the integrator is 10 times less exact, difference
-from the polynomial].  curves: tip offset or frequency ratio, amplitude, phase, stable along every curve followed, thinned, as a picture of it.
-Each curve has ends: how "grazing" (the orbit of one contact per period, or of none, just touches: with a law that has hysteresis or jumps at d = 0
-the curve stops there), "range", "closed", "start" or "stops" (not followed farther: often the tip is in contact at the section); and where.
-Folds at tip offsets below `range` of the free amplitude are not looked for.
+Per case: parameters (SI), sweep "distance" (frequency_ratio given) or "frequency" (tip_offset given), folds:
+[tip_offset, frequency_ratio, amplitude, phase [degree], indentation (max d), setpoint (amplitude over free amplitude at
+the drive), joined, kind ("stable above": the stable orbits next to the fold have the larger amplitude, else "stable
+below"; "none": neither side is stable), uncertainty = [swept parameter (m or 1), amplitude (m)]: the largest of last
+step, change when the integrator is 10 times less exact, difference from the polynomial].  curves: tip offset or
+frequency ratio, amplitude, phase, stable along every curve followed, thinned, as a picture of it. Each curve has ends:
+how "grazing" (the orbit of one contact per period, or of none, just touches: with a law that has hysteresis or jumps at
+d = 0 the curve stops there), "range", "closed", "start" or "stops" (not followed farther: often the tip is in contact
+at the section); and where. Folds at tip offsets below `range` of the free amplitude are not looked for.
 """
 
 import json

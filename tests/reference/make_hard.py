@@ -1,18 +1,21 @@
 """Makes tests/data/hard.json: what is right on the cases of phasemap.bench.hard_cases, by means independent of phasemap.
 
-    python tests/reference/make_hard.py            # everything (an hour or so); with a word, the cases with it in their name
-    python tests/reference/make_hard.py --turns    # the setpoints of the family "folds"
+    python tests/reference/make_hard.py            # everything (an hour or so); with a word, the cases with it in their
+    name python tests/reference/make_hard.py --turns    # the setpoints of the family "folds"
 
-Parameters alone are read from phasemap.bench.hard_cases.  For each case the tip is engaged in time (hard_engage.py).  Written are
+Parameters alone are read from phasemap.bench.hard_cases.  For each case the tip is engaged in time (hard_engage.py).
+Written are
 
 outcome: see hard_engage.py; "depends": engaging in other steps ends otherwise.
-orbit: null unless held; the periodic orbit by Newton's method on state and tip offset (hard_map.py): tip_offset, peak_indentation [m],
-    phase [degree], floquet (largest modulus), slope (dA/dz0 at constant drive), contacts (entries into contact per period, -1: never
-    out of it), uncertainty [m] (change of state and tip offset in the last step of Newton's method, and what an integrator a hundred
-    times less exact would change).
+orbit: null unless held; the periodic orbit by Newton's method on state and tip offset (hard_map.py): tip_offset,
+peak_indentation [m],
+    phase [degree], floquet (largest modulus), slope (dA/dz0 at constant drive), contacts (entries into contact per
+    period, -1: never out of it), uncertainty [m] (change of state and tip offset in the last step of Newton's method,
+    and what an integrator a hundred times less exact would change).
 jumps: [tip offset [m], amplitude before and after [m], whether the oscillation after it repeats every period].
 periods: integrated.
-depth_limit: tip offset [m] below which no instrument would press the lever in, nor the law of force hold: there a solver may
+depth_limit: tip offset [m] below which no instrument would press the lever in, nor the law of force hold: there a
+solver may
     as well say that there is no orbit.
 """
 

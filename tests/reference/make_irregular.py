@@ -4,34 +4,37 @@
 
 Nothing here is shared with phasemap or with the other references but the equation of motion and the contact laws.
 
-Method.  z = (steady free oscillation) + e^(-alpha0 tau) (a cos(nu tau) + b sin(nu tau)): the free lever is exact, and a and b
-change by the surface's forces only.  8th-order Dormand-Prince with step control.  Three regions, joined at events that are roots
-of the step size: out of contact (independent variable tau); contact, d = q^2 >= 0 (d tau = 2 q d sigma, so that the powers of d and
-the square root in the damping are smooth; s, the square root of the contact radius, is carried along by its own equation); neck,
-d_c < d < 0 (s - s_c is the coordinate, d tau = d'(s) d sigma, so that the square root at release is smooth).  Contacts shorter than a
-step are found at the extrema of z.  The first harmonic of each drive period follows from the forces' integrals.
+Method.  z = (steady free oscillation) + e^(-alpha0 tau) (a cos(nu tau) + b sin(nu tau)): the free lever is exact, and a
+and b change by the surface's forces only.  8th-order Dormand-Prince with step control.  Three regions, joined at events
+that are roots of the step size: out of contact (independent variable tau); contact, d = q^2 >= 0 (d tau = 2 q d sigma,
+so that the powers of d and the square root in the damping are smooth; s, the square root of the contact radius, is
+carried along by its own equation); neck, d_c < d < 0 (s - s_c is the coordinate, d tau = d'(s) d sigma, so that the
+square root at release is smooth).  Contacts shorter than a step are found at the extrema of z.  The first harmonic of
+each drive period follows from the forces' integrals.
 
-Engagement.  The free lever, far away, comes down by `RAMP` A0 per ring-down time (Q/pi periods), from the start in small steps each
-period (4 and 16 times as fast while more than 99.5 and 99.99 % of the amplitude are left).  Where the mean phasor over `BLOCK` ring-down times
-first falls to a setpoint the state is kept, and the descent goes on for the lower setpoints.  From each kept state a slow integral
-feedback (time constant 20 ring-down times, on the phasor behind a low-pass of one ring-down time) holds the amplitude; then
-the tip offset stays constant while the motion settles.
-* Periodic (state repeats after n <= 64 periods): Newton on (a, b, z0) for the n-period map and |mean phasor| = setpoint; it counts only
-  if the Floquet multipliers lie inside the unit circle and the orbit is the one that time settled on.
-* Otherwise the tip offset is constant for longer and longer runs, corrected by the mean amplitude after each, until standard errors
-  (the largest from blocks of 4, 8, ... ring-down times, at least 16 of them) are 2 pm and 0.01 degree or `MOST` periods
-  are spent.
-* "held": false where feedback does not come to rest, or the motion at a constant tip offset leaves for another amplitude, in each of
-  five attempts: the amplitude jumps across the setpoint, down on approach and up on retraction.
+Engagement.  The free lever, far away, comes down by `RAMP` A0 per ring-down time (Q/pi periods), from the start in
+small steps each period (4 and 16 times as fast while more than 99.5 and 99.99 % of the amplitude are left).  Where the
+mean phasor over `BLOCK` ring-down times first falls to a setpoint the state is kept, and the descent goes on for the
+lower setpoints.  From each kept state a slow integral feedback (time constant 20 ring-down times, on the phasor behind
+a low-pass of one ring-down time) holds the amplitude; then the tip offset stays constant while the motion settles.
+* Periodic (state repeats after n <= 64 periods): Newton on (a, b, z0) for the n-period map and |mean phasor| =
+  setpoint; it counts only if the Floquet multipliers lie inside the unit circle and the orbit is the one that time
+  settled on.
+* Otherwise the tip offset is constant for longer and longer runs, corrected by the mean amplitude after each, until
+  standard errors (the largest from blocks of 4, 8, ... ring-down times, at least 16 of them) are 2 pm and 0.01 degree
+  or `MOST` periods are spent.
+* "held": false where feedback does not come to rest, or the motion at a constant tip offset leaves for another
+  amplitude, in each of five attempts: the amplitude jumps across the setpoint, down on approach and up on retraction.
 
-Fields of each setpoint: tip_offset [m], phase [degree] = 90 - lag of the mean phasor, mean_deflection [m], amplitude_spread [m] and
-phase_spread [degree] (standard deviation behind exp(-2 pi/100) per period), indentation [m] (largest), dissipation [J] into the
-surface per cycle, contact_share (share of periods with contact), period (drive periods; 0: not periodic), tip_offset_error,
-phase_error (standard errors; 0 where periodic, good to 1e-7 degree and 1e-16 m), met (tip offset at which the descent first met the
-setpoint).  near: tip offset, phase and period of what feedback holds from two other states near by: where windows of different
-periods lie side by side, the answer is defined only to that.  stretches: tip offsets [from, to] where the approach was not of period one.
-Seven of the sixty polymers that were drawn are left out of the file: their neck would break within reach of the long-range force,
-so that a loop would create energy, and phasemap refuses them.
+Fields of each setpoint: tip_offset [m], phase [degree] = 90 - lag of the mean phasor, mean_deflection [m],
+amplitude_spread [m] and phase_spread [degree] (standard deviation behind exp(-2 pi/100) per period), indentation [m]
+(largest), dissipation [J] into the surface per cycle, contact_share (share of periods with contact), period (drive
+periods; 0: not periodic), tip_offset_error, phase_error (standard errors; 0 where periodic, good to 1e-7 degree and
+1e-16 m), met (tip offset at which the descent first met the setpoint).  near: tip offset, phase and period of what
+feedback holds from two other states near by: where windows of different periods lie side by side, the answer is defined
+only to that.  stretches: tip offsets [from, to] where the approach was not of period one. Seven of the sixty polymers
+that were drawn are left out of the file: their neck would break within reach of the long-range force, so that a loop
+would create energy, and phasemap refuses them.
 """
 
 import json
@@ -49,7 +52,8 @@ RAMP, BLOCK, MOST = 4.8e-4, 10, 250_000
 SETPOINTS = (0.9, 0.75, 0.6)
 A8, B8, E3, E5 = (np.ascontiguousarray(m) for m in (_c.A[:12, :12], _c.B, _c.E3[:12], _c.E5[:12]))
 
-# parameters (nm): free amplitude, Q, omega, F0/k, decay length (0: none), contact stiffness, s_c, R, damping, jkr?, alpha0, nu
+# parameters (nm): free amplitude, Q, omega, F0/k, decay length (0: none), contact stiffness, s_c, R, damping, jkr?,
+# alpha0, nu
 AF, QQ, OM, F0, D0, KK, SC, RR, AL, JK, A0, NU, ZC, ZS = range(14)
 N = 9  # a, b, coordinate (q or s - s_c), tau, Ic, Is, I0, work, s
 OUTSIDE, CONTACT, NECK = 0, 1, 2

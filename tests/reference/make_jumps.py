@@ -2,18 +2,20 @@
 
     python tests/reference/make_jumps.py [word]
 
-The state (mode, d, v once per drive period) is carried from step to step; after each step of the tip offset or the frequency, made
-gradually over 2 Q periods, whole periods are integrated (truth_map.py, contact located) until the state no longer moves, or, if it never comes to rest, for a fixed time.
-Nothing is assumed of orbits, folds or averaging.  A step that changes the first harmonic by more than it should is taken back and
-divided, down to `resolution`; what then changes abruptly is a jump.
+The state (mode, d, v once per drive period) is carried from step to step; after each step of the tip offset or the
+frequency, made gradually over 2 Q periods, whole periods are integrated (truth_map.py, contact located) until the state
+no longer moves, or, if it never comes to rest, for a fixed time. Nothing is assumed of orbits, folds or averaging.  A
+step that changes the first harmonic by more than it should is taken back and divided, down to `resolution`; what then
+changes abruptly is a jump.
 
-Per sweep: parameters (SI), sweep "distance" or "frequency", direction ("approach", "retract", "up", "down"), resolution (m, or relative
-frequency), jumps: [at (the bracket: last value before, first value after), amplitude and phase before and after (first harmonic, mean over periods
-if it never settles), touching_before/after (contacts per period), steady_before/after], end: where the sweep turned or stopped, and
-branch: [swept value, amplitude, phase, contacts per period, steady] at the steps taken, thinned.
-A retract sweep starts from the state in which the approach before it ended.  "Steady" means repeating every period.
-gradual: steps were spread over 2 Q periods (false: sudden steps, earlier version; next to grazing of a law with hysteresis they touch some pm too
-early; at smooth folds no difference within the resolution).  A sweep stops after LIMIT seconds; end says where.
+Per sweep: parameters (SI), sweep "distance" or "frequency", direction ("approach", "retract", "up", "down"), resolution
+(m, or relative frequency), jumps: [at (the bracket: last value before, first value after), amplitude and phase before
+and after (first harmonic, mean over periods if it never settles), touching_before/after (contacts per period),
+steady_before/after], end: where the sweep turned or stopped, and branch: [swept value, amplitude, phase, contacts per
+period, steady] at the steps taken, thinned. A retract sweep starts from the state in which the approach before it
+ended.  "Steady" means repeating every period. gradual: steps were spread over 2 Q periods (false: sudden steps, earlier
+version; next to grazing of a law with hysteresis they touch some pm too early; at smooth folds no difference within the
+resolution).  A sweep stops after LIMIT seconds; end says where.
 """
 
 import json

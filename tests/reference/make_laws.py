@@ -2,23 +2,25 @@
 
     python tests/reference/make_laws.py [word]
 
-Equation and modes: truth_map.py; what is recorded of an orbit: truth_orbits.facts.  Starts come from first-order averaging with the
-loop of the law in it and from sweeps of the tip offset in time (truth_seeds.py).  An orbit is listed if Newton's method converged and
-the closures hold; stable and unstable alike, from far to near.  Others may exist.
+Equation and modes: truth_map.py; what is recorded of an orbit: truth_orbits.facts.  Starts come from first-order
+averaging with the loop of the law in it and from sweeps of the tip offset in time (truth_seeds.py).  An orbit is listed
+if Newton's method converged and the closures hold; stable and unstable alike, from far to near.  Others may exist.
 
-Parameters of a case (SI): law "hertz", "dmt", "jkr", "maugis", "spring", "neck" (then neck_length); decay_length null: no force before
-contact; bias [V] or null; free_amplitude at resonance; frequency_ratio drive over resonance; setpoint relative to the free
-amplitude at the drive.  Maugis: sigma0 = adhesion / decay_length.  Rigid tip.
+Parameters of a case (SI): law "hertz", "dmt", "jkr", "maugis", "spring", "neck" (then neck_length); decay_length null:
+no force before contact; bias [V] or null; free_amplitude at resonance; frequency_ratio drive over resonance; setpoint
+relative to the free amplitude at the drive.  Maugis: sigma0 = adhesion / decay_length.  Rigid tip.
 
-Per orbit (SI): tip_offset; amplitude of the first harmonic; phase [degree], 90 less the lag; mean_deflection; indentation = max d
-(negative: minus the smallest gap); farthest = min d; dissipation [J per cycle], of which _viscous (a_s) and _hysteresis (integral of F dz); virial
--<F z> [J] (F > 0 repulsive; the damping force adds nothing to it); peak_force, attractive_force = max and min of F over the cycle [N],
-the damping force not counted, bias counted; mean_force <F> [N]; contact_fraction of the period in contact, necks included;
-contacts = entries into contact per period; harmonics = amplitudes 2..6; floquet = largest modulus of the multipliers; slope = dA/dz0;
-start = a state on the orbit: drive_angle [rad] (drive is cos), deformation d, velocity dz/dtau, mode 0 apart, 1 contact, 2 neck.
-Checks: energy_closure relative to pi u0 A k; virial_closure relative to u0 A k; mean_closure relative to A;
-determinant_closure: product of the multipliers over exp(-integral 2 (a0 + a_s)); residual [m] of periodicity and amplitude;
-uncertainty = [tip offset (m), phase (degree)]: change when the integrator is 30 times less exact, and the last step.
+Per orbit (SI): tip_offset; amplitude of the first harmonic; phase [degree], 90 less the lag; mean_deflection;
+indentation = max d (negative: minus the smallest gap); farthest = min d; dissipation [J per cycle], of which _viscous
+(a_s) and _hysteresis (integral of F dz); virial -<F z> [J] (F > 0 repulsive; the damping force adds nothing to it);
+peak_force, attractive_force = max and min of F over the cycle [N], the damping force not counted, bias counted;
+mean_force <F> [N]; contact_fraction of the period in contact, necks included; contacts = entries into contact per
+period; harmonics = amplitudes 2..6; floquet = largest modulus of the multipliers; slope = dA/dz0; start = a state on
+the orbit: drive_angle [rad] (drive is cos), deformation d, velocity dz/dtau, mode 0 apart, 1 contact, 2 neck. Checks:
+energy_closure relative to pi u0 A k; virial_closure relative to u0 A k; mean_closure relative to A;
+determinant_closure: product of the multipliers over exp(-integral 2 (a0 + a_s)); residual [m] of periodicity and
+amplitude; uncertainty = [tip offset (m), phase (degree)]: change when the integrator is 30 times less exact, and the
+last step.
 """
 
 import json

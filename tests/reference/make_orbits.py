@@ -2,17 +2,17 @@
 
     python tests/reference/make_orbits.py
 
-Newton shooting (shooting.py) along the curve of orbits of the wanted amplitude, from far to deep contact, with tip offset and
-drive free; an orbit is where the drive equals the one given.  "complete" means: the curve was followed to its end without a
-gap, every crossing was refined, and a second run with shorter steps found the same orbits.  Orbits on a separate
-closed curve, and orbits of more than one drive period, would not be seen.
+Newton shooting (shooting.py) along the curve of orbits of the wanted amplitude, from far to deep contact, with tip
+offset and drive free; an orbit is where the drive equals the one given.  "complete" means: the curve was followed to
+its end without a gap, every crossing was refined, and a second run with shorter steps found the same orbits.  Orbits on
+a separate closed curve, and orbits of more than one drive period, would not be seen.
 
 Units SI.  frequency_ratio is drive over resonance frequency; free_amplitude is at resonance (u0 = free_amplitude / Q);
-setpoint is relative to the free amplitude at the drive frequency.  decay_length null: no force before contact (with contact
-"dmt" the force then jumps by 2 pi w R there).  Per orbit, beside what orbits.json has: dissipation (J per cycle),
-peak_indentation (m; negative: minus the smallest gap), contacts (entries into contact per period; 0 with a positive
-peak_indentation is permanent contact), multipliers (two, real and imaginary part), slope (dA/dz0 at constant drive; the
-feedback needs it positive).
+setpoint is relative to the free amplitude at the drive frequency.  decay_length null: no force before contact (with
+contact "dmt" the force then jumps by 2 pi w R there).  Per orbit, beside what orbits.json has: dissipation (J per
+cycle), peak_indentation (m; negative: minus the smallest gap), contacts (entries into contact per period; 0 with a
+positive peak_indentation is permanent contact), multipliers (two, real and imaginary part), slope (dA/dz0 at constant
+drive; the feedback needs it positive).
 """
 
 import json
@@ -210,7 +210,8 @@ CASES = [
     ),
     ("bistable, high setpoint", "bistable", FIG7 | dict(setpoint=0.95)),
     ("bistable, damping exponent 1", "bistable", FIG7 | dict(damping=0.1, damping_exponent=1.0, setpoint=0.75)),
-    # setpoint 1e-5 inside the range with three orbits, of which two are about to merge (near_fold finds it between these bounds)
+    # setpoint 1e-5 inside the range with three orbits, of which two are about to merge (near_fold finds it between
+    # these bounds)
     ("near fold, attractive, high setpoint", "near fold", FIG7 | dict(adhesion=0.1, setpoint=(0.9, 0.95))),
     ("near fold, attractive", "near fold", dict(free_amplitude=6e-9, setpoint=(0.7, 0.8))),
     ("near fold, attractive, low setpoint", "near fold", dict(free_amplitude=6e-9, setpoint=(0.2, 0.3))),

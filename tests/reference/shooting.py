@@ -3,9 +3,10 @@
     z'' + 2 (a0 + a_s(d)) z' + z + F(d)/k = u0 cos(w tau),   d = z - z0   (lengths in nm here)
 
 The orbit is followed in the phase theta of its own first harmonic: z = a cos(theta) + b sin(theta), with a and b slow
-variables kept as a reference plus a small change, so that nothing is lost to rounding at high quality factors.  In contact
-d = q^2 and the independent variable is sigma, d(theta) = 2 q d(sigma), so dq/d(sigma) = z' and every power of d is smooth:
-no kink and no square root is left.  Contact and loss of contact are roots of the step size.  8th-order Dormand-Prince.
+variables kept as a reference plus a small change, so that nothing is lost to rounding at high quality factors.  In
+contact d = q^2 and the independent variable is sigma, d(theta) = 2 q d(sigma), so dq/d(sigma) = z' and every power of d
+is smooth: no kink and no square root is left.  Contact and loss of contact are roots of the step size.  8th-order
+Dormand-Prince.
 """
 
 import numpy as np
@@ -271,8 +272,8 @@ class Oscillator:
 
     def curve(self, wiggle=1.0):
         """Points (x) along the orbits of amplitude amp, from far to deep contact, and True if the curve was followed without a
-        gap. A force that jumps at contact makes the curve start anew at grazing, like the square root of the depth: then it is
-        followed from shallow contact both ways, up to a depth where the drive is still nearly the free one."""
+        gap. A force that jumps at contact makes the curve start anew at grazing, like the square root of the depth:
+        then it is followed from shallow contact both ways, up to a depth where the drive is still nearly the free one."""
         if not self.far and self.p[FA] > 0:
             for depth in (0.002, 0.01, 0.05, 0.2):
                 try:

@@ -1,8 +1,8 @@
 """Curves of periodic orbits and their folds, in tip offset (free=2) or drive frequency (free=3).
 
-A curve is followed by pseudo-arclength.  A fold is the root of (change over a period, det(I - M)) in (d, v, parameter), M from the
-variational equation; and, as a check of another kind, the extremum of a polynomial through the parameter at Chebyshev nodes in the
-amplitude.
+A curve is followed by pseudo-arclength.  A fold is the root of (change over a period, det(I - M)) in (d, v, parameter),
+M from the variational equation; and, as a check of another kind, the extremum of a polynomial through the parameter at
+Chebyshev nodes in the amplitude.
 """
 
 import math

@@ -1,18 +1,20 @@
 """One period of the tapping oscillator under any contact law, with its derivatives.  Shares nothing with phasemap.
 
-    z'' + 2 (a0 + a_s(d)) z' + z + F/k = u0 cos(theta),   theta' = omega,   d = z - z0   (lengths in nm, forces as F/k in nm)
+    z'' + 2 (a0 + a_s(d)) z' + z + F/k = u0 cos(theta),   theta' = omega,   d = z - z0   (lengths in nm, forces as F/k
+    in nm)
 
-The tip is in one of three modes: 0 apart, 1 in contact with d >= 0, 2 in a neck (in contact with release < d < 0).  In each the
-state is (theta, x, v), d = D(x), and the independent variable s runs with d tau = D'(x) ds, so that dx/ds = v:
+The tip is in one of three modes: 0 apart, 1 in contact with d >= 0, 2 in a neck (in contact with release < d < 0).  In
+each the state is (theta, x, v), d = D(x), and the independent variable s runs with d tau = D'(x) ds, so that dx/ds = v:
 
     mode 0   x = d
-    mode 1   x = sqrt(d) (hertz, dmt, spring, neck, maugis); JKR: sqrt(a) = sqrt(a at d = 0) + x^2; so d^1.5 and d^0.5 are smooth
-    mode 2   JKR: x = a; Maugis: x = -phi, cos(phi) = a/c (c and d are closed forms of phi); neck: x = d.
+    mode 1   x = sqrt(d) (hertz, dmt, spring, neck, maugis); JKR: sqrt(a) = sqrt(a at d = 0) + x^2; so d^1.5 and d^0.5
+    are smooth mode 2   JKR: x = a; Maugis: x = -phi, cos(phi) = a/c (c and d are closed forms of phi); neck: x = d.
              At a fold of d(a), D' = 0 and nothing is singular.
 
-Dormand and Prince's order 8 (coefficients from scipy).  Changes of mode are roots of the step length, also where the tip turns back
-within a step.  The derivatives with respect to the state at the start (d, v), z0 and omega are those of the variational equation
-in s, projected along the flow onto every event, hence with the jumps that changes of mode bring (saltation).
+Dormand and Prince's order 8 (coefficients from scipy).  Changes of mode are roots of the step length, also where the
+tip turns back within a step.  The derivatives with respect to the state at the start (d, v), z0 and omega are those of
+the variational equation in s, projected along the flow onto every event, hence with the jumps that changes of mode
+bring (saltation).
 """
 
 import math

@@ -1,12 +1,12 @@
 """A tapping tip on one scan line in time: full equation of motion, lock-in, PI controller, scanner.  Shares nothing with phasemap.
 
-    z'' + 2 (a0 + a_s(d)) z' + z + F(d)/k = u0 cos(theta),   theta' = omega,   d = z - z0   (lengths in nm, forces as F/k in nm)
-    d >= 0:  F = K sqrt(R) d^1.5 - f0,  a_s = a1 sqrt(d / R);      d < 0:  F = -f0 / (1 - d/d0)^2,  a_s = 0
+    z'' + 2 (a0 + a_s(d)) z' + z + F(d)/k = u0 cos(theta),   theta' = omega,   d = z - z0   (lengths in nm, forces as
+    F/k in nm) d >= 0:  F = K sqrt(R) d^1.5 - f0,  a_s = a1 sqrt(d / R);      d < 0:  F = -f0 / (1 - d/d0)^2,  a_s = 0
 
-Apart, the state is (theta, d, v) and runs in tau; in contact it is (theta, x = sqrt(d), v) and runs in s with d tau = 2 x ds, so that
-both powers of d are polynomials in x and dx/ds = v either way.  Dormand and Prince's order 8 with error control (coefficients from
-scipy); contact begins and ends at a root of the step length, also where the tip turns back within a step.  The lock-in's integral of
-z exp(-i theta) over the period is two more components of the state.
+Apart, the state is (theta, d, v) and runs in tau; in contact it is (theta, x = sqrt(d), v) and runs in s with d tau = 2
+x ds, so that both powers of d are polynomials in x and dx/ds = v either way.  Dormand and Prince's order 8 with error
+control (coefficients from scipy); contact begins and ends at a root of the step length, also where the tip turns back
+within a step.  The lock-in's integral of z exp(-i theta) over the period is two more components of the state.
 """
 
 import math
@@ -69,7 +69,8 @@ def step(mode, y, p, z0, h, stage, new, size):
 def root(mode, y, p, z0, lo, hi, component, target, stage, new, size, slope):
     """Step length in (lo, hi) at which a component of the state reaches the target; `new` is the state there.
 
-    Newton's method, bisection where it would leave the bracket.  The component is on one side at lo, on the other at hi.
+    Newton's method, bisection where it would leave the bracket.  The component is on one side at lo, on the other at
+    hi.
     """
     step(mode, y, p, z0, hi, stage, new, size)
     positive = new[component] > target
@@ -179,9 +180,10 @@ def phase(x):
 def march(tip, stages, loop, surface, label, levers, r, goal, gains, ramp, tol, first, record):
     """Periods one after another; returns how many were made.
 
-    tip (z, v), stages (filters), loop (Z, integral, Z_engage): state, kept up to date.  surface (n) [nm] and label (n): what is under
-    the tip at the middle of each period.  gains (Kp, Ki T).  ramp > 0: the controller is off, the tip comes down by so much a period,
-    until the amplitude is at the goal.  record (n, 5): Z, error, phase [degree], amplitude, steps of the integrator.
+    tip (z, v), stages (filters), loop (Z, integral, Z_engage): state, kept up to date.  surface (n) [nm] and label (n):
+    what is under the tip at the middle of each period.  gains (Kp, Ki T).  ramp > 0: the controller is off, the tip
+    comes down by so much a period, until the amplitude is at the goal.  record (n, 5): Z, error, phase [degree],
+    amplitude, steps of the integrator.
     """
     for n in range(len(surface)):
         z0 = loop[0] - surface[n]

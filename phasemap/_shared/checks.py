@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from numbers import Integral, Real
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 
 LONGEST = 10**8  # pixels along a side, so that numbers of pixels and of bytes fit into 64 bits
 WIDEST = 1e100  # m, of a pixel or a disc, so that their squares are finite

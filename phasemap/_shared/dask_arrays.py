@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from phasemap.errors import InputError
+from phasemap._shared.errors import InputError
 
 __all__ = ["chunks_of", "is_lazy", "lazy_map"]
 

@@ -6,7 +6,7 @@ import hashlib
 import os
 import stat
 
-from phasemap.errors import FileError
+from phasemap._shared.errors import FileError
 
 PIECE = 1 << 20  # byte
 
@@ -30,7 +30,7 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
     >>> size_of("nowhere.npy", "nowhere.npy, named in [surface] modulus")
     Traceback (most recent call last):
     ...
-    phasemap.errors.FileError: cannot read nowhere.npy, named in [surface] modulus: No such file or directory.
+    phasemap.FileError: cannot read nowhere.npy, named in [surface] modulus: No such file or directory.
     """
     try:
         about = os.stat(path)

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from phasemap._console import interruptible
-from phasemap.errors import PhasemapError
+from phasemap._shared.errors import PhasemapError
+from phasemap._shared.interrupts import interruptible
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

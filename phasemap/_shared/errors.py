@@ -8,6 +8,8 @@ LONGEST = 300  # characters of a name or a value that an error repeats
 class PhasemapError(Exception):
     """Base of every error that phasemap raises on purpose."""
 
+    __module__ = "phasemap"
+
 
 class Word(str):
     """A value that an error shows without quotes, for it is ours and not the user's: unknown, missing."""
@@ -37,8 +39,10 @@ class InputError(PhasemapError, ValueError):
     >>> raise InputError("setpoint", 1.2, "a number between 0 and 1, both excluded")
     Traceback (most recent call last):
     ...
-    phasemap.errors.InputError: setpoint is 1.2; allowed: a number between 0 and 1, both excluded.
+    phasemap.InputError: setpoint is 1.2; allowed: a number between 0 and 1, both excluded.
     """
+
+    __module__ = "phasemap"
 
     def __init__(self, name: str, value: object, allowed: str, hint: str = "") -> None:
         super().__init__(f"{_short(name)} is {_shown(value)}; allowed: {allowed}." + (f" {hint}" if hint else ""))
@@ -52,6 +56,8 @@ class InputError(PhasemapError, ValueError):
 class FileError(PhasemapError, OSError):
     """A file that cannot be read, or a place that cannot be written."""
 
+    __module__ = "phasemap"
+
 
 class TooLargeError(PhasemapError, MemoryError):
     """Something that would not fit into the memory that is free; nothing of it was allocated."""
@@ -59,6 +65,8 @@ class TooLargeError(PhasemapError, MemoryError):
 
 class SolveError(PhasemapError, RuntimeError):
     """Raised instead of a flagged pixel where the caller asked for ``strict=True``."""
+
+    __module__ = "phasemap"
 
 
 def _shown(value: object) -> str:
@@ -74,3 +82,6 @@ def _short(text: str) -> str:
     text = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
     half = LONGEST // 2
     return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"
+
+
+__test__ = {"InputError": InputError}  # doctest looks for classes of this module only

@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from phasemap.errors import InputError, TooLargeError
+from phasemap._shared.errors import InputError, TooLargeError
 
 __all__ = ["VARIABLE", "available", "check_fits", "in_words"]
 
