@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 import phasemap as pm
-from phasemap.interaction import MaugisDugdale
+from phasemap.experiment.interaction import MaugisDugdale
 
 RADIUS = 30e-9
 FILM = pm.Material(modulus=0.89e9, adhesion=0.37, damping=0.014)  # polyethylene as fitted in Fig. 3: K = 1.35 GPa

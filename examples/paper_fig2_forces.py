@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import paper
 
-from phasemap.interaction import Interaction
-from phasemap.interaction.longrange import InverseSquare
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.interaction.longrange import InverseSquare
 
 ADHESION = 2 * np.pi * paper.FILM.adhesion * paper.RADIUS
 

@@ -9,82 +9,83 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from phasemap import generate, plot
+    from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
-    from phasemap.accuracy import Accuracy
     from phasemap.checking.check import check
     from phasemap.checking.result import Check
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
     from phasemap.contrasts.map import contrast
-    from phasemap.control import Engage, Feedback, Raster
     from phasemap.dataset import phase_lag
     from phasemap.ensemble import load_ensemble
+    from phasemap.experiment import generate, interaction
+    from phasemap.experiment.accuracy import Accuracy
+    from phasemap.experiment.control import Engage, Feedback, Raster
+    from phasemap.experiment.interaction import ContactLaw, Interaction
+    from phasemap.experiment.material import Material
+    from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+    from phasemap.experiment.realism import Realism, TipChange
+    from phasemap.experiment.surface import Surface
     from phasemap.fit import Fit, fit_distance, fit_frequency
-    from phasemap.interaction import Interaction
     from phasemap.inversion.images import invert
     from phasemap.inversion.region_fit import fit_regions
     from phasemap.inversion.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
-    from phasemap.material import Material
-    from phasemap.microscope import Cantilever, Drive, Microscope, Tip
     from phasemap.pixel import Pixel, orbits, solve_pixel
-    from phasemap.realism import Realism, TipChange
     from phasemap.scan import simulate
     from phasemap.scene import load_scene
     from phasemap.scene_measured import scene_from
     from phasemap.status import Status
-    from phasemap.surface import Surface
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
-    "accuracy": ("Accuracy",),
     "checking.check": ("check",),
     "checking.result": ("Check",),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
     "contrasts.map": ("contrast",),
-    "control": ("Engage", "Feedback", "Raster"),
     "dataset": ("phase_lag",),
     "ensemble": ("load_ensemble",),
+    "experiment.accuracy": ("Accuracy",),
+    "experiment.control": ("Engage", "Feedback", "Raster"),
+    "experiment.interaction": ("ContactLaw", "Interaction"),
+    "experiment.material": ("Material",),
+    "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
+    "experiment.realism": ("Realism", "TipChange"),
+    "experiment.surface": ("Surface",),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
-    "interaction": ("Interaction",),
     "inversion.images": ("invert",),
     "inversion.region_fit": ("fit_regions",),
     "inversion.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
-    "material": ("Material",),
-    "microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
     "pixel": ("Pixel", "orbits", "solve_pixel"),
-    "realism": ("Realism", "TipChange"),
     "scan": ("simulate",),
     "scene": ("load_scene",),
     "scene_measured": ("scene_from",),
     "status": ("Status",),
-    "surface": ("Surface",),
     "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
-_MODULES = ("generate", "plot")
+_MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}
 
 __all__ = [
-    "Accuracy", "Cantilever", "Check", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError", "Interaction",
-    "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration", "SolveError", "Status",
-    "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export", "fit_distance", "fit_frequency",
-    "fit_regions", "generate", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot",
-    "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "sweep_distance",
-    "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
+    "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration",
+    "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export", "fit_distance",
+    "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble", "load_scene",
+    "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel",
+    "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
-        return importlib.import_module(f"phasemap.{name}")
+        return importlib.import_module(f"phasemap.{_MODULES[name]}")
     if name == "__version__":
         from importlib.metadata import version
 

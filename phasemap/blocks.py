@@ -10,8 +10,8 @@ import numpy as np
 
 from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError
-from phasemap.surface import Surface
-from phasemap.surface_dataset import QUANTITIES
+from phasemap.experiment.surface import Surface
+from phasemap.experiment.surface_variables import QUANTITIES
 from phasemap.survey import Place
 
 LINES = 1 << 20  # pixels of a part where parts are whole lines, at least one line

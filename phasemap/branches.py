@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, Orbits
 from phasemap._shared.threads import Progress, spread
-from phasemap.accuracy import Accuracy
 from phasemap.energy import close
-from phasemap.excitation import of_tip
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import of_tip
 from phasemap.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers import Solver
 from phasemap.solvers.march import ETA, March

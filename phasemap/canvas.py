@@ -15,7 +15,7 @@ from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_at
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.surface import Surface
+    from phasemap.experiment.surface import Surface
 
 Array = np.ndarray
 Pixels = slice | NDArray[np.intp]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap.checking.result import Check
-    from phasemap.surface import Surface
+    from phasemap.experiment.surface import Surface
 
 __all__ = ["add_arguments", "check"]
 
@@ -74,9 +74,9 @@ def check(arguments: argparse.Namespace) -> int:
 
 def _surface(arguments: argparse.Namespace) -> Surface | None:
     """The surface that is named, None for that of the image's scene."""
+    from phasemap.experiment.surface import Surface
     from phasemap.io.netcdf import load
     from phasemap.scene import load_scene
-    from phasemap.surface import Surface
 
     if arguments.scene is not None:
         return load_scene(arguments.scene).surface

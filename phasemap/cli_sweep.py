@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from phasemap.material import Material
-    from phasemap.microscope import Microscope
+    from phasemap.experiment.material import Material
+    from phasemap.experiment.microscope import Microscope
     from phasemap.scene import Setup
 
 PARAMETERS = (

@@ -11,13 +11,13 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
-from phasemap.excitation import DETECTED
+from phasemap.experiment.excitation import DETECTED
 from phasemap.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.control import Control
+    from phasemap.experiment.control import Control
 
 Array = np.ndarray
 T = TypeVar("T", float, Array, "xr.DataArray")

@@ -6,9 +6,9 @@ from typing import Any
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.fitting.result import Fit
-from phasemap.material import Material
-from phasemap.microscope import Microscope
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap.excitation import seen, show
+from phasemap.experiment.excitation import seen, show
 from phasemap.solvers.march import March
 from phasemap.work import Work
 

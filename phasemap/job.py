@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.threads import Progress
-from phasemap.accuracy import Accuracy
 from phasemap.canvas import Canvas, values_of
-from phasemap.control import Control
-from phasemap.microscope import Microscope
-from phasemap.realism import Realism
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.control import Control
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.realism import Realism
+from phasemap.experiment.surface import Surface
 from phasemap.solvers import Solver
-from phasemap.surface import Surface
 from phasemap.survey import Place, Survey
 from phasemap.work import Work, properties, work_of
 from phasemap.workers import run

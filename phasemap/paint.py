@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import spread
-from phasemap.accuracy import Accuracy
 from phasemap.atlas import Atlas, Oracle, build
 from phasemap.atlas.axes import Axes
 from phasemap.atlas.oracle import FUNCTIONS
 from phasemap.canvas import PENDING, Canvas, values_of
 from phasemap.distinct import BLOCK, Distinct
 from phasemap.energy import close
-from phasemap.excitation import of_tip
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.microscope import Microscope
 from phasemap.job import Job, Painter, Values
-from phasemap.microscope import Microscope
 from phasemap.survey import Survey
 from phasemap.work import lever_of
 

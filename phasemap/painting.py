@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 from phasemap._shared.errors import InputError
 from phasemap.canvas import Canvas
-from phasemap.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.realism import scopes_by_row
 from phasemap.job import Job, Painter
-from phasemap.microscope import Microscope
 from phasemap.paint import PAINTER
-from phasemap.realism import scopes_by_row
 from phasemap.survey import Survey
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, SolveError
-from phasemap.accuracy import Accuracy
 from phasemap.dataset import (
     FLAGS,
     FLOATS,
@@ -21,8 +20,9 @@ from phasemap.dataset import (
     motion_of,
     provenance,
 )
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.scan import run
 from phasemap.solvers import by_name
 from phasemap.solvers.orbit import Orbit

@@ -12,8 +12,8 @@ from phasemap._kernels.scanning.slots import NOWHERE, Orbits
 from phasemap._shared.threads import Progress
 from phasemap.branches import stable_branches
 from phasemap.canvas import Canvas, values_of
-from phasemap.control import LINES, Raster
 from phasemap.distinct import BLOCK, Distinct
+from phasemap.experiment.control import LINES, Raster
 from phasemap.job import Job, Painter, Values
 from phasemap.paint import Numbers, numbers_in, numbers_of
 from phasemap.survey import Survey

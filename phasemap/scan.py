@@ -13,19 +13,19 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError, SolveError
 from phasemap._shared.threads import Progress, workers_of
-from phasemap.accuracy import Accuracy
 from phasemap.blockwise import check_lazy, paint_lazily
 from phasemap.canvas import Canvas, check_image
 from phasemap.checkpoint import Checkpoint, paint_kept
-from phasemap.control import Control, Engage
 from phasemap.dataset import IN_TIME, check_variables, describe, provenance, variables_of
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.control import Control, Engage
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.realism import Realism, check_realism, drifted, finish
+from phasemap.experiment.surface import Surface
 from phasemap.job import Job
-from phasemap.microscope import Microscope
 from phasemap.painting import paint_part, painter_of, plan_image
-from phasemap.realism import Realism, check_realism, drifted, finish
 from phasemap.solvers import by_name
 from phasemap.status import Status
-from phasemap.surface import Surface
 from phasemap.survey import Place, Survey, survey
 from phasemap.work import Work, check_setpoint, make_work
 from phasemap.workers import run

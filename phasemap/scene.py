@@ -23,17 +23,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap._shared.errors import FileError, InputError, Word
 from phasemap._shared.files import size_of
-from phasemap.accuracy import Accuracy
-from phasemap.control import Control, Engage, Feedback, Raster
-from phasemap.interaction import Interaction
-from phasemap.material import Material
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.realism import Realism, TipChange, check_realism
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.realism import Realism, TipChange, check_realism
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.surface import Surface
+    from phasemap.experiment.surface import Surface
 
 __all__ = [
     "Scene", "Setup", "load_scene", "load_setup", "read_tables", "scene_from_json", "scene_from_tables",

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError, PhasemapError
+from phasemap.experiment.material import Material
+from phasemap.experiment.surface import Surface
 from phasemap.io.measured import level_height, one_scan, segment_phase
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
 from phasemap.io.read import read_image
-from phasemap.material import Material
 from phasemap.scene import Scene, Table, load_scene, scene_from_tables, with_override
-from phasemap.surface import Surface
 
 if TYPE_CHECKING:
     import numpy as np

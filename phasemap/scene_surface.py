@@ -31,15 +31,15 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
-from phasemap.material import Material
+from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
 
     import numpy as np
 
-    from phasemap.microscope import Tip
-    from phasemap.surface import Surface
+    from phasemap.experiment.microscope import Tip
+    from phasemap.experiment.surface import Surface
 
 __all__ = ["build_surface", "dilate"]
 
@@ -168,8 +168,8 @@ def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: _Files, generator: Callable[..., np.ndarray] | None
 ) -> Surface:
     """A map of labels, given or generated, and the material of each."""
+    from phasemap.experiment.surface import Surface
     from phasemap.scene import check_keys, construct
-    from phasemap.surface import Surface
 
     own = ("materials", "pixel_size", "topography", "heights")
     if generator is None:
@@ -196,9 +196,9 @@ def _from_labels(
 
 def _from_maps(table: dict[str, Any], files: _Files) -> Surface:
     """Maps of properties, one by one or together in a netCDF file."""
+    from phasemap.experiment.surface import Surface
     from phasemap.io.netcdf import load
     from phasemap.scene import check_keys, construct
-    from phasemap.surface import Surface
 
     if not isinstance(table.get("allow_nan", False), bool):
         raise InputError("[surface] allow_nan", table["allow_nan"], "true or false")
@@ -215,10 +215,10 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     """The height of a measured image as topography, and its phase populations as materials."""
     import numpy as np
 
+    from phasemap.experiment.surface import Surface
     from phasemap.io.measured import level_height, one_scan, segment_phase
     from phasemap.io.read import read_image
     from phasemap.scene import check_keys
-    from phasemap.surface import Surface
 
     check_keys("[surface]", table, ("file", "materials", "height", "phase"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
@@ -237,7 +237,7 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
 
 def _generators(result: str) -> dict[str, Callable[..., np.ndarray]]:
     """The generators of labels or of fields, by name."""
-    from phasemap import generate
+    from phasemap.experiment import generate
 
     every = {name: getattr(generate, name) for name in generate.__all__}
     return {name: function for name, function in every.items() if function.__annotations__["return"] == result}
@@ -333,7 +333,7 @@ def _as_labels(values: object) -> np.ndarray:
     """Whole numbers as integers: text files and netCDF with missing values have floats only."""
     import numpy as np
 
-    from phasemap.surface import as_array
+    from phasemap.experiment.surface import as_array
 
     labels = as_array("[surface] labels", values, "a 2-D map of whole numbers")
     if labels.dtype.kind == "f" and (np.abs(labels) < LARGEST).all() and (labels == labels.round()).all():
@@ -357,7 +357,7 @@ def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
     """A topography to which the heights of labels can be added."""
     import numpy as np
 
-    from phasemap.surface import as_array
+    from phasemap.experiment.surface import as_array
 
     relief = as_array("[surface] topography", given, "one number or a 2-D map")
     if relief.dtype.kind not in "fiu" or relief.shape not in ((), shape):

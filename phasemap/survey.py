@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap.distinct import BLOCK, Distinct, digests_of
-from phasemap.surface import Surface
+from phasemap.experiment.surface import Surface
 
 Array = NDArray[np.float64]
 Digests = NDArray[np.uint64]

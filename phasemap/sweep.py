@@ -8,8 +8,8 @@ import numpy as np
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.work import check_setpoint
 
 if TYPE_CHECKING:

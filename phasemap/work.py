@@ -10,8 +10,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.material import Material
-from phasemap.microscope import Microscope, Tip
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope, Tip
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law

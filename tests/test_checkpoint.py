@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 import phasemap as pm
 from phasemap import checkpoint
 from phasemap.checkpoint import Checkpoint, discard
-from phasemap.interaction import ContactLaw, Interaction
+from phasemap.experiment.interaction import ContactLaw, Interaction
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 RNG = np.random.default_rng(4)
@@ -113,9 +113,9 @@ def test_surfaces_that_are_equal_give_equal_images_whatever_was_known_of_one() -
 @settings(max_examples=25, deadline=None)
 @given(cuts=st.sets(st.integers(1, 23)), name=st.sampled_from([name for name in CASES if CASES[name][0] is FEW]))
 def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) -> None:
-    from phasemap.accuracy import Accuracy
     from phasemap.canvas import Canvas
     from phasemap.dataset import check_variables, variables_of
+    from phasemap.experiment.accuracy import Accuracy
     from phasemap.job import Job
     from phasemap.painting import paint_part, painter_of, plan_image
     from phasemap.solvers import by_name
@@ -337,7 +337,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
 
 CONE = """
 import math
-from phasemap.interaction import ContactLaw
+from phasemap.experiment.interaction import ContactLaw
 HALF_ANGLE = {angle}
 class Cone(ContactLaw):
     @staticmethod

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap.dilation import TILE, dilated, tip_profile
+from phasemap.experiment.dilation import TILE, dilated, tip_profile
 
 RADIUS = 10e-9
 TIP = pm.Tip(RADIUS)

@@ -13,7 +13,7 @@ from cases import Case, label, load
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
-from phasemap.excitation import of_tip, seen, show
+from phasemap.experiment.excitation import of_tip, seen, show
 from phasemap.scene import load_scene
 from phasemap.work import lever_of, work_of_material
 

@@ -34,11 +34,11 @@ from phasemap._shared.errors import FileError, InputError, PhasemapError, TooLar
 from phasemap.cli import main
 from phasemap.ensemble import load_ensemble
 from phasemap.ensemble_file import assemble
+from phasemap.experiment.surface import Surface
 from phasemap.io.classic import check_classic
 from phasemap.io.container import check_container
 from phasemap.io.netcdf import load, save
 from phasemap.scene import load_scene, read_tables, with_override
-from phasemap.surface import Surface
 
 PACKAGE = Path(pm.__file__).parent
 STEP = world.SAMPLES / "step.toml"

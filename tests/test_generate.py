@@ -14,8 +14,8 @@ from scipy import ndimage
 
 from phasemap import generate
 from phasemap._shared.errors import InputError
-from phasemap.material import Material
-from phasemap.surface import Surface
+from phasemap.experiment.material import Material
+from phasemap.experiment.surface import Surface
 
 SHAPE, PIXEL = (48, 64), 2e-9
 SEEDS = st.integers(0, 2**32)

@@ -11,7 +11,7 @@ from cases import Case, label, load
 
 from phasemap._kernels import columns as col
 from phasemap._kernels import in_time, march, period_map, tableau
-from phasemap.interaction import Interaction
+from phasemap.experiment.interaction import Interaction
 
 Problem = tuple[Any, np.ndarray, np.ndarray]
 

@@ -16,9 +16,9 @@ import phasemap as pm
 from phasemap import painting
 from phasemap.canvas import Canvas
 from phasemap.cli import main
+from phasemap.experiment.realism import check_realism, drifted, finish, generator, scopes_by_row
 from phasemap.io import netcdf
 from phasemap.job import Job, Painter
-from phasemap.realism import check_realism, drifted, finish, generator, scopes_by_row
 from phasemap.scene import Scene
 from phasemap.survey import Survey
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import phasemap.generate as generate
+import phasemap.experiment.generate as generate
 from phasemap._shared.errors import FileError, InputError
-from phasemap.accuracy import Accuracy
-from phasemap.control import Engage
-from phasemap.interaction import Interaction
-from phasemap.material import Material
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.realism import Realism
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.control import Engage
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.realism import Realism
+from phasemap.experiment.surface import Surface
 from phasemap.scene import Scene, load_scene
-from phasemap.surface import Surface
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 HEAD = """

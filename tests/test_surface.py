@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phasemap._shared.errors import InputError
-from phasemap.material import Material
-from phasemap.surface import Surface
+from phasemap.experiment.material import Material
+from phasemap.experiment.surface import Surface
 
 SOFT = Material(modulus=1e9, adhesion=0.1, damping=0.01)
 HARD = Material(modulus=3e9, adhesion=0.05, damping=0.002, poisson_ratio=0.3)
@@ -434,5 +434,8 @@ def test_a_wrong_dataset_is_refused_in_one_sentence(sentence: str, ds: xr.Datase
 
 
 def test_importing_surface_and_generators_imports_neither_xarray_nor_scipy() -> None:
-    check = "import sys, phasemap.surface, phasemap.generate; sys.exit(bool({'xarray', 'scipy'} & set(sys.modules)))"
+    check = (
+        "import sys, phasemap.experiment.surface, phasemap.experiment.generate; "
+        "sys.exit(bool({'xarray', 'scipy'} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import spread
-from phasemap.accuracy import Accuracy
 from phasemap.atlas.axes import Axes
-from phasemap.microscope import Microscope
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.work import Work, work_of
 from phasemap.workers import run

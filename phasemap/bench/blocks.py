@@ -25,11 +25,11 @@ import numpy as np
 
 from phasemap._shared.errors import PhasemapError
 from phasemap.bench.record import machine, versions
-from phasemap.control import Control, Engage, Feedback, Raster
-from phasemap.material import Material
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.surface import Surface
 from phasemap.scan import simulate
-from phasemap.surface import Surface
 
 if TYPE_CHECKING:
     import xarray as xr

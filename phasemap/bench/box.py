@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
 from phasemap.bench.regimes import POISSON_RATIO, RESONANCE, Batch
-from phasemap.interaction import Interaction
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.solvers import by_name
 from phasemap.solvers.march import March
 from phasemap.solvers.orbit import Orbit

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
 from phasemap.bench.equation import Case
 from phasemap.bench.reference import NoOrbit, Reference, Start, find_orbit
 from phasemap.bench.regimes import Batch, Regime, draw
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.scan import run
 from phasemap.solvers import by_name
 from phasemap.work import Work

@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from phasemap.accuracy import Accuracy
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.scan import run
 from phasemap.solvers import by_name
 

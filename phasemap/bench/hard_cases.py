@@ -11,9 +11,9 @@ from math import nan
 
 import numpy as np
 
-from phasemap.interaction import Interaction
-from phasemap.material import Material
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 
 Value = float | None
 Row = tuple[str, Value, dict[str, Value]]

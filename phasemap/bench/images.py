@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
-from phasemap.generate import roughness
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.generate import roughness
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.surface import Surface
 from phasemap.scan import run, simulate
 from phasemap.solvers.orbit import Orbit
-from phasemap.surface import Surface
 from phasemap.work import make_work
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from phasemap.accuracy import Accuracy
 from phasemap.bench.peers import Peer
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers import Solver, by_name
 from phasemap.solvers.march import March
 

@@ -11,13 +11,13 @@ from typing import Protocol
 
 import numpy as np
 
-from phasemap import generate
 from phasemap.bench.bistable import is_bistable
 from phasemap.bench.equation import Case, Equation
-from phasemap.interaction import Interaction
-from phasemap.material import Material
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.surface import Surface
+from phasemap.experiment import generate
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.surface import Surface
 from phasemap.work import Work, make_work
 
 Array = np.ndarray

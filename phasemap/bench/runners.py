@@ -11,7 +11,6 @@ from typing import Protocol
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
 from phasemap.bench.cases import Field, Known
 from phasemap.bench.equation import Equation
 from phasemap.bench.methods import Method
@@ -19,6 +18,7 @@ from phasemap.bench.peers import Peer
 from phasemap.bench.peers.shooting import BEGIN, constants
 from phasemap.bench.periods import march_period_time
 from phasemap.bench.timing import best_of
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.scan import run
 from phasemap.solvers import Solver
 

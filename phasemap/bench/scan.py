@@ -16,10 +16,10 @@ import numpy as np
 from phasemap._shared.threads import workers_of
 from phasemap.bench.record import machine, versions
 from phasemap.bench.scan_cases import CASES, MONOSTABLE, PIXELS, ScanCase, image_lines
-from phasemap.control import Feedback
-from phasemap.microscope import Microscope
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.surface import Surface
 from phasemap.scan import simulate
-from phasemap.surface import Surface
 
 if TYPE_CHECKING:
     import xarray as xr

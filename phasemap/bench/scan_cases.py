@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phasemap.control import Feedback
-from phasemap.generate import blend, roughness
-from phasemap.interaction import Interaction
-from phasemap.material import Material
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.surface import Surface
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.generate import blend, roughness
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.surface import Surface
 
 Array = np.ndarray
 Pair = tuple[Material, Material]

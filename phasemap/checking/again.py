@@ -14,13 +14,13 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.branches import stable_branches
 from phasemap.checking.picture import Picture
-from phasemap.control import Raster
-from phasemap.microscope import Microscope
-from phasemap.realism import scopes_by_row
+from phasemap.experiment.control import Raster
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.realism import scopes_by_row
+from phasemap.experiment.surface import Surface
 from phasemap.solvers import Solver
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
-from phasemap.surface import Surface
 from phasemap.work import Work, make_work
 from phasemap.workers import run
 

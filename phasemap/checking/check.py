@@ -20,15 +20,15 @@ from phasemap.checking.picture import Picture
 from phasemap.checking.repeat import repeat
 from phasemap.checking.result import FAILS, HOLDS, Check, Claim
 from phasemap.checking.sample import sample
-from phasemap.realism import drifted
+from phasemap.experiment.realism import drifted
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap._shared.threads import Progress
-    from phasemap.microscope import Microscope
+    from phasemap.experiment.microscope import Microscope
+    from phasemap.experiment.surface import Surface
     from phasemap.scene import Scene
-    from phasemap.surface import Surface
 
 __all__ = ["PIXELS", "check"]
 

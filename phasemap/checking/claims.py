@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap._shared.checks import pixel_pair, shape_pair
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap.accuracy import Accuracy
-from phasemap.control import Control, Engage, Feedback, Raster
 from phasemap.dataset import describe
-from phasemap.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
-from phasemap.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.realism import Realism, TipChange, check_realism
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.scene import CONTROLS, Scene, scene_from_json
 from phasemap.solvers import by_name
 from phasemap.work import check_setpoint

@@ -13,7 +13,7 @@ from phasemap.checking.picture import Picture
 from phasemap.checking.result import OPEN, Claim, in_words, judged
 from phasemap.checking.tolerance import IRREGULAR, QUANTITIES, Errors, Values, allowed, spread, stated, values_again
 from phasemap.dataset import FLOATS, flag_attributes
-from phasemap.surface import Surface
+from phasemap.experiment.surface import Surface
 from phasemap.work import lever_of
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phasemap.checking.claims import Claims
 from phasemap.checking.result import FAILS, HOLDS, Claim
 from phasemap.dataset import FLAGS, FLOATS, variables_of
-from phasemap.surface_dataset import centres
+from phasemap.experiment.surface_variables import centres
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap.checking.claims import Claims
 from phasemap.dataset import FLAGS, FLOATS
-from phasemap.realism import DIGITISED, finish
+from phasemap.experiment.realism import DIGITISED, finish
 
 if TYPE_CHECKING:
     import xarray as xr

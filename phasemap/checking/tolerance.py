@@ -13,8 +13,8 @@ from phasemap.canvas import values_of
 from phasemap.checking.again import Again
 from phasemap.checking.picture import MEAN, Picture
 from phasemap.dataset import IMAGE_VARIABLES
+from phasemap.experiment.surface import Surface
 from phasemap.paint import DEEPEST
-from phasemap.surface import Surface
 from phasemap.work import lever_of
 
 __all__ = ["IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]

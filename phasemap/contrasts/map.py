@@ -13,14 +13,14 @@ from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread, workers_of
-from phasemap.accuracy import Accuracy
 from phasemap.contrasts.borders import borders
 from phasemap.contrasts.choice import choose
 from phasemap.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
 from phasemap.contrasts.record import DIMS, record
 from phasemap.dataset import describe, provenance
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.sweep import check_axis
 from phasemap.work import check_setpoint

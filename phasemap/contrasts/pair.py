@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
 from phasemap.branches import stable_branches
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.solvers import Solver
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.orbit import Orbit

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.work import Work, work_of_material
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.excitation import seen
+from phasemap.experiment.excitation import seen
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law

@@ -12,8 +12,8 @@ from phasemap._kernels import columns as col
 from phasemap.curves.pieces import Curves
 from phasemap.curves.walk import Jump, Visit, stable
 from phasemap.dataset import FLOATS, branch_of, describe, flag_attributes, float_attributes, motion_of, provenance
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 
 if TYPE_CHECKING:
     import xarray as xr

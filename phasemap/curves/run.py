@@ -15,9 +15,9 @@ from phasemap.curves.pieces import Curves
 from phasemap.curves.record import Axis, dataset
 from phasemap.curves.walk import Jump, Segment, Visit, like, segments, walk
 from phasemap.curves.whole import FAINT, complete, held_curves, mend
-from phasemap.excitation import seen
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.excitation import seen
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.status import Status
 
 if TYPE_CHECKING:

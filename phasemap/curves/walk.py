@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import MOST_PERIODS
 from phasemap.curves.in_time import Adrift
 from phasemap.curves.pieces import Curves, Piece
+from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.status import Status
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.curves.pieces import Curves
-from phasemap.microscope import Microscope
+from phasemap.experiment.microscope import Microscope
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law

@@ -8,8 +8,8 @@ import numpy as np
 
 from phasemap._kernels.scanning import loop as of
 from phasemap._shared.errors import InputError
-from phasemap.control import Feedback
-from phasemap.microscope import Microscope
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.microscope import Microscope
 
 Array = np.ndarray
 

@@ -11,14 +11,14 @@ from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread
 from phasemap.canvas import Canvas
-from phasemap.control import Feedback
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.microscope import Microscope
 from phasemap.feedback.bulges import Bulges, bulges_of
 from phasemap.feedback.lines import ENGAGED, Lines, Tip
 from phasemap.feedback.loop import check, drive_frequency
 from phasemap.feedback.settling import quietened
 from phasemap.feedback.tuning import LinearLoop
 from phasemap.job import Job, Painter, Values
-from phasemap.microscope import Microscope
 from phasemap.solvers import by_name
 from phasemap.survey import Survey
 from phasemap.work import Work

@@ -9,12 +9,12 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import engage_in_time
-from phasemap.control import Feedback
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.realism import generator
 from phasemap.feedback.bulges import bulges_of
 from phasemap.feedback.lines import ENGAGED, Tip
 from phasemap.feedback.loop import loop_of
 from phasemap.job import Job
-from phasemap.realism import generator
 from phasemap.solvers import by_name
 from phasemap.work import Work
 from phasemap.workers import run

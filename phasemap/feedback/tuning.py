@@ -21,9 +21,9 @@ from phasemap._kernels.quick import parameters
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.flow import rates
 from phasemap._shared.errors import InputError
-from phasemap.control import Feedback
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.microscope import Microscope
 from phasemap.feedback.loop import loop_of, tau_per_second
-from phasemap.microscope import Microscope
 from phasemap.work import Work
 
 Array = np.ndarray

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from phasemap.material import Material
-from phasemap.microscope import Microscope
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.law import Law
-from phasemap.excitation import of_tip
+from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.inversion.stack import HEIGHT, PHASE, Stack
-from phasemap.material import Material
-from phasemap.microscope import Microscope
 from phasemap.work import contact_stiffness, lever_of, material_row, properties
 
 Array = NDArray[np.float64]

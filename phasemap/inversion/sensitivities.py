@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread, workers_of
-from phasemap.accuracy import Accuracy
 from phasemap.branches import stable_branches
 from phasemap.dataset import branch_of, describe, flag_attributes, provenance
-from phasemap.excitation import of_tip
-from phasemap.microscope import Microscope
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.surface import Surface
 from phasemap.solvers import by_name
-from phasemap.surface import Surface
 from phasemap.work import Work, check_setpoint, make_work
 from phasemap.workers import run
 

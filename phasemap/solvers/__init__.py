@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.accuracy import Accuracy
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.auto import Auto
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.march import March

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap.accuracy import Accuracy
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.orbit import solve_exactly
 from phasemap.work import Work
 

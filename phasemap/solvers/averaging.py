@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.work import Work
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import MOST_PERIODS, Accuracy
+from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.work import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter

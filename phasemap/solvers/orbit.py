@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.accuracy import Accuracy
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.march import March
 from phasemap.work import Work
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 GUIDES = [
     "tomllib", "phasemap.scene", "phasemap.scene_surface", "phasemap.ensemble", "phasemap.ensemble_samples",
-    "phasemap.surface", "phasemap.generate", "phasemap._shared.checks", "phasemap._shared.errors",
+    "phasemap.experiment.surface", "phasemap.generate", "phasemap._shared.checks", "phasemap._shared.errors",
 ]  # fmt: skip
 """Modules whose branches count; numba could not compile those that it reads."""
 ROOTS = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]

@@ -253,7 +253,7 @@ def _surface(rng: Random) -> Input:
 
 def take_surface(maps: dict[str, Any], pixel_size: Any, shape: Any, allow_nan: Any) -> None:
     """`Surface` itself, and what can be asked of it."""
-    from phasemap.surface import Surface
+    from phasemap.experiment.surface import Surface
 
     surface = Surface(**maps, pixel_size=pixel_size, shape=shape, allow_nan=allow_nan)
     assert surface.modulus.shape == surface.shape and not surface.modulus.flags.writeable
@@ -263,7 +263,7 @@ def take_surface(maps: dict[str, Any], pixel_size: Any, shape: Any, allow_nan: A
 
 
 def _from_labels(rng: Random) -> Input:
-    from phasemap.material import Material
+    from phasemap.experiment.material import Material
 
     good = Material(1e9, adhesion=0.1), Material(3e9, damping=rng.choice((0.0, 0.1))), Material(1e9, viscosity=3.0)
     key = rng.choice((0, 1, 2, True, np.int8(1), 10**30, -1, 1.5, "a", None))
@@ -288,7 +288,7 @@ def _from_labels(rng: Random) -> Input:
 
 def take_from_labels(labels: Any, materials: Any, pixel_size: Any, topography: Any) -> None:
     """`Surface.from_labels`."""
-    from phasemap.surface import Surface
+    from phasemap.experiment.surface import Surface
 
     Surface.from_labels(labels, materials, pixel_size=pixel_size, topography=topography).unique()
 
@@ -398,9 +398,9 @@ def _dataset(rng: Random) -> Input:
 def take_dataset(dataset: Any) -> None:
     """`Surface.from_dataset`, and the same Dataset written and read as an image."""
     from phasemap._shared.errors import PhasemapError
+    from phasemap.experiment.surface import Surface
     from phasemap.io.measured import one_scan
     from phasemap.io.read import read_image
-    from phasemap.surface import Surface
 
     refused = 0
     try:
@@ -425,9 +425,9 @@ def _netcdf(rng: Random) -> Input:
 def take_netcdf(data: bytes) -> None:
     """A netCDF file, for all that reads one."""
     from phasemap._shared.errors import PhasemapError
+    from phasemap.experiment.surface import Surface
     from phasemap.io.netcdf import load, load_sample
     from phasemap.io.read import read_image
-    from phasemap.surface import Surface
 
     with _file("image.nc", data) as name:
         dataset = load(name)

@@ -116,9 +116,9 @@ def _images() -> None:
     """An image of two passes, as netCDF of both kinds and as files of other programs."""
     import xarray as xr
 
+    from phasemap.experiment.surface import Surface
     from phasemap.io.export import write_gsf, write_gwy
     from phasemap.io.netcdf import save
-    from phasemap.surface import Surface
 
     rng = np.random.default_rng(2)
     dims = ("direction", "y", "x")

@@ -25,8 +25,8 @@ from phasemap._shared.checks import number
 from phasemap._shared.memory import check_fits
 
 if TYPE_CHECKING:
-    from phasemap.microscope import Tip
-    from phasemap.surface import Surface
+    from phasemap.experiment.microscope import Tip
+    from phasemap.experiment.surface import Surface
 
 __all__ = ["HALF_ANGLE", "dilated", "tip_profile"]
 
@@ -71,8 +71,8 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
 
     Examples
     --------
-    >>> from phasemap.microscope import Tip
-    >>> from phasemap.surface import Surface
+    >>> from phasemap.experiment.microscope import Tip
+    >>> from phasemap.experiment.surface import Surface
     >>> ridge = Surface(modulus=[[1e9, 1e9, 5e9, 1e9]], topography=[[0, 0, 8e-9, 0]], pixel_size=6e-9)
     >>> wider = dilated(ridge, Tip(radius=10e-9))
     >>> wider.topography.round(10).tolist(), wider.modulus.tolist()

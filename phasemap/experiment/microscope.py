@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.interaction import Interaction
+from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
 

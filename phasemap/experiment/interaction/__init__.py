@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from phasemap._kernels.columns import BIAS, RELEASE
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
-from phasemap.interaction.damping import PowerLawDamping
-from phasemap.interaction.longrange import Biased, InverseSquare
+from phasemap.experiment.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction.damping import PowerLawDamping
+from phasemap.experiment.interaction.longrange import Biased, InverseSquare
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,7 +66,11 @@ class Interaction:
     def __post_init__(self) -> None:
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
         if not known:
-            hint = "Derive its class from phasemap.interaction.ContactLaw." if hasattr(self.contact, "force") else ""
+            hint = (
+                "Derive its class from phasemap.experiment.interaction.ContactLaw."
+                if hasattr(self.contact, "force")
+                else ""
+            )
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)

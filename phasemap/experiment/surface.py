@@ -18,13 +18,13 @@ from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
 from phasemap._shared.dask_arrays import chunks_of, is_lazy, lazy_map
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
-from phasemap.material import Material
-from phasemap.surface_dataset import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
+from phasemap.experiment.material import Material
+from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.microscope import Tip
+    from phasemap.experiment.microscope import Tip
 
 __all__ = ["Surface"]
 
@@ -432,14 +432,14 @@ class Surface:
         -------
         Surface
             Its topography is the height of the apex, its materials are those of the points touched. See
-            `phasemap.dilation.dilated`.
+            `phasemap.experiment.dilation.dilated`.
 
         Raises
         ------
         InputError
             If `half_angle` is not above 0 and below 90.
         """
-        from phasemap.dilation import HALF_ANGLE, dilated
+        from phasemap.experiment.dilation import HALF_ANGLE, dilated
 
         self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
-from phasemap.control import Control
-from phasemap.dilation import seen_at
-from phasemap.microscope import Microscope
+from phasemap.experiment.control import Control
+from phasemap.experiment.dilation import seen_at
+from phasemap.experiment.microscope import Microscope
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.surface import Surface
+    from phasemap.experiment.surface import Surface
 
 __all__ = [
     "Realism", "TipChange", "check_realism", "drifted", "finish", "generator", "scopes_by_row",
@@ -157,7 +157,7 @@ def check_realism(realism: object, control: Control, lines: int) -> Realism:
 
     Examples
     --------
-    >>> from phasemap.control import Engage
+    >>> from phasemap.experiment.control import Engage
     >>> check_realism(Realism(temperature=300.0), Engage(), 64)
     Traceback (most recent call last):
     ...
@@ -207,7 +207,7 @@ def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple
 
     Examples
     --------
-    >>> from phasemap.microscope import Cantilever, Drive, Tip
+    >>> from phasemap.experiment.microscope import Cantilever, Drive, Tip
     >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9))
     >>> blunt = Realism(tip_change=TipChange(line=3, radius=30e-9))
     >>> [(rows.start, rows.stop, one.tip.radius) for rows, one in scopes_by_row(blunt, scope, 8)]
@@ -236,7 +236,7 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
 
     Examples
     --------
-    >>> from phasemap.surface import Surface
+    >>> from phasemap.experiment.surface import Surface
     >>> edge = Surface(modulus=[[1e9, 1e9, 1e9, 5e9]] * 4, pixel_size=1e-9)
     >>> (drifted(edge, (4e-9, 0.0, 0.0)).modulus / 1e9).tolist()
     [[1.0, 1.0, 1.0, 5.0], [1.0, 1.0, 5.0, 5.0], [1.0, 5.0, 5.0, 5.0], [5.0, 5.0, 5.0, 5.0]]

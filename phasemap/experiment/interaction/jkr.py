@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from phasemap.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import ContactLaw
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import ContactLaw
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from phasemap._shared.checks import number
-from phasemap.interaction.base import ContactLaw
-from phasemap.interaction.jkr import JKR
-from phasemap.interaction.maugis import MaugisDugdale
+from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.jkr import JKR
+from phasemap.experiment.interaction.maugis import MaugisDugdale
 
 if TYPE_CHECKING:
     import numpy as np
