@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
     from phasemap.contrasts.map import contrast
-    from phasemap.dataset import phase_lag
     from phasemap.ensemble import load_ensemble
     from phasemap.experiment import generate, interaction
     from phasemap.experiment.accuracy import Accuracy
@@ -34,10 +33,11 @@ if TYPE_CHECKING:
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
     from phasemap.pixel import Pixel, orbits, solve_pixel
+    from phasemap.results.status import Status
+    from phasemap.results.variables import phase_lag
     from phasemap.scan import simulate
     from phasemap.scene import load_scene
     from phasemap.scene_measured import scene_from
-    from phasemap.status import Status
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _NAMES = {
@@ -48,7 +48,6 @@ _NAMES = {
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
     "contrasts.map": ("contrast",),
-    "dataset": ("phase_lag",),
     "ensemble": ("load_ensemble",),
     "experiment.accuracy": ("Accuracy",),
     "experiment.control": ("Engage", "Feedback", "Raster"),
@@ -64,10 +63,11 @@ _NAMES = {
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
     "pixel": ("Pixel", "orbits", "solve_pixel"),
+    "results.status": ("Status",),
+    "results.variables": ("phase_lag",),
     "scan": ("simulate",),
     "scene": ("load_scene",),
     "scene_measured": ("scene_from",),
-    "status": ("Status",),
     "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}

@@ -19,11 +19,11 @@ import numpy as np
 from phasemap._shared.errors import InputError, Word
 from phasemap.blocks import Maps, Part
 from phasemap.canvas import Canvas, image_of, joined_notes
-from phasemap.dataset import FLAGS
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.job import Job
 from phasemap.painting import Stretch, paint_part, painter_of, plan_image
+from phasemap.results.variables import FLAGS
 from phasemap.survey import Place, Survey, survey
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
-from phasemap.dataset import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
+from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 if TYPE_CHECKING:
     import xarray as xr

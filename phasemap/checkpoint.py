@@ -22,13 +22,13 @@ import numpy as np
 from phasemap._kernels.columns import RELEASE
 from phasemap._shared.errors import FileError
 from phasemap.canvas import Canvas, joined_notes
-from phasemap.dataset import provenance
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_variables import QUANTITIES
 from phasemap.io.netcdf import replacing
 from phasemap.job import Job, Values
 from phasemap.painting import Stretch, paint_part, painter_of
+from phasemap.results.variables import provenance
 
 __all__ = ["Checkpoint", "discard", "paint_kept"]
 

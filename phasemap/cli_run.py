@@ -75,7 +75,7 @@ def validate(arguments: argparse.Namespace) -> None:
     import numpy as np
 
     from phasemap.canvas import check_image
-    from phasemap.dataset import check_variables, variables_of
+    from phasemap.results.variables import check_variables, variables_of
     from phasemap.scan import modelled, workspace
     from phasemap.scene import load_scene
     from phasemap.work import make_work

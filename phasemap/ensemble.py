@@ -209,7 +209,7 @@ class Ensemble:
 
     def _attributes(self) -> dict[str, Any]:
         """Global attributes of the file: no time is among them, for the same ensemble gives the same bytes."""
-        from phasemap.dataset import provenance
+        from phasemap.results.variables import provenance
 
         about = provenance({}, "")
         return {

@@ -15,8 +15,8 @@ import numpy as np
 
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of
-from phasemap.dataset import provenance
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened, replacing
+from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:
     import netCDF4

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import say
-from phasemap.status import Status
+from phasemap.results.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,7 +10,11 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, SolveError
-from phasemap.dataset import (
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
+from phasemap.results.status import Status
+from phasemap.results.variables import (
     FLAGS,
     FLOATS,
     branch_of,
@@ -20,13 +24,9 @@ from phasemap.dataset import (
     motion_of,
     provenance,
 )
-from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Microscope
 from phasemap.scan import run
 from phasemap.solvers import by_name
 from phasemap.solvers.orbit import Orbit
-from phasemap.status import Status
 from phasemap.work import check_setpoint, work_of_material
 
 if TYPE_CHECKING:

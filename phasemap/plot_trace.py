@@ -12,7 +12,7 @@ from phasemap._shared.units import readable, say
 from phasemap.figures import save
 from phasemap.plot_curve import COLOURS, is_sweep
 from phasemap.plot_title import titles
-from phasemap.status import Status
+from phasemap.results.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -16,7 +16,6 @@ from phasemap._shared.threads import Progress, workers_of
 from phasemap.blockwise import check_lazy, paint_lazily
 from phasemap.canvas import Canvas, check_image
 from phasemap.checkpoint import Checkpoint, paint_kept
-from phasemap.dataset import IN_TIME, check_variables, describe, provenance, variables_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.microscope import Microscope
@@ -24,8 +23,9 @@ from phasemap.experiment.realism import Realism, check_realism, drifted, finish
 from phasemap.experiment.surface import Surface
 from phasemap.job import Job
 from phasemap.painting import paint_part, painter_of, plan_image
+from phasemap.results.status import Status
+from phasemap.results.variables import IN_TIME, check_variables, describe, provenance, variables_of
 from phasemap.solvers import by_name
-from phasemap.status import Status
 from phasemap.survey import Place, Survey, survey
 from phasemap.work import Work, check_setpoint, make_work
 from phasemap.workers import run

@@ -421,7 +421,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     >>> scene_from_tables(read_tables("samples/step.toml"), Path("samples")).surface.shape
     (128, 256)
     """
-    from phasemap.dataset import check_variables, describe, variables_of
+    from phasemap.results.variables import check_variables, describe, variables_of
     from phasemap.scene_surface import build_surface, dilate
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)

@@ -17,7 +17,7 @@ from phasemap.atlas import Atlas, Oracle
 from phasemap.atlas.axes import Axes
 from phasemap.atlas.borders import find_borders
 from phasemap.atlas.cells import Cell, Piece, evaluate
-from phasemap.dataset import SOLVER_NAMES
+from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SHARP = pm.Microscope(pm.Cantilever(40.0, 300e3, 5000.0), pm.Tip(10e-9), pm.Drive(20e-9))

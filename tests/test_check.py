@@ -19,10 +19,10 @@ from phasemap.checking.picture import Picture
 from phasemap.checking.result import FAILS, OPEN
 from phasemap.checking.sample import kinds, sample
 from phasemap.cli import main
-from phasemap.dataset import describe
 from phasemap.experiment.interaction import ContactLaw, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.realism import Realism, TipChange
 from phasemap.io.netcdf import save
+from phasemap.results.variables import describe
 from phasemap.scene import load_scene, scene_from_json
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit

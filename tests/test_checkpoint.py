@@ -114,10 +114,10 @@ def test_surfaces_that_are_equal_give_equal_images_whatever_was_known_of_one() -
 @given(cuts=st.sets(st.integers(1, 23)), name=st.sampled_from([name for name in CASES if CASES[name][0] is FEW]))
 def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) -> None:
     from phasemap.canvas import Canvas
-    from phasemap.dataset import check_variables, variables_of
     from phasemap.experiment.accuracy import Accuracy
     from phasemap.job import Job
     from phasemap.painting import paint_part, painter_of, plan_image
+    from phasemap.results.variables import check_variables, variables_of
     from phasemap.solvers import by_name
     from phasemap.survey import Place, survey
 

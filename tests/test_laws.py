@@ -18,9 +18,9 @@ from phasemap._kernels import averaging, in_time, march
 from phasemap._kernels import columns as col
 from phasemap._kernels.mesh import reach_of
 from phasemap._kernels.neck import loop_energies
-from phasemap.dataset import describe
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare
+from phasemap.results.variables import describe
 from phasemap.work import make_work
 
 MODULUS, ADHESION, RADIUS = 1e9, 0.05, 20e-9

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap.dataset import IMAGE_VARIABLES
+from phasemap.results.variables import IMAGE_VARIABLES
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOFT, HARD = pm.Material(1e9, adhesion=0.1, damping=0.05), pm.Material(5e9, adhesion=0.05)

@@ -47,7 +47,7 @@ SEEN = 32  # amplitude that the detector sees [m]
 FULL = 33
 ON_THE_WAY, WANTED, FOLD, END, TURN = 0, 1, 2, 3, 4  # FOLD: the control turns; TURN: the value wanted does
 
-# Status codes; `phasemap.status.Status` says them in words.
+# Status codes; `phasemap.results.status.Status` says them in words.
 GOOD = 0
 NO_STABLE_ORBIT = 1
 NOT_CONVERGED = 2

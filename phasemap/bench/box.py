@@ -17,10 +17,10 @@ from phasemap.bench.regimes import POISSON_RATIO, RESONANCE, Batch
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.results.status import Status
 from phasemap.solvers import by_name
 from phasemap.solvers.march import March
 from phasemap.solvers.orbit import Orbit
-from phasemap.status import Status
 from phasemap.workers import run
 
 __all__ = ["Solved", "box", "draw", "solve"]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap.bench import cases, measure
-from phasemap.dataset import provenance
+from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap._shared.checks import pixel_pair, shape_pair
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap.dataset import describe
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
+from phasemap.results.variables import describe
 from phasemap.scene import CONTROLS, Scene, scene_from_json
 from phasemap.solvers import by_name
 from phasemap.work import check_setpoint
@@ -37,7 +37,7 @@ KINDS: dict[str, type[Any]] = {
         Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
-"""What `phasemap.dataset.describe` describes."""
+"""What `phasemap.results.variables.describe` describes."""
 PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 NEEDED = ("microscope", "setpoint", "solver", "control", "accuracy", "realism", "shape", "pixel_size")
 
@@ -133,7 +133,7 @@ def _table(text: object) -> dict[str, Any]:
 
 
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
-    """Make a microscope again from what `phasemap.dataset.describe` gave.
+    """Make a microscope again from what `phasemap.results.variables.describe` gave.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
 
 
 def _made(stored: Any, *kinds: type[T]) -> T:
-    """The object, of one of these kinds, that `phasemap.dataset.describe` described.
+    """The object, of one of these kinds, that `phasemap.results.variables.describe` described.
 
     Raises
     ------

@@ -12,8 +12,8 @@ from phasemap.checking.again import Again
 from phasemap.checking.picture import Picture
 from phasemap.checking.result import OPEN, Claim, in_words, judged
 from phasemap.checking.tolerance import IRREGULAR, QUANTITIES, Errors, Values, allowed, spread, stated, values_again
-from phasemap.dataset import FLOATS, flag_attributes
 from phasemap.experiment.surface import Surface
+from phasemap.results.variables import FLOATS, flag_attributes
 from phasemap.work import lever_of
 
 if TYPE_CHECKING:

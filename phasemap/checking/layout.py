@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from phasemap.checking.claims import Claims
 from phasemap.checking.result import FAILS, HOLDS, Claim
-from phasemap.dataset import FLAGS, FLOATS, variables_of
 from phasemap.experiment.surface_variables import centres
+from phasemap.results.variables import FLAGS, FLOATS, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr

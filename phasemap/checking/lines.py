@@ -13,11 +13,11 @@ from phasemap._shared.threads import Progress, workers_of
 from phasemap.canvas import Canvas
 from phasemap.checking.picture import Picture
 from phasemap.checking.result import HOLDS, OPEN, Claim, judged
-from phasemap.dataset import FLAGS, FLOATS, SCAN_VARIABLES
 from phasemap.experiment.control import LINES, Feedback
 from phasemap.experiment.surface import Surface
 from phasemap.job import Job
 from phasemap.painting import Stretch, paint_part, painter_of, plan_image
+from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES
 from phasemap.solvers import by_name
 from phasemap.survey import Place, survey
 

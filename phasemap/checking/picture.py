@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.checking.claims import Claims
-from phasemap.dataset import FLAGS, FLOATS
 from phasemap.experiment.realism import DIGITISED, finish
+from phasemap.results.variables import FLAGS, FLOATS
 
 if TYPE_CHECKING:
     import xarray as xr

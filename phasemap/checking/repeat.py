@@ -16,10 +16,10 @@ from phasemap.checking.again import solve_again
 from phasemap.checking.picture import MEAN, Picture
 from phasemap.checking.result import FAILS, OPEN, Claim, judged
 from phasemap.checking.tolerance import Errors, allowed, spread, values_again
-from phasemap.dataset import FLAGS, provenance
 from phasemap.experiment.control import Engage
 from phasemap.experiment.surface import Surface
 from phasemap.paint import FEW
+from phasemap.results.variables import FLAGS, provenance
 from phasemap.scan import simulate
 from phasemap.solvers import by_name
 

@@ -12,9 +12,9 @@ from phasemap._kernels import columns as col
 from phasemap.canvas import values_of
 from phasemap.checking.again import Again
 from phasemap.checking.picture import MEAN, Picture
-from phasemap.dataset import IMAGE_VARIABLES
 from phasemap.experiment.surface import Surface
 from phasemap.paint import DEEPEST
+from phasemap.results.variables import IMAGE_VARIABLES
 from phasemap.work import lever_of
 
 __all__ = ["IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]

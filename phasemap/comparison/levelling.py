@@ -67,7 +67,7 @@ def level(
     >>> bool(np.allclose(level(image)["height"], 0, atol=1e-24))
     True
     """
-    from phasemap.dataset import provenance
+    from phasemap.results.variables import provenance
 
     for name, choice, known in (
         ("height", height, ("rows", "plane")),

@@ -15,8 +15,8 @@ from phasemap.comparison.levelling import outlier_lines
 from phasemap.comparison.pair import common_grid, pair_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
 from phasemap.comparison.scores import correlation_of, distance_of, is_varied, share_explained, similarity_of
-from phasemap.dataset import provenance
 from phasemap.io.metadata import of_simulation
+from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:
     import xarray as xr

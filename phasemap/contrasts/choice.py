@@ -24,7 +24,7 @@ from phasemap._kernels import columns as col
 from phasemap._shared.units import say
 from phasemap.contrasts.borders import Jump
 from phasemap.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Engaged
-from phasemap.dataset import FLOATS
+from phasemap.results.variables import FLOATS
 
 Array = np.ndarray
 

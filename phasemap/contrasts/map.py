@@ -17,10 +17,10 @@ from phasemap.contrasts.borders import borders
 from phasemap.contrasts.choice import choose
 from phasemap.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
 from phasemap.contrasts.record import DIMS, record
-from phasemap.dataset import describe, provenance
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.results.variables import describe, provenance
 from phasemap.solvers import by_name
 from phasemap.sweep import check_axis
 from phasemap.work import check_setpoint

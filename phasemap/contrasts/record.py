@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap.contrasts.borders import Inversion, Jump
 from phasemap.contrasts.pair import REGIMES, Axes, Engaged
-from phasemap.dataset import FLOATS, branch_of, flag_attributes, float_attributes, motion_of
+from phasemap.results.variables import FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 if TYPE_CHECKING:
     import xarray as xr

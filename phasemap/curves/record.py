@@ -11,9 +11,17 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.curves.pieces import Curves
 from phasemap.curves.walk import Jump, Visit, stable
-from phasemap.dataset import FLOATS, branch_of, describe, flag_attributes, float_attributes, motion_of, provenance
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.results.variables import (
+    FLOATS,
+    branch_of,
+    describe,
+    flag_attributes,
+    float_attributes,
+    motion_of,
+    provenance,
+)
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -18,7 +18,7 @@ from phasemap.curves.whole import FAINT, complete, held_curves, mend
 from phasemap.experiment.excitation import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.status import Status
+from phasemap.results.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap.curves.in_time import Adrift
 from phasemap.curves.pieces import Curves, Piece
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.status import Status
+from phasemap.results.status import Status
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take

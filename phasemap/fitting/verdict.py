@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.dataset import float_attributes
 from phasemap.fitting.data import DIRECTIONS, Data
 from phasemap.fitting.parameters import Setup
 from phasemap.fitting.problem import Choice, Problem, Ruler, difference
 from phasemap.fitting.result import SHOWN, Fit
 from phasemap.fitting.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
+from phasemap.results.variables import float_attributes
 from phasemap.sweep import sweep_distance, sweep_frequency
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread, workers_of
-from phasemap.dataset import describe, provenance
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inversion.model import make_model
 from phasemap.inversion.search import make_grid
 from phasemap.inversion.stack import Stack, list_of_images, make_stack
 from phasemap.inversion.verdict import Answer, say, settings_of, solve_part, variables_of
+from phasemap.results.variables import describe, provenance
 
 if TYPE_CHECKING:
     import xarray as xr

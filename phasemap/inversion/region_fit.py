@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
-from phasemap.dataset import describe, provenance
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inversion.identifiability import CODES, COMBINED, GIVEN, OPEN, advise, codes_of, say_regions
@@ -22,6 +21,7 @@ from phasemap.inversion.stack import HEIGHT, PHASE, Stack, list_of_images, make_
 from phasemap.inversion.starts import Candidates, Starts, make_starts
 from phasemap.inversion.verdict import AVERAGED, FLAGS, POOR, UNLIKELY, Answer, settings_of, variables_of
 from phasemap.inversion.zeros import FREE, SHARED, Plan, make_plan
+from phasemap.results.variables import describe, provenance
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,7 +12,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import DETECTED
-from phasemap.status import Status
+from phasemap.results.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
