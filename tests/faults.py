@@ -28,7 +28,8 @@ import xarray as xr
 ROOT = Path(__file__).parent.parent
 IMPATIENT = """
 import sys
-from phasemap import cli, cli_run
+from phasemap import cli
+from phasemap.cli import run as cli_run
 def run(arguments, run=cli_run.run):
     with cli_run.ending_at_once():
         from phasemap import checkpoint

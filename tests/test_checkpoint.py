@@ -456,7 +456,8 @@ except KeyboardInterrupt:
 """
 SUMMING_UP = """
 import os, signal, sys
-from phasemap import cli, cli_run
+from phasemap import cli
+from phasemap.cli import run as cli_run
 cli_run._print_summary = lambda *arguments: os.kill(os.getpid(), signal.SIGINT)
 sys.exit(cli.main())
 """

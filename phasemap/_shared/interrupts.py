@@ -1,4 +1,4 @@
-"""What commands say while they work."""
+"""Ctrl-C: work that it can stop, files that it cannot harm, and an end without a traceback."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import signal
 import sys
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
@@ -16,38 +15,6 @@ T = TypeVar("T")
 
 INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
 LENIENCE = 1.0  # seconds after Ctrl-C in which another one changes nothing
-PATIENCE = 3.0  # seconds without a first result after which a word is due
-STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
-
-
-@contextmanager
-def patience() -> Iterator[Callable[[], None]]:
-    """Say on stderr why nothing has come yet, unless the function that is lent is called in time."""
-    timer = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
-    timer.daemon = True
-    timer.start()
-    try:
-        yield timer.cancel
-    finally:
-        timer.cancel()
-
-
-@contextmanager
-def plain_warnings() -> Iterator[None]:
-    """Let warnings that are for users be one sentence, without the line of code that they come from."""
-    usual = warnings.formatwarning
-
-    def sentence(
-        message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
-    ) -> str:
-        plain = category is UserWarning
-        return f"phasemap: {message}\n" if plain else usual(message, category, filename, lineno, line)
-
-    warnings.formatwarning = sentence
-    try:
-        yield
-    finally:
-        warnings.formatwarning = usual
 
 
 class EndlessError(Exception):

@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap import cli_ensemble
 from phasemap._shared.errors import PhasemapError
-from phasemap._shared.interrupts import ending_at_once, interruptible, patience
+from phasemap._shared.interrupts import ending_at_once, interruptible
+from phasemap.cli import ensemble as cli_ensemble
+from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,9 +13,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from phasemap import cli_check, cli_compare, cli_contrast, cli_invert, cli_measured, cli_run, cli_sweep
 from phasemap._shared.errors import PhasemapError
-from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, plain_warnings, still_busy
+from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
+from phasemap.cli import check, compare, contrast, invert, sweep
+from phasemap.cli import measured as cli_measured
+from phasemap.cli import run as cli_run
+from phasemap.cli.console import plain_warnings
 
 if TYPE_CHECKING:
     pass
@@ -115,7 +118,7 @@ def _called(arguments: argparse.Namespace) -> int:
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:
     """Whether a word that stands behind an option belongs to the words before it."""
     if "axis" in arguments:
-        return not word.startswith("-") or cli_sweep.is_number(word)
+        return not word.startswith("-") or sweep.is_number(word)
     return "overrides" in arguments and "=" in word and not word.startswith("-")
 
 
@@ -190,42 +193,42 @@ def _parser() -> argparse.ArgumentParser:
     )
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
 
-    cli_sweep.add_arguments(
+    sweep.add_arguments(
         command(
             "sweep",
-            cli_sweep.sweep,
+            sweep.sweep,
             "sweep distance, setpoint, frequency or a parameter over one material",
-            cli_sweep.EXAMPLES,
+            sweep.EXAMPLES,
         ),
         _positive,
     )
 
-    cli_contrast.add_arguments(
+    contrast.add_arguments(
         command(
             "contrast",
-            cli_contrast.contrast,
+            contrast.contrast,
             "map the phase contrast between two materials, and say where to work",
-            cli_contrast.EXAMPLES,
+            contrast.EXAMPLES,
         ),
         _positive,
     )
 
-    cli_compare.add_arguments(
+    compare.add_arguments(
         command(
             "compare",
-            cli_compare.compare,
+            compare.compare,
             "lay a simulated image on a measured one, and say how much of it the simulation explains",
-            cli_compare.EXAMPLES,
+            compare.EXAMPLES,
         ),
         _positive,
     )
 
-    cli_invert.add_arguments(
+    invert.add_arguments(
         command(
             "invert",
-            cli_invert.invert,
+            invert.invert,
             "find modulus, adhesion and damping from images at several setpoints or amplitudes",
-            cli_invert.EXAMPLES,
+            invert.EXAMPLES,
         ),
         _positive,
     )
@@ -236,7 +239,7 @@ def _parser() -> argparse.ArgumentParser:
     cli_measured.add_export(command("export", cli_measured.export, about, cli_measured.EXPORT_EXAMPLES))
 
     about = "solve a sample of an image's pixels again, and say whether what it says of itself holds"
-    cli_check.add_arguments(command("check", cli_check.check, about, cli_check.EXAMPLES), _positive)
+    check.add_arguments(command("check", check.check, about, check.EXAMPLES), _positive)
 
     validate = command("validate", cli_run.validate, "check a scene and say what would be simulated")
     cli_run.add_scene(validate)

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phasemap._shared.interrupts import interruptible, patience
+from phasemap._shared.interrupts import interruptible
+from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
     import xarray as xr

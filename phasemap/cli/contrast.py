@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap._shared.interrupts import patience
+from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import PhasemapError
-from phasemap._shared.interrupts import ending_at_once, patience
+from phasemap._shared.interrupts import ending_at_once
+from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
     from phasemap.ensemble import Ensemble
