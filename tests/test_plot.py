@@ -13,8 +13,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from phasemap._shared.errors import FileError, InputError
-from phasemap.figures import FAILED
-from phasemap.plot import describe_failures, describe_flags, describe_irregular, plot
+from phasemap.plot import describe_failures, describe_flags, plot
+from phasemap.plot.figure import FAILED
+from phasemap.plot.images import describe_irregular
 
 
 def image(

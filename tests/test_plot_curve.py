@@ -16,7 +16,7 @@ import phasemap as pm
 from phasemap._shared.errors import FileError, InputError
 from phasemap.io.netcdf import load, save
 from phasemap.plot import curve, plot, trace
-from phasemap.plot_curve import COLOURS
+from phasemap.plot.sweep import COLOURS
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
 STICKY = pm.Material(modulus=2e9, adhesion=0.1, damping=0.002)

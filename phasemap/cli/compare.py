@@ -64,8 +64,8 @@ def compare(arguments: argparse.Namespace) -> None:
     """Compare two images, write what is asked for, and say what was found."""
     from phasemap.comparison.result import NAMES
     from phasemap.comparison.result import compare as compare_images
-    from phasemap.figures import check_format
     from phasemap.io.netcdf import check_target, save
+    from phasemap.plot.figure import check_format
 
     for path in (arguments.output, arguments.plot):
         if path is not None:

@@ -60,8 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
 
 def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
-    from phasemap.figures import check_format
     from phasemap.io.netcdf import check_target, save
+    from phasemap.plot.figure import check_format
     from phasemap.scene import load_setup
 
     started = time.perf_counter()
@@ -167,7 +167,7 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
-    from phasemap.figures import describe_failures, describe_flags, describe_irregular
+    from phasemap.plot.figure import describe_failures, describe_flags, describe_irregular
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]

@@ -112,8 +112,8 @@ class _Given:
 
 def invert(arguments: argparse.Namespace) -> None:
     """Invert, write what is asked for, and say what was found."""
-    from phasemap.figures import check_format
     from phasemap.io.netcdf import check_target, save
+    from phasemap.plot.figure import check_format
     from phasemap.scene import load_setup
 
     started = time.perf_counter()

@@ -164,7 +164,8 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.plot import describe_failures, describe_flags, describe_irregular
+    from phasemap.plot import describe_failures, describe_flags
+    from phasemap.plot.images import describe_irregular
 
     _print_scene(scene, image.attrs["modelled"])
     if "gain_margin" in image.attrs:

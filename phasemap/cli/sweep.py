@@ -99,8 +99,8 @@ def is_number(word: str) -> bool:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Do the sweep, write what is asked for, and say what was found."""
-    from phasemap.figures import check_format
     from phasemap.io.netcdf import check_target, save
+    from phasemap.plot.figure import check_format
     from phasemap.scene import check_choice, load_setup
 
     started = time.perf_counter()
@@ -243,8 +243,8 @@ def summary(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap._shared.units import readable
-    from phasemap.figures import describe_failures, describe_irregular
-    from phasemap.plot_title import titles
+    from phasemap.plot.figure import describe_failures, describe_irregular
+    from phasemap.plot.titles import titles
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs

@@ -9,9 +9,9 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable, say
-from phasemap.figures import save
-from phasemap.plot_curve import COLOURS, is_sweep
-from phasemap.plot_title import titles
+from phasemap.plot.figure import save
+from phasemap.plot.sweep import COLOURS, is_sweep
+from phasemap.plot.titles import titles
 from phasemap.results.status import Status
 
 if TYPE_CHECKING:

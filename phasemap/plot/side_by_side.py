@@ -10,7 +10,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.comparison.words import lines_of, names_of, verdict_of
-from phasemap.figures import FAILED, draw_scale_bar, length_unit, save
+from phasemap.plot.figure import FAILED, draw_scale_bar, length_unit, save
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,9 +12,9 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
-from phasemap.figures import describe_failures, describe_irregular, save
-from phasemap.plot_sweep import Sweep
-from phasemap.plot_title import titles
+from phasemap.plot.figure import describe_failures, describe_irregular, save
+from phasemap.plot.sweep_axis import Sweep
+from phasemap.plot.titles import titles
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.figures import draw_scale_bar, save
+from phasemap.plot.figure import draw_scale_bar, save
 
 if TYPE_CHECKING:
     import xarray as xr

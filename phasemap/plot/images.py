@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.figures import (
+from phasemap.plot.contrasts import contrast, is_contrast
+from phasemap.plot.figure import (
     FAILED,
     describe_failures,
     describe_flags,
@@ -21,11 +22,10 @@ from phasemap.figures import (
     length_unit,
     save,
 )
-from phasemap.plot_comparison import comparison, is_comparison
-from phasemap.plot_contrast import contrast, is_contrast
-from phasemap.plot_curve import curve, is_sweep
-from phasemap.plot_inversion import inversion, is_inversion
-from phasemap.plot_trace import trace
+from phasemap.plot.materials import inversion, is_inversion
+from phasemap.plot.period import trace
+from phasemap.plot.side_by_side import comparison, is_comparison
+from phasemap.plot.sweep import curve, is_sweep
 
 if TYPE_CHECKING:
     import numpy as np

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.figures import save
-from phasemap.plot_regions import regions
+from phasemap.plot.figure import save
+from phasemap.plot.region_fit import regions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +36,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
 
     The errors are those of the natural logarithm: 0.1 is 10 %. Where the data do not determine a property, or the model
     does not describe them, the map is grey and hatched; pixels without a solution are green. Lines below say how many.
-    A fit by regions is drawn as `phasemap.plot_regions.regions` says.
+    A fit by regions is drawn as `phasemap.plot.region_fit.regions` says.
 
     Parameters
     ----------

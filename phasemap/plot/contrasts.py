@@ -12,8 +12,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
-from phasemap.figures import describe_failures, describe_irregular, save
-from phasemap.plot_contrast_map import (
+from phasemap.plot.contrast_map import (
     FAILED,
     LINES,
     REGIMES,
@@ -25,7 +24,8 @@ from phasemap.plot_contrast_map import (
     keys_of,
     ticks_of,
 )
-from phasemap.plot_title import titles
+from phasemap.plot.figure import describe_failures, describe_irregular, save
+from phasemap.plot.titles import titles
 
 if TYPE_CHECKING:
     import xarray as xr

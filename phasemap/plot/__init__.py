@@ -1,0 +1,16 @@
+"""Pictures: of an image, a comparison of two, a sweep, one of its periods, and the contrast between materials.
+
+`plot` looks at what a Dataset holds and calls the function for it; each kind of picture has a file of its own on top
+of `figure` and `titles`. A picture is drawn from the Dataset alone, with matplotlib's Figure and without pyplot:
+nothing is shown, no global state is touched, and start-up stays short.
+"""
+
+from phasemap.plot.contrasts import contrast
+from phasemap.plot.figure import describe_failures, describe_flags
+from phasemap.plot.images import plot
+from phasemap.plot.materials import inversion
+from phasemap.plot.period import trace
+from phasemap.plot.side_by_side import comparison
+from phasemap.plot.sweep import curve
+
+__all__ = ["comparison", "contrast", "curve", "describe_failures", "describe_flags", "inversion", "plot", "trace"]
