@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
     from phasemap.contrasts.map import contrast
-    from phasemap.ensemble import load_ensemble
     from phasemap.experiment import generate, interaction
     from phasemap.experiment.accuracy import Accuracy
     from phasemap.experiment.control import Engage, Feedback, Raster
@@ -36,8 +35,9 @@ if TYPE_CHECKING:
     from phasemap.results.status import Status
     from phasemap.results.variables import phase_lag
     from phasemap.scan import simulate
-    from phasemap.scene import load_scene
-    from phasemap.scene_measured import scene_from
+    from phasemap.scenes.ensemble import load_ensemble
+    from phasemap.scenes.measured import scene_from
+    from phasemap.scenes.scene import load_scene
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _NAMES = {
@@ -48,7 +48,6 @@ _NAMES = {
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
     "contrasts.map": ("contrast",),
-    "ensemble": ("load_ensemble",),
     "experiment.accuracy": ("Accuracy",),
     "experiment.control": ("Engage", "Feedback", "Raster"),
     "experiment.interaction": ("ContactLaw", "Interaction"),
@@ -66,8 +65,9 @@ _NAMES = {
     "results.status": ("Status",),
     "results.variables": ("phase_lag",),
     "scan": ("simulate",),
-    "scene": ("load_scene",),
-    "scene_measured": ("scene_from",),
+    "scenes.ensemble": ("load_ensemble",),
+    "scenes.measured": ("scene_from",),
+    "scenes.scene": ("load_scene",),
     "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}

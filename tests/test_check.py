@@ -23,7 +23,7 @@ from phasemap.experiment.interaction import ContactLaw, LinearSpring, MaugisDugd
 from phasemap.experiment.realism import Realism, TipChange
 from phasemap.io.netcdf import save
 from phasemap.results.variables import describe
-from phasemap.scene import load_scene, scene_from_json
+from phasemap.scenes.scene import load_scene, scene_from_json
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
 

@@ -18,7 +18,7 @@ import phasemap as pm
 from phasemap.checking import check as checking
 from phasemap.cli import main
 from phasemap.io.netcdf import save
-from phasemap.scene import load_scene
+from phasemap.scenes.scene import load_scene
 
 STEP = Path(__file__).parents[1] / "samples" / "step.toml"
 ATTRIBUTES = ("configuration", "scene")
@@ -77,7 +77,7 @@ def test_shapes_are_compared_before_anything_is_generated(
     def generated(*_: Any) -> NoReturn:
         raise AssertionError("a surface was made")
 
-    monkeypatch.setattr("phasemap.scene_surface.build_surface", generated)
+    monkeypatch.setattr("phasemap.scenes.surface.build_surface", generated)
     with pytest.raises(pm.InputError, match=r"shape of the image's scene is .*; allowed: \[6, 8\], that of the image"):
         pm.check(changed(good, "scene", "surface", "shape", value=shape))
 

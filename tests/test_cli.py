@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import phasemap.scene
+import phasemap.scenes.scene
 import phasemap.sweep
 from phasemap.cli import main
 from phasemap.io.netcdf import load
@@ -52,7 +52,7 @@ def test_run_writes_the_image_that_python_gives(tmp_path: Path, capsys: pytest.C
         assert line in said.out.splitlines()
     assert re.search(r"^phase +\S+ to \S+ degrees$", said.out, re.MULTILINE)
     image = load(output)
-    python = phasemap.scene.load_scene(STEP, [SMALL, "scan.setpoint=0.6"]).simulate()
+    python = phasemap.scenes.scene.load_scene(STEP, [SMALL, "scan.setpoint=0.6"]).simulate()
     for name, variable in python.variables.items():
         assert image[name].values.tobytes() == variable.values.tobytes(), name
     assert json.loads(image.attrs["scene"])["scan"]["setpoint"] == 0.6
@@ -103,7 +103,7 @@ def test_an_existing_output_is_refused_before_anything_is_simulated(
     output = tmp_path / "step.nc"
     output.write_text("precious")
     with monkeypatch.context() as patch:
-        patch.setattr(phasemap.scene.Scene, "simulate", None)
+        patch.setattr(phasemap.scenes.scene.Scene, "simulate", None)
         assert "exists already; overwrite it (--overwrite)" in fails(capsys, "run", STEP, SMALL, "-o", str(output))
         missing = str(tmp_path / "no" / "step.nc")
         assert "the folder" in fails(capsys, "run", STEP, SMALL, "-o", missing)
@@ -127,7 +127,7 @@ def image_with_failures(*_: Any, **__: Any) -> xr.Dataset:
 def test_failed_pixels_are_counted_with_advice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(phasemap.scene.Scene, "simulate", image_with_failures)
+    monkeypatch.setattr(phasemap.scenes.scene.Scene, "simulate", image_with_failures)
     assert main(["run", STEP, SMALL, "-o", str(tmp_path / "step.nc")]) == 0
     out = capsys.readouterr().out
     assert "failed      3 of 48 pixels (6.25 %): No stable orbit holds this setpoint" in out
@@ -140,7 +140,7 @@ def test_an_interrupt_leaves_nothing_and_ends_with_130(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(phasemap.scene.Scene, "simulate", interrupted)
+    monkeypatch.setattr(phasemap.scenes.scene.Scene, "simulate", interrupted)
     assert main(["run", STEP, "-o", str(tmp_path / "step.nc")]) == 130
     assert capsys.readouterr().err == "phasemap: interrupted; nothing was written.\n"
     assert list(tmp_path.iterdir()) == []
@@ -160,7 +160,7 @@ def test_what_goes_wrong_outside_is_said_in_one_sentence(
     def broken(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(phasemap.scene.Scene, "simulate", broken)
+    monkeypatch.setattr(phasemap.scenes.scene.Scene, "simulate", broken)
     assert sentence in fails(capsys, "run", STEP, "-o", str(tmp_path / "step.nc"))
 
 
@@ -250,7 +250,7 @@ def swept(tmp_path: Path, *arguments: str) -> xr.Dataset:
 def test_a_sweep_is_what_python_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "sweep.png"
     ds = swept(tmp_path, "distance", "20e-9", "8e-9", GENTLE, "--samples", "16", "--plot", str(picture))
-    setup = phasemap.scene.load_setup(STEP, [GENTLE])
+    setup = phasemap.scenes.scene.load_setup(STEP, [GENTLE])
     python = phasemap.sweep_distance(
         setup.materials["stiff"], setup.microscope, np.linspace(20e-9, 8e-9, 12), samples=16
     )
@@ -294,7 +294,7 @@ def test_a_sweep_knows_where_to_begin_and_end(tmp_path: Path, axis: str, first: 
 
 def test_a_frequency_sweep_stays_where_the_tip_is_engaged(tmp_path: Path) -> None:
     configuration = json.loads(swept(tmp_path, "frequency", "299e3", "301e3").attrs["configuration"])
-    setup = phasemap.scene.load_setup(STEP)
+    setup = phasemap.scenes.scene.load_setup(STEP)
     pixel = phasemap.solve_pixel(setup.materials["stiff"], setup.microscope, 0.7)
     assert configuration["tip_offset"] == pytest.approx(pixel.tip_offset, abs=1e-12)
     configuration = json.loads(swept(tmp_path, "frequency", "--tip-offset", "35e-9").attrs["configuration"])

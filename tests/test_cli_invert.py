@@ -10,7 +10,7 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap.cli import main
-from phasemap.scene import load_setup
+from phasemap.scenes.scene import load_setup
 
 SCENE = """
 [cantilever]

@@ -23,11 +23,11 @@ import phasemap as pm
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.processes import in_processes
 from phasemap.cli import main
-from phasemap.ensemble import Ensemble, load_ensemble
-from phasemap.ensemble_file import assemble
-from phasemap.ensemble_samples import Range
 from phasemap.io.netcdf import load, save
-from phasemap.scene import load_scene
+from phasemap.scenes.ensemble import Ensemble, load_ensemble
+from phasemap.scenes.ensemble_file import assemble
+from phasemap.scenes.samples import Range
+from phasemap.scenes.scene import load_scene
 
 SAMPLE = Path(__file__).parents[1] / "samples" / "ensemble.toml"
 SCENE = """

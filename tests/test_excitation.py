@@ -14,7 +14,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
 from phasemap.experiment.excitation import of_tip, seen, show
-from phasemap.scene import load_scene
+from phasemap.scenes.scene import load_scene
 from phasemap.work import lever_of, work_of_material
 
 CASES = load("excitation")

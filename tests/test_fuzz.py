@@ -32,13 +32,14 @@ from phasemap import generate
 from phasemap._shared import memory
 from phasemap._shared.errors import FileError, InputError, PhasemapError, TooLargeError
 from phasemap.cli import main
-from phasemap.ensemble import load_ensemble
-from phasemap.ensemble_file import assemble
 from phasemap.experiment.surface import Surface
 from phasemap.io.classic import check_classic
 from phasemap.io.container import check_container
 from phasemap.io.netcdf import load, save
-from phasemap.scene import load_scene, read_tables, with_override
+from phasemap.scenes.ensemble import load_ensemble
+from phasemap.scenes.ensemble_file import assemble
+from phasemap.scenes.scene import load_scene
+from phasemap.scenes.tables import read_tables, with_override
 
 PACKAGE = Path(pm.__file__).parent
 STEP = world.SAMPLES / "step.toml"
@@ -196,7 +197,7 @@ def test_a_damaged_sample_is_told_from_a_full_disk(folder: Path) -> None:
 
 
 def with_map(name: str) -> None:
-    from phasemap.scene import scene_from_tables
+    from phasemap.scenes.scene import scene_from_tables
 
     surface = {"kind": "maps", "modulus": name, "pixel_size": 1e-9}
     scene_from_tables(world.with_materials() | {"surface": surface}, Path())

@@ -19,7 +19,7 @@ from phasemap.cli import main
 from phasemap.experiment.realism import check_realism, drifted, finish, generator, scopes_by_row
 from phasemap.io import netcdf
 from phasemap.job import Job, Painter
-from phasemap.scene import Scene
+from phasemap.scenes.scene import Scene
 from phasemap.survey import Survey
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)

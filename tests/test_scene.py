@@ -19,7 +19,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.scene import Scene, load_scene
+from phasemap.scenes.scene import Scene, load_scene
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 HEAD = """

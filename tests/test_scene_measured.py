@@ -16,7 +16,7 @@ import phasemap as pm
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.cli import main
 from phasemap.io.netcdf import load, save
-from phasemap.scene_measured import scene_from
+from phasemap.scenes.measured import scene_from
 
 needs_skimage = pytest.mark.skipif(find_spec("skimage") is None, reason='needs pip install "afm-phasemap[read]"')
 RECORDED: dict[str, Any] = {

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from phasemap._shared.threads import Progress
     from phasemap.experiment.microscope import Microscope
     from phasemap.experiment.surface import Surface
-    from phasemap.scene import Scene
+    from phasemap.scenes.scene import Scene
 
 __all__ = ["PIXELS", "check"]
 

@@ -18,7 +18,7 @@ from phasemap.experiment.interaction import Interaction, LinearSpring, MaugisDug
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
-from phasemap.scene import CONTROLS, Scene, scene_from_json
+from phasemap.scenes.scene import CONTROLS, Scene, scene_from_json
 from phasemap.solvers import by_name
 from phasemap.work import check_setpoint
 
@@ -207,7 +207,7 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape
     Parameters
     ----------
     image : xarray.Dataset
-        Written by ``phasemap run``, or returned by `phasemap.scene.Scene.simulate`.
+        Written by ``phasemap run``, or returned by `phasemap.scenes.scene.Scene.simulate`.
     folders : iterable of path-like
         Where files that the scene names may be.
     shape : (int, int)

@@ -77,7 +77,7 @@ def _surface(arguments: argparse.Namespace) -> Surface | None:
     """The surface that is named, None for that of the image's scene."""
     from phasemap.experiment.surface import Surface
     from phasemap.io.netcdf import load
-    from phasemap.scene import load_scene
+    from phasemap.scenes.scene import load_scene
 
     if arguments.scene is not None:
         return load_scene(arguments.scene).surface

@@ -15,7 +15,7 @@ from phasemap.cli.console import patience
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.scene import Setup
+    from phasemap.scenes.scene import Setup
 
 SETPOINTS = "0.3:0.95:40"
 AXES = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
@@ -62,7 +62,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
     from phasemap.io.netcdf import check_target, save
     from phasemap.plot.figure import check_format
-    from phasemap.scene import load_setup
+    from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
     setup = load_setup(arguments.scene, arguments.overrides)
@@ -96,7 +96,7 @@ def contrast(arguments: argparse.Namespace) -> None:
 
 def _names(setup: Setup, text: str | None) -> tuple[str, str]:
     """The two materials asked for, or the only two."""
-    from phasemap.scene import check_choice
+    from phasemap.scenes.tables import check_choice
 
     known = list(setup.materials)
     if len(known) < 2:

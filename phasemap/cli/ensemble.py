@@ -15,7 +15,7 @@ from phasemap._shared.interrupts import ending_at_once
 from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
-    from phasemap.ensemble import Ensemble
+    from phasemap.scenes.ensemble import Ensemble
 
 __all__ = ["print_ensemble", "run"]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Microscope
-    from phasemap.scene import Setup
+    from phasemap.scenes.scene import Setup
 
 WIDTH = 100  # letters on a line of the summary
 MAPS = ("labels", "label")  # of regions, in a file
@@ -114,7 +114,7 @@ def invert(arguments: argparse.Namespace) -> None:
     """Invert, write what is asked for, and say what was found."""
     from phasemap.io.netcdf import check_target, save
     from phasemap.plot.figure import check_format
-    from phasemap.scene import load_setup
+    from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
     for path in (arguments.output, arguments.plot):
@@ -285,7 +285,7 @@ def _known(setup: Setup, text: str | None) -> dict[int, Material]:
 
 
 def _material(setup: Setup, option: str, name: str) -> Material:
-    from phasemap.scene import check_choice
+    from phasemap.scenes.tables import check_choice
 
     check_choice(option, name, setup.materials)
     return setup.materials[name]

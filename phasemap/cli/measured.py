@@ -71,7 +71,7 @@ def scene(arguments: argparse.Namespace) -> None:
     """Write the scene of a measured image."""
     from phasemap.io.netcdf import check_target
     from phasemap.io.read import read_image
-    from phasemap.scene_measured import scene_from
+    from phasemap.scenes.measured import scene_from
 
     output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)
     image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)

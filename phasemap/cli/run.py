@@ -17,8 +17,8 @@ from phasemap.cli.console import patience
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.ensemble import Ensemble
-    from phasemap.scene import Scene
+    from phasemap.scenes.ensemble import Ensemble
+    from phasemap.scenes.scene import Scene
 
 __all__ = ["add_scene", "run", "validate"]
 
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
     with ending_at_once():
         from phasemap.checkpoint import discard
         from phasemap.io.netcdf import check_target, save
-        from phasemap.scene import load_scene
+        from phasemap.scenes.scene import load_scene
 
         ensemble = _ensemble_of(arguments)
         if ensemble is None:
@@ -78,7 +78,7 @@ def validate(arguments: argparse.Namespace) -> None:
     from phasemap.canvas import check_image
     from phasemap.results.variables import check_variables, variables_of
     from phasemap.scan import modelled, workspace
-    from phasemap.scene import load_scene
+    from phasemap.scenes.scene import load_scene
     from phasemap.work import make_work
 
     ensemble = _ensemble_of(arguments)
@@ -102,7 +102,7 @@ def validate(arguments: argparse.Namespace) -> None:
 
 def _ensemble_of(arguments: argparse.Namespace) -> Ensemble | None:
     """The ensemble that a scene file is; None if it is one scene."""
-    from phasemap.ensemble import is_ensemble, load_ensemble
+    from phasemap.scenes.ensemble import is_ensemble, load_ensemble
 
     if not is_ensemble(arguments.scene, arguments.overrides):
         return None

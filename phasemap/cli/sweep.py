@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Microscope
-    from phasemap.scene import Setup
+    from phasemap.scenes.scene import Setup
 
 PARAMETERS = (
     "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "stiffness", "quality_factor", "radius",
@@ -101,7 +101,8 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Do the sweep, write what is asked for, and say what was found."""
     from phasemap.io.netcdf import check_target, save
     from phasemap.plot.figure import check_format
-    from phasemap.scene import check_choice, load_setup
+    from phasemap.scenes.scene import load_setup
+    from phasemap.scenes.tables import check_choice
 
     started = time.perf_counter()
     check_choice("AXIS", arguments.axis, AXES)
@@ -146,7 +147,7 @@ def _words(words: list[str]) -> tuple[tuple[float, float] | None, list[str]]:
 
 def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
     """The material asked for, or the only one."""
-    from phasemap.scene import check_choice
+    from phasemap.scenes.tables import check_choice
 
     names = list(setup.materials)
     if not names:

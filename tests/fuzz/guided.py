@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 GUIDES = [
-    "tomllib", "phasemap.scene", "phasemap.scene_surface", "phasemap.ensemble", "phasemap.ensemble_samples",
+    "tomllib", "phasemap.scenes.scene", "phasemap.scenes.surface", "phasemap.scenes.ensemble", "phasemap.scenes.samples",
     "phasemap.experiment.surface", "phasemap.generate", "phasemap._shared.checks", "phasemap._shared.errors",
 ]  # fmt: skip
 """Modules whose branches count; numba could not compile those that it reads."""

@@ -75,10 +75,11 @@ def _overrides(rng: Random) -> Input:
 def take_scene(text: bytes, overrides: list[str]) -> None:
     """Load what may be a scene or an ensemble, and describe it."""
     from phasemap._shared.errors import PhasemapError
-    from phasemap.ensemble import is_ensemble, load_ensemble
-    from phasemap.ensemble_samples import MOST
     from phasemap.scan import modelled
-    from phasemap.scene import load_scene, load_setup, read_tables
+    from phasemap.scenes.ensemble import is_ensemble, load_ensemble
+    from phasemap.scenes.samples import MOST
+    from phasemap.scenes.scene import load_scene, load_setup
+    from phasemap.scenes.tables import read_tables
     from phasemap.work import make_work
 
     Path("scene.toml").write_bytes(text)
@@ -138,7 +139,7 @@ def _map_file(rng: Random) -> Input:
 
 def take_map_file(name: str, data: bytes, as_labels: bool) -> None:
     """A file with a map of a scene."""
-    from phasemap.scene import scene_from_tables
+    from phasemap.scenes.scene import scene_from_tables
 
     with _file(name, data) as file:
         surface: dict[str, Any] = {"kind": "maps", "modulus": file, "pixel_size": 4e-9, "allow_nan": True}
@@ -467,7 +468,7 @@ def _table(rng: Random) -> Input:
 
 def take_table(data: bytes) -> None:
     """The CSV file of an ensemble."""
-    from phasemap.ensemble import load_ensemble
+    from phasemap.scenes.ensemble import load_ensemble
 
     good = Path("runs.csv").read_bytes()
     Path("runs.csv").write_bytes(data)
@@ -484,7 +485,7 @@ def _parts(rng: Random) -> Input:
 
 def take_parts(data: bytes) -> None:
     """A sample of an ensemble that was kept, and damaged since."""
-    from phasemap.ensemble_file import assemble
+    from phasemap.scenes.ensemble_file import assemble
 
     keys = [("scan.setpoint", {"units": "1"}, [0.5, 0.6])]
     with _file("part.nc", data) as file:

@@ -34,8 +34,9 @@ from typing import Any
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError
-from phasemap.ensemble_samples import make_samples
-from phasemap.scene import TABLES, Scene, check_choice, missing, read_tables, scene_from_tables, with_value
+from phasemap.scenes.samples import make_samples
+from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
+from phasemap.scenes.tables import check_choice, missing, read_tables, with_value
 
 __all__ = ["Ensemble", "is_ensemble", "load_ensemble"]
 
@@ -174,8 +175,8 @@ class Ensemble:
         {'sample': 2, 'y': 64, 'x': 64}
         """
         from phasemap._shared.processes import in_processes
-        from phasemap.ensemble_file import Parts, assemble
         from phasemap.io.netcdf import check_target
+        from phasemap.scenes.ensemble_file import Parts, assemble
 
         path = check_target(path, overwrite)
         whole("workers", workers, 1)
@@ -224,7 +225,7 @@ def is_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     Raises
     ------
     InputError, FileError
-        As in `phasemap.scene.read_tables`.
+        As in `phasemap.scenes.tables.read_tables`.
 
     Examples
     --------

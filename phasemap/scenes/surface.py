@@ -83,7 +83,7 @@ def build_surface(
     >>> surface.modulus.tolist()
     [[1000000000.0, 3000000000.0]]
     """
-    from phasemap.scene import check_choice, missing
+    from phasemap.scenes.tables import check_choice, missing
 
     generators = _generators("Labels")
     if "kind" not in table:
@@ -120,7 +120,7 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     InputError
         If a value is not allowed, or there is a half angle and nothing to dilate.
     """
-    from phasemap.scene import construct
+    from phasemap.scenes.tables import construct
 
     wanted = table.get("dilate", False)
     if not isinstance(wanted, bool):
@@ -169,7 +169,7 @@ def _from_labels(
 ) -> Surface:
     """A map of labels, given or generated, and the material of each."""
     from phasemap.experiment.surface import Surface
-    from phasemap.scene import check_keys, construct
+    from phasemap.scenes.tables import check_keys, construct
 
     own = ("materials", "pixel_size", "topography", "heights")
     if generator is None:
@@ -198,7 +198,7 @@ def _from_maps(table: dict[str, Any], files: _Files) -> Surface:
     """Maps of properties, one by one or together in a netCDF file."""
     from phasemap.experiment.surface import Surface
     from phasemap.io.netcdf import load
-    from phasemap.scene import check_keys, construct
+    from phasemap.scenes.tables import check_keys, construct
 
     if not isinstance(table.get("allow_nan", False), bool):
         raise InputError("[surface] allow_nan", table["allow_nan"], "true or false")
@@ -218,7 +218,7 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     from phasemap.experiment.surface import Surface
     from phasemap.io.measured import level_height, one_scan, segment_phase
     from phasemap.io.read import read_image
-    from phasemap.scene import check_keys
+    from phasemap.scenes.tables import check_keys
 
     check_keys("[surface]", table, ("file", "materials", "height", "phase"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
@@ -252,7 +252,7 @@ def _arguments(function: Callable[..., object]) -> tuple[list[str], list[str]]:
 
 def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> Any:
     """A number, rows of numbers, the array in a file, or a generated field with the shape and pixels of the surface."""
-    from phasemap.scene import check_choice, check_keys, construct
+    from phasemap.scenes.tables import check_choice, check_keys, construct
 
     if isinstance(value, str):
         return _read_array(key, files.find(key, value), key)
@@ -377,7 +377,7 @@ def _materials(names: object, materials: Mapping[str, Material]) -> list[Materia
 
 def _material(name: object, materials: Mapping[str, Material]) -> Material:
     """The material of one name."""
-    from phasemap.scene import check_choice
+    from phasemap.scenes.tables import check_choice
 
     if not materials:
         raise InputError("[surface] materials", name, "names of [materials.NAME] tables, of which the scene has none")

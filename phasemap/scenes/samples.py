@@ -13,7 +13,7 @@ from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.files import size_of
 from phasemap._shared.memory import check_fits
-from phasemap.scene import check_choice, check_keys, construct, value_of
+from phasemap.scenes.tables import check_choice, check_keys, construct, value_of
 
 if TYPE_CHECKING:
     import numpy as np

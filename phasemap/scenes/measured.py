@@ -23,7 +23,8 @@ from phasemap.io.measured import level_height, one_scan, segment_phase
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
 from phasemap.io.read import read_image
-from phasemap.scene import Scene, Table, load_scene, scene_from_tables, with_override
+from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
+from phasemap.scenes.tables import Table, with_override
 
 if TYPE_CHECKING:
     import numpy as np

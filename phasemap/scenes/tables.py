@@ -1,0 +1,235 @@
+"""Tables of a scene file: read, overridden, checked, and turned into objects."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import tomllib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from phasemap._shared.errors import FileError, InputError, Word
+from phasemap._shared.files import size_of
+
+__all__ = ["read_tables", "with_override", "with_value"]
+
+T = TypeVar("T")
+Table = dict[str, Any]
+LARGEST = 1 << 22  # byte of a scene file: maps that are larger are better kept in files of their own
+LONG_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII)
+
+
+def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
+    """Refuse a table that has unknown keys or lacks required ones.
+
+    Parameters
+    ----------
+    name : str
+        The table, as the user writes it: ``"[drive]"``.
+    table : object
+        What the file has under that name.
+    allowed, required : iterable of str
+        Names of keys.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> check_keys("[tip]", {"radus": 10e-9}, ["radius", "modulus"])
+    Traceback (most recent call last):
+    ...
+    phasemap.InputError: [tip] radus is unknown; allowed: radius, modulus. Did you mean 'radius'?
+    """
+    allowed = list(allowed)
+    if not isinstance(table, dict):
+        raise InputError(name, table, "a table of keys " + ", ".join(allowed))
+    for key in table:
+        if key not in allowed:
+            near = difflib.get_close_matches(key, allowed, 1, 0.5)
+            raise InputError(
+                f"{name} {key}", Word("unknown"), ", ".join(allowed), f"Did you mean {near[0]!r}?" if near else ""
+            )
+    for key in required:
+        if key not in table:
+            raise missing(name, key)
+
+
+def missing(name: str, key: str) -> InputError:
+    """The error for a required key that a table does not have."""
+    return InputError(f"{name} {key}", Word("missing"), "a value, for it has no default")
+
+
+def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T:
+    """Call `make` with the keys of a table, and name the table and key in what it raises."""
+    try:
+        return make(**table, **more)
+    except InputError as error:
+        key = error.name.removeprefix(f"{name} ").removeprefix(name.strip("[]") + " ")
+        raise InputError(f"{name} {key}", error.value, error.allowed, error.hint) from error
+
+
+def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
+    """Read the tables of a scene file, with keys set from outside; nothing is checked yet.
+
+    Parameters
+    ----------
+    path, overrides
+        As in `load_scene`.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If an override has not the form ``"table.key=value"``.
+    FileError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> read_tables("samples/step.toml", ["scan.setpoint=0.6"])["scan"]
+    {'setpoint': 0.6}
+    """
+    tables = _read_toml(Path(path))
+    for override in overrides:
+        tables = with_override(tables, override)
+    return tables
+
+
+def _read_toml(path: Path) -> Table:
+    """The tables of a TOML file."""
+    size = size_of(path, f"the scene {path}")
+    if size > LARGEST:
+        raise FileError(
+            f"cannot read the scene {path}: it has {size} bytes, {LARGEST} are allowed; keep maps in .npy or .nc files."
+        )
+    try:
+        with path.open("rb") as file:
+            return _parsed(file.read(LARGEST).decode())
+    except OSError as error:
+        raise FileError(f"cannot read the scene {path}: {error.strerror}.") from error
+    except ValueError as error:
+        raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
+
+
+def _parsed(text: str) -> Table:
+    """The tables of TOML text; a `ValueError` for all that tomllib does not like, or cannot stand."""
+    if LONG_KEY.search(text):
+        raise ValueError("a key has more than 64 parts")  # which tomllib takes a time for that grows with their square
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("arrays or tables are nested too deeply") from None
+
+
+def with_override(tables: Table, override: str) -> Table:
+    """Return the tables with one key set from ``"table.key=value"``.
+
+    Parameters
+    ----------
+    tables : dict
+    override : str
+        As in `load_scene`.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If it has not that form.
+
+    Examples
+    --------
+    >>> with_override({"tip": {"radius": 10e-9}}, "tip.radius=20e-9")
+    {'tip': {'radius': 2e-08}}
+    """
+    name, equals, text = override.partition("=")
+    name = name.strip()
+    if not equals or "." not in name or not all(name.split(".")) or not _is_text(override):
+        raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20e-9")
+    try:
+        return with_value(tables, name, value_of(text))
+    except InputError as error:
+        raise InputError("override", override, error.allowed) from error
+
+
+def with_value(tables: Table, name: str, value: Any) -> Table:
+    """Return the tables with one key set; those that are given stay as they are.
+
+    Parameters
+    ----------
+    tables : dict
+    name : str
+        ``"table.key"``; tables on the way are made where there are none.
+    value : object
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If what is on the way is no table.
+
+    Examples
+    --------
+    >>> with_value({"tip": {"radius": 10e-9}}, "tip.modulus", 130e9)
+    {'tip': {'radius': 1e-08, 'modulus': 130000000000.0}}
+    """
+    *path, key = name.split(".")
+    changed = table = dict(tables)
+    for part in path:
+        inside = table.get(part, {})
+        if not isinstance(inside, dict):
+            raise InputError("key", name, f"a key of a table; {part} is none")
+        table[part] = table = dict(inside)
+    table[key] = value
+    return changed
+
+
+def _is_text(text: str) -> bool:
+    """Whether Unicode has all of it: bytes of the command line that are no UTF-8 could not be kept in a file."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def value_of(text: str) -> Any:
+    """Read text as one TOML value, and as itself where it is none."""
+    try:
+        parsed = _parsed(f"value = {text}")
+    except ValueError:
+        return text
+    return parsed["value"] if len(parsed) == 1 else text
+
+
+def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
+    """Refuse what is not one of the choices.
+
+    Parameters
+    ----------
+    name : str
+        The table and key.
+    value : object
+        The value met.
+    choices : iterable of str
+
+    Raises
+    ------
+    InputError
+    """
+    choices = list(choices)
+    if value not in choices:
+        near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
+        raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")
