@@ -31,14 +31,15 @@ if TYPE_CHECKING:
     from phasemap.inversion.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
-    from phasemap.pixel import Pixel, orbits, solve_pixel
     from phasemap.results.status import Status
     from phasemap.results.variables import phase_lag
     from phasemap.scan import simulate
     from phasemap.scenes.ensemble import load_ensemble
     from phasemap.scenes.measured import scene_from
     from phasemap.scenes.scene import load_scene
+    from phasemap.solvers.pixel import Pixel, solve_pixel
     from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
+    from phasemap.sweeps.orbits import orbits
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
@@ -61,14 +62,15 @@ _NAMES = {
     "inversion.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
-    "pixel": ("Pixel", "orbits", "solve_pixel"),
     "results.status": ("Status",),
     "results.variables": ("phase_lag",),
     "scan": ("simulate",),
     "scenes.ensemble": ("load_ensemble",),
     "scenes.measured": ("scene_from",),
     "scenes.scene": ("load_scene",),
+    "solvers.pixel": ("Pixel", "solve_pixel"),
     "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
+    "sweeps.orbits": ("orbits",),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}

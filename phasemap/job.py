@@ -17,10 +17,10 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.solvers import Solver
+from phasemap.solvers.problem import Work, properties, work_of
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import Solver
 from phasemap.survey import Place, Survey
-from phasemap.work import Work, properties, work_of
-from phasemap.workers import run
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
@@ -105,7 +105,7 @@ class Job:
             self.progress(self.place.row * nx + done, ny * nx)
 
     def properties(self, materials: Array) -> tuple[Array, Array, Array]:
-        """See `phasemap.work.properties`."""
+        """See `phasemap.solvers.problem.properties`."""
         return properties(materials, self.surface.viscosity is not None, self.scope)
 
     def work(self, materials: Array) -> Work:

@@ -16,13 +16,13 @@ from phasemap.atlas.axes import Axes
 from phasemap.atlas.oracle import FUNCTIONS
 from phasemap.canvas import PENDING, Canvas, values_of
 from phasemap.distinct import BLOCK, Distinct
-from phasemap.energy import close
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.job import Job, Painter, Values
+from phasemap.solvers.energy import close
+from phasemap.solvers.problem import lever_of
 from phasemap.survey import Survey
-from phasemap.work import lever_of
 
 Array = NDArray[np.float64]
 

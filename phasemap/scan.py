@@ -25,17 +25,16 @@ from phasemap.job import Job
 from phasemap.painting import paint_part, painter_of, plan_image
 from phasemap.results.status import Status
 from phasemap.results.variables import IN_TIME, check_variables, describe, provenance, variables_of
-from phasemap.solvers import by_name
+from phasemap.solvers.problem import Work, check_setpoint, make_work
+from phasemap.solvers.solver import by_name
 from phasemap.survey import Place, Survey, survey
-from phasemap.work import Work, check_setpoint, make_work
-from phasemap.workers import run
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = np.ndarray
 
-__all__ = ["modelled", "run", "simulate"]
+__all__ = ["modelled", "simulate"]
 
 
 def simulate(

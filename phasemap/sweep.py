@@ -10,7 +10,7 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.work import check_setpoint
+from phasemap.solvers.problem import check_setpoint
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,8 +10,8 @@ import pytest
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels import in_time, period_map
-from phasemap.curves.walk import patience
-from phasemap.work import work_of_material
+from phasemap.solvers.continuation.pieces import patience
+from phasemap.solvers.problem import work_of_material
 
 SCOPE = pm.Microscope(
     pm.Cantilever(3.0, 300e3, 200.0), pm.Tip(10e-9), pm.Drive(40e-9), pm.Interaction("jkr", decay_length=0.3e-9)

@@ -118,7 +118,7 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     from phasemap.job import Job
     from phasemap.painting import paint_part, painter_of, plan_image
     from phasemap.results.variables import check_variables, variables_of
-    from phasemap.solvers import by_name
+    from phasemap.solvers.solver import by_name
     from phasemap.survey import Place, survey
 
     surface, options = CASES[name]

@@ -351,7 +351,7 @@ def test_plot_draws_a_sweep_its_quantities_and_its_traces(tmp_path: Path, capsys
 
 def test_the_help_names_every_axis_and_parameter() -> None:
     from phasemap.cli.sweep import EXAMPLES, PARAMETERS
-    from phasemap.curves.control import MATERIAL, PARTS
+    from phasemap.solvers.continuation.path import MATERIAL, PARTS
 
     assert set(PARAMETERS) == {*MATERIAL, *PARTS} - {"frequency"}
     assert all(re.search(rf"\b{name}\b", EXAMPLES) for name in PARAMETERS)

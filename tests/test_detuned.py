@@ -12,9 +12,9 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.resonance import narrowest
 from phasemap.bench.regimes import REGIMES, Batch, draw
-from phasemap.scan import run
-from phasemap.solvers import by_name
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 CASES = load("detuned")
 HELD = [case for case in CASES if case["outcome"] == "held"]

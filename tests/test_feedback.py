@@ -22,7 +22,7 @@ from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import advance, start_at
 from phasemap.feedback import margin, tune
 from phasemap.feedback.loop import loop_of
-from phasemap.work import make_work
+from phasemap.solvers.problem import make_work
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SETPOINT = 0.7

@@ -21,7 +21,7 @@ from phasemap._kernels.neck import loop_energies
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare
 from phasemap.results.variables import describe
-from phasemap.work import make_work
+from phasemap.solvers.problem import make_work
 
 MODULUS, ADHESION, RADIUS = 1e9, 0.05, 20e-9
 PI_W_R = math.pi * ADHESION * RADIUS

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 import phasemap as pm
 from phasemap import raster
 from phasemap._kernels.scanning.slots import Orbits
-from phasemap.branches import stable_branches
-from phasemap.solvers import by_name
-from phasemap.work import work_of_material
+from phasemap.solvers.both_branches import stable_branches
+from phasemap.solvers.problem import work_of_material
+from phasemap.solvers.solver import by_name
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
 SETPOINT = 0.8

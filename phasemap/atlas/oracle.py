@@ -10,9 +10,9 @@ from phasemap._shared.threads import spread
 from phasemap.atlas.axes import Axes
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
-from phasemap.solvers import by_name
-from phasemap.work import Work, work_of
-from phasemap.workers import run
+from phasemap.solvers.problem import Work, work_of
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 Array = NDArray[np.float64]
 

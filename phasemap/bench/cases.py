@@ -13,9 +13,9 @@ from phasemap.bench.equation import Case
 from phasemap.bench.reference import NoOrbit, Reference, Start, find_orbit
 from phasemap.bench.regimes import Batch, Regime, draw
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.scan import run
-from phasemap.solvers import by_name
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 Array = np.ndarray
 

@@ -16,8 +16,8 @@ import time
 import numpy as np
 
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.scan import run
-from phasemap.solvers import by_name
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 ORDER = ("orbit", "averaging", "auto", "march")
 

@@ -1,9 +1,9 @@
 """One pixel as plain numbers, and its equation of motion in units of the setpoint amplitude.
 
 The formulas stand here a second time on purpose. What judges the solvers must not share code with them: an error in
-`phasemap.experiment.interaction`, `phasemap.work` or the kernels would otherwise be in the reference too, and cancel.
-They are written from Wang (1999), Eqs. 1-4; a contract in pyproject.toml keeps this file and `reference` apart from the
-rest.
+`phasemap.experiment.interaction`, `phasemap.solvers.problem` or the kernels would otherwise be in the reference too,
+and cancel. They are written from Wang (1999), Eqs. 1-4; a contract in pyproject.toml keeps this file and `reference`
+apart from the rest.
 """
 
 from __future__ import annotations

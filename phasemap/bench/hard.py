@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap.bench.hard_cases import CASES, HardCase
-from phasemap.pixel import Pixel, solve_pixel
+from phasemap.solvers.pixel import Pixel, solve_pixel
 
 __all__ = ["CASES", "HardCase", "fault_of", "hard"]
 

@@ -14,9 +14,10 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.generate import roughness
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
-from phasemap.scan import run, simulate
+from phasemap.scan import simulate
 from phasemap.solvers.orbit import Orbit
-from phasemap.work import make_work
+from phasemap.solvers.problem import make_work
+from phasemap.solvers.run import run
 
 if TYPE_CHECKING:
     import xarray as xr

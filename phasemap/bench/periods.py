@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap.bench.cases import Known
 from phasemap.bench.timing import best_of
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 PERIODS = 10
 

@@ -18,7 +18,7 @@ from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
-from phasemap.work import Work, make_work
+from phasemap.solvers.problem import Work, make_work
 
 Array = np.ndarray
 Range = tuple[float, float]

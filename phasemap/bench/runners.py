@@ -19,8 +19,8 @@ from phasemap.bench.peers.shooting import BEGIN, constants
 from phasemap.bench.periods import march_period_time
 from phasemap.bench.timing import best_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.scan import run
-from phasemap.solvers import Solver
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import Solver
 
 Array = np.ndarray
 

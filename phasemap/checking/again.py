@@ -12,17 +12,17 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import NOWHERE, Orbits
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, workers_of
-from phasemap.branches import stable_branches
 from phasemap.checking.picture import Picture
 from phasemap.experiment.control import Raster
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import scopes_by_row
 from phasemap.experiment.surface import Surface
-from phasemap.solvers import Solver
+from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
-from phasemap.work import Work, make_work
-from phasemap.workers import run
+from phasemap.solvers.problem import Work, make_work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import Solver
 
 __all__ = ["Again", "other_solver", "solve_again"]
 

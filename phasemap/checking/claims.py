@@ -19,8 +19,8 @@ from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
 from phasemap.scenes.scene import CONTROLS, Scene, scene_from_json
-from phasemap.solvers import by_name
-from phasemap.work import check_setpoint
+from phasemap.solvers.problem import check_setpoint
+from phasemap.solvers.solver import by_name
 
 if TYPE_CHECKING:
     import xarray as xr

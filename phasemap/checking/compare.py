@@ -14,7 +14,7 @@ from phasemap.checking.result import OPEN, Claim, in_words, judged
 from phasemap.checking.tolerance import IRREGULAR, QUANTITIES, Errors, Values, allowed, spread, stated, values_again
 from phasemap.experiment.surface import Surface
 from phasemap.results.variables import FLOATS, flag_attributes
-from phasemap.work import lever_of
+from phasemap.solvers.problem import lever_of
 
 if TYPE_CHECKING:
     import xarray as xr

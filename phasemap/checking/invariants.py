@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap.checking.picture import MEAN, Picture
 from phasemap.checking.result import Claim, in_words, judged
-from phasemap.energy import lost_in_air, supplied
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
 from phasemap.feedback.program import mean_ground
 from phasemap.paint import stiffening
 from phasemap.results.variables import FLAGS
-from phasemap.work import lever_of
+from phasemap.solvers.energy import lost_in_air, supplied
+from phasemap.solvers.problem import lever_of
 
 __all__ = ["invariants"]
 

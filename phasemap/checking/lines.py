@@ -18,7 +18,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.job import Job
 from phasemap.painting import Stretch, paint_part, painter_of, plan_image
 from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES
-from phasemap.solvers import by_name
+from phasemap.solvers.solver import by_name
 from phasemap.survey import Place, survey
 
 __all__ = ["scan_again"]

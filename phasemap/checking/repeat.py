@@ -21,7 +21,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.paint import FEW
 from phasemap.results.variables import FLAGS, provenance
 from phasemap.scan import simulate
-from phasemap.solvers import by_name
+from phasemap.solvers.solver import by_name
 
 __all__ = ["repeat"]
 

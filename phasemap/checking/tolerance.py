@@ -15,7 +15,7 @@ from phasemap.checking.picture import MEAN, Picture
 from phasemap.experiment.surface import Surface
 from phasemap.paint import DEEPEST
 from phasemap.results.variables import IMAGE_VARIABLES
-from phasemap.work import lever_of
+from phasemap.solvers.problem import lever_of
 
 __all__ = ["IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]
 

@@ -79,7 +79,7 @@ def validate(arguments: argparse.Namespace) -> None:
     from phasemap.results.variables import check_variables, variables_of
     from phasemap.scan import modelled, workspace
     from phasemap.scenes.scene import load_scene
-    from phasemap.work import make_work
+    from phasemap.solvers.problem import make_work
 
     ensemble = _ensemble_of(arguments)
     if ensemble is None:

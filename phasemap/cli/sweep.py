@@ -218,8 +218,8 @@ def _sweep(arguments: argparse.Namespace, values: np.ndarray, material: Material
 
 def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> float:
     """The tip offset at which a feedback stops that engages from far."""
+    from phasemap.solvers.problem import check_setpoint
     from phasemap.sweep import sweep_setpoint
-    from phasemap.work import check_setpoint
 
     lowest = check_setpoint(setpoint)
     down = sweep_setpoint(material, scope, [(1 + lowest) / 2, lowest]).sel(direction="down")

@@ -21,9 +21,9 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import describe, provenance
-from phasemap.solvers import by_name
+from phasemap.solvers.problem import check_setpoint
+from phasemap.solvers.solver import by_name
 from phasemap.sweep import check_axis
-from phasemap.work import check_setpoint
 
 if TYPE_CHECKING:
     import xarray as xr

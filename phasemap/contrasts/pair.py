@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.branches import stable_branches
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.solvers import Solver
 from phasemap.solvers.averaging import Averaging
+from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.orbit import Orbit
-from phasemap.work import Work, lever_of, work_of_material
-from phasemap.workers import run
+from phasemap.solvers.problem import Work, lever_of, work_of_material
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import Solver
 
 Array = np.ndarray
 Axes = tuple[Array, Array, Array]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.curves.pieces import START, Curves
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import show
+from phasemap.solvers.continuation.pieces import START, Curves
 from phasemap.solvers.march import ETA
 
 

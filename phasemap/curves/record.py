@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.curves.pieces import Curves
-from phasemap.curves.walk import Jump, Visit, stable
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import (
@@ -22,6 +20,8 @@ from phasemap.results.variables import (
     motion_of,
     provenance,
 )
+from phasemap.solvers.continuation.pieces import Curves
+from phasemap.solvers.continuation.visit import Jump, Visit, stable
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,17 +8,17 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
-from phasemap.curves.control import BEYOND, Question, Scale, fixed_path, swept_path
-from phasemap.curves.feedback import Feedback, Place
 from phasemap.curves.in_time import Adrift
-from phasemap.curves.pieces import Curves
 from phasemap.curves.record import Axis, dataset
-from phasemap.curves.walk import Jump, Segment, Visit, like, segments, walk
-from phasemap.curves.whole import FAINT, complete, held_curves, mend
 from phasemap.experiment.excitation import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
+from phasemap.solvers.continuation.complete import FAINT, complete, held_curves, mend
+from phasemap.solvers.continuation.hold import Feedback, Place
+from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
+from phasemap.solvers.continuation.pieces import Curves
+from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -86,7 +86,7 @@ def parameter(
 ) -> xr.Dataset:  # fmt: skip
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
     from phasemap._kernels.path import MP
-    from phasemap.curves.control import UNITS
+    from phasemap.solvers.continuation.path import UNITS
 
     if ratio is not None and scope.drive.excitation != "direct":
         hint = "A feedback on the deflection is not followed along other parameters; solve the values one by one."

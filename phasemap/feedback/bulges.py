@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.bulge import bulges
 from phasemap._shared.threads import spread
 from phasemap.job import Job
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 Array = np.ndarray
 

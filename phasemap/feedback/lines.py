@@ -21,9 +21,9 @@ from phasemap.feedback.loop import loop_of, tau_per_second
 from phasemap.feedback.program import mean_ground, program_of
 from phasemap.job import Job
 from phasemap.paint import stiffening
-from phasemap.solvers import by_name
-from phasemap.work import Work
-from phasemap.workers import run
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 Array = np.ndarray
 

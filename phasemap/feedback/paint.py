@@ -19,10 +19,10 @@ from phasemap.feedback.loop import check, drive_frequency
 from phasemap.feedback.settling import quietened
 from phasemap.feedback.tuning import LinearLoop
 from phasemap.job import Job, Painter, Values
-from phasemap.solvers import by_name
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 from phasemap.survey import Survey
-from phasemap.work import Work
-from phasemap.workers import run
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 TRIED = 48  # materials that are engaged to find out whether the averaged lever can follow them

@@ -15,9 +15,9 @@ from phasemap.feedback.bulges import bulges_of
 from phasemap.feedback.lines import ENGAGED, Tip
 from phasemap.feedback.loop import loop_of
 from phasemap.job import Job
-from phasemap.solvers import by_name
-from phasemap.work import Work
-from phasemap.workers import run
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 NUDGE = 0.02  # of the setpoint amplitude, by which the tip is too near when it is let go
 HALVINGS = 6

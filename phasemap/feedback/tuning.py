@@ -24,7 +24,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.feedback.loop import loop_of, tau_per_second
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 Array = np.ndarray
 Jacobians = tuple[Array, Array, Array]

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.curves.control import UNITS, Question
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.solvers.continuation.path import UNITS, Question
 
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity")
 SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")

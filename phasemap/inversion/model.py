@@ -13,7 +13,7 @@ from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inversion.stack import HEIGHT, PHASE, Stack
-from phasemap.work import contact_stiffness, lever_of, material_row, properties
+from phasemap.solvers.problem import contact_stiffness, lever_of, material_row, properties
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

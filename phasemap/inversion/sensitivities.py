@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread, workers_of
-from phasemap.branches import stable_branches
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.results.variables import branch_of, describe, flag_attributes, provenance
-from phasemap.solvers import by_name
-from phasemap.work import Work, check_setpoint, make_work
-from phasemap.workers import run
+from phasemap.solvers.both_branches import stable_branches
+from phasemap.solvers.problem import Work, check_setpoint, make_work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 if TYPE_CHECKING:
     import xarray as xr

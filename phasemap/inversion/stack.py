@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.experiment.microscope import Microscope
-from phasemap.work import check_setpoint
+from phasemap.solvers.problem import check_setpoint
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -299,7 +299,7 @@ def name_of(key: str) -> str:
 
 def _attributes_of(key: str) -> dict[str, str]:
     """What the file says about a key."""
-    from phasemap.curves.control import UNITS as SWEPT
+    from phasemap.solvers.continuation.path import UNITS as SWEPT
 
     *tables, name = key.split(".")
     about = {"long_name": " ".join([*tables, name]).replace("_", " "), "key": key}

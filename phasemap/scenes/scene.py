@@ -307,8 +307,8 @@ def scene_from_json(text: str, folder: Path) -> Scene:
 
 def _scan(table: Table) -> tuple[float, Table]:
     """The setpoint, and the table with its defaults."""
-    from phasemap.solvers import SOLVERS
-    from phasemap.work import check_setpoint
+    from phasemap.solvers.problem import check_setpoint
+    from phasemap.solvers.solver import SOLVERS
 
     scan = {"solver": "auto", **table}
     check_keys("[scan]", scan, ("setpoint", "solver"), ("setpoint",))

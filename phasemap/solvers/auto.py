@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.orbit import solve_exactly
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 
 class Auto:
@@ -28,6 +28,6 @@ class Auto:
         status: np.ndarray,
         solver: np.ndarray,
     ) -> None:
-        """See `phasemap.solvers.Solver`."""
+        """See `phasemap.solvers.solver.Solver`."""
         limits = accuracy.phase, accuracy.height
         solve_exactly(work, limits, True, accuracy.periods, first, last, out, status, solver)

@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 
 class Averaging:
@@ -31,7 +31,7 @@ class Averaging:
         status: np.ndarray,
         solver: np.ndarray,
     ) -> None:
-        """See `phasemap.solvers.Solver`."""
+        """See `phasemap.solvers.solver.Solver`."""
         from phasemap._kernels.cheap import averaged_near_rows
 
         if not engage_averaged(work, accuracy.periods, first, last, out, status, solver):

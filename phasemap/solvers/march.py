@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
@@ -46,7 +46,7 @@ class March:
         status: np.ndarray,
         solver: np.ndarray,
     ) -> None:
-        """See `phasemap.solvers.Solver`."""
+        """See `phasemap.solvers.solver.Solver`."""
         from phasemap.solvers.averaging import engage_averaged
 
         engage_averaged(work, accuracy.periods, first, last, out, status, solver)
@@ -98,6 +98,6 @@ class FromFar(March):
         status: np.ndarray,
         solver: np.ndarray,
     ) -> None:
-        """See `phasemap.solvers.Solver`."""
+        """See `phasemap.solvers.solver.Solver`."""
         status[first:last] = col.PENDING  # for `settle`: there is no orbit to begin with
         self.settle(work, np.arange(first, last), out, status, solver, accuracy.periods)

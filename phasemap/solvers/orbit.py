@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.march import March
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 NO_ORBIT = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS, col.UNSTABLE)
 """Where no periodic orbit was found; what the tip does there is asked of time."""
@@ -47,7 +47,7 @@ class Orbit:
         status: np.ndarray,
         solver: np.ndarray,
     ) -> None:
-        """See `phasemap.solvers.Solver`."""
+        """See `phasemap.solvers.solver.Solver`."""
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
         solve_exactly(work, limits, False, accuracy.periods, first, last, out, status, solver)
         polish(work, first, last, out, status, solver)

@@ -80,7 +80,7 @@ def take_scene(text: bytes, overrides: list[str]) -> None:
     from phasemap.scenes.samples import MOST
     from phasemap.scenes.scene import load_scene, load_setup
     from phasemap.scenes.tables import read_tables
-    from phasemap.work import make_work
+    from phasemap.solvers.problem import make_work
 
     Path("scene.toml").write_bytes(text)
     if is_ensemble("scene.toml", overrides):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap.experiment.excitation import seen, show
 from phasemap.solvers.march import March
-from phasemap.work import Work
+from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, Orbits
 from phasemap._shared.threads import Progress, spread
-from phasemap.energy import close
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
-from phasemap.held import ATTRACTIVE, REPULSIVE, Found, hold
-from phasemap.solvers import Solver
+from phasemap.solvers.energy import close
+from phasemap.solvers.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.march import ETA, March
 from phasemap.solvers.orbit import LENGTH, PHASE
-from phasemap.work import Work
-from phasemap.workers import run
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import Solver
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -89,8 +89,8 @@ def stable_branches(
     Examples
     --------
     >>> import phasemap as pm
-    >>> from phasemap.solvers import by_name
-    >>> from phasemap.work import work_of_material
+    >>> from phasemap.solvers.solver import by_name
+    >>> from phasemap.solvers.problem import work_of_material
     >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
     >>> work = work_of_material(pm.Material(modulus=2e9, adhesion=0.1), scope, 0.8 * scope.free_amplitude)
     >>> found = stable_branches(work, by_name("orbit"), pm.Accuracy())

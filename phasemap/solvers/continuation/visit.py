@@ -9,12 +9,10 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.curves.in_time import Adrift
-from phasemap.curves.pieces import Curves, Piece
-from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.results.status import Status
+from phasemap.solvers.continuation.pieces import Curves, Piece, patience
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
-PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 MOST_LANDINGS = 8  # between two values wanted
 NEAR = 2e-3  # of the free amplitude: as near to an orbit the tip is on it
 LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
@@ -173,11 +171,6 @@ def _after(curves: Curves, column: int, here: Segment | Adrift | None, x: float)
         return None if here is None else here.row_at(x)
     status, row = here.go(curves, column, x)
     return row if status == col.GOOD else None
-
-
-def patience(lever: np.ndarray) -> int:
-    """Periods after which a tip that was let go is no longer expected to settle, or that are too many."""
-    return min(int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200, MOST_PERIODS)
 
 
 def is_periodic(row: np.ndarray) -> bool:

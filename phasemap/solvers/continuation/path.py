@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.work import Work, work_of_material
+from phasemap.solvers.problem import Work, work_of_material
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law

@@ -15,7 +15,7 @@ def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
     Parameters
     ----------
     lever : ndarray, shape (5,)
-        As in `phasemap.work.Work`.
+        As in `phasemap.solvers.problem.Work`.
     amplitude, phase : ndarray
         Of the first harmonic [m, rad].
     """
@@ -31,7 +31,7 @@ def lost_in_air(lever: Array, amplitude: Array) -> Array:
     Parameters
     ----------
     lever : ndarray, shape (5,)
-        As in `phasemap.work.Work`.
+        As in `phasemap.solvers.problem.Work`.
     amplitude : ndarray
         [m].
     """
@@ -47,7 +47,7 @@ def close(rows: Array, lever: Array) -> None:
     rows : ndarray, shape (..., COLUMNS)
         Result rows; those that have a closure keep it.
     lever : ndarray, shape (5,)
-        As in `phasemap.work.Work`.
+        As in `phasemap.solvers.problem.Work`.
 
     Examples
     --------

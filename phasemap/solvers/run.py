@@ -8,11 +8,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import Progress, spread, workers_of
-from phasemap.energy import close
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.held import hold
-from phasemap.solvers import Solver
-from phasemap.work import Work
+from phasemap.solvers.energy import close
+from phasemap.solvers.held import hold
+from phasemap.solvers.problem import Work
+from phasemap.solvers.solver import Solver
 
 Array = np.ndarray
 

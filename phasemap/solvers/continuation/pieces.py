@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import seen
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
     from phasemap._kernels.path import Fixed, Swept
+
+PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 
 ROOM = 6000  # rows of one piece
 SAME = 1e-5  # of the amplitude: orbits as near are the same
@@ -148,7 +151,6 @@ class Curves:
             How well its motion must have settled [m].
         """
         from phasemap._kernels.landing import land_free
-        from phasemap.curves.walk import patience
 
         waiting = list(self.pieces)
         while waiting and len(self.pieces) < MOST_PIECES:
@@ -259,3 +261,8 @@ def _same(rows: np.ndarray, row: np.ndarray) -> bool:
     apart = np.abs(rows[:, col.TIP_OFFSET] - row[col.TIP_OFFSET]) + np.abs(rows[:, col.AMPLITUDE] - row[col.AMPLITUDE])
     turned = np.abs(rows[:, col.PHASE] - row[col.PHASE])
     return bool(((apart < SAME * row[col.AMPLITUDE]) & (turned < 10 * SAME)).any())
+
+
+def patience(lever: np.ndarray) -> int:
+    """Periods after which a tip that was let go is no longer expected to settle, or that are too many."""
+    return min(int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200, MOST_PERIODS)

@@ -9,8 +9,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.curves.in_time import Adrift
-from phasemap.curves.pieces import Curves
-from phasemap.curves.walk import BESIDE, Jump, Segment, is_periodic, land, like, segments
+from phasemap.solvers.continuation.pieces import Curves
+from phasemap.solvers.continuation.visit import BESIDE, Jump, Segment, is_periodic, land, like, segments
 
 MOST_TURNS = 12  # landings before the feedback is taken to hunt for ever
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.curves.pieces import Curves
 from phasemap.experiment.microscope import Microscope
+from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law

@@ -1,0 +1,58 @@
+"""Solvers: one protocol for all, so that every contract test runs on each.
+
+A solver finds, for every row of a `Work`, the orbit on which the controller holds the setpoint. It works on a slice of
+the rows and may be called from several threads at once.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from phasemap._shared.errors import InputError
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.solvers.auto import Auto
+from phasemap.solvers.averaging import Averaging
+from phasemap.solvers.march import March
+from phasemap.solvers.orbit import Orbit
+from phasemap.solvers.problem import Work
+
+__all__ = ["SOLVERS", "Solver", "by_name"]
+
+
+class Solver(Protocol):
+    """What a solver offers."""
+
+    name: str
+    rows_per_chunk: int  # about a tenth of a second of work
+
+    def solve(
+        self,
+        work: Work,
+        accuracy: Accuracy,
+        first: int,
+        last: int,
+        out: np.ndarray,
+        status: np.ndarray,
+        solver: np.ndarray,
+    ) -> None:
+        """Fill rows [first, last) of `out` (columns of `phasemap._kernels.columns`), `status` and `solver`."""
+        ...
+
+
+SOLVERS: tuple[Solver, ...] = (Auto(), Averaging(), Orbit(), March())
+
+
+def by_name(name: object) -> Solver:
+    """Return the solver of this name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    for solver in SOLVERS:
+        if solver.name == name:
+            return solver
+    raise InputError("solver", name, "one of " + ", ".join(solver.name for solver in SOLVERS))

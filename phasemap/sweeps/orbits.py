@@ -1,0 +1,98 @@
+"""Every orbit of one material, at a setpoint or at a distance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
+from phasemap.results.variables import FLOATS, branch_of, describe, flag_attributes, float_attributes, provenance
+from phasemap.solvers.problem import check_setpoint, work_of_material
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def orbits(
+    material: Material, scope: Microscope, *, setpoint: float | None = None, tip_offset: float | None = None
+) -> xr.Dataset:
+    """Find every periodic orbit at a setpoint or at a tip offset, stable or not.
+
+    Parameters
+    ----------
+    material : Material
+    scope : Microscope
+    setpoint : float
+        Amplitude over the free amplitude at the drive frequency, between 0 and 1. Either this or `tip_offset`.
+    tip_offset : float
+        Rest position of the tip above the undeformed surface [m]; negative where the lever presses.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim "orbit", from far to near: tip_offset, amplitude, height, mean_deflection, indentation [m], phase [degree],
+        dissipation, virial [J], floquet, feedback_slope, energy_closure [1], branch and stable (flags). The attribute
+        `complete` is 1 if the curve of orbits was followed to its end.
+
+    Raises
+    ------
+    InputError
+        If both or none of `setpoint` and `tip_offset` are given, or a value is out of range.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+    >>> found = pm.orbits(pm.Material(modulus=2e9, adhesion=0.1), scope, setpoint=0.8)
+    >>> found.sizes["orbit"], found.stable.values.tolist()
+    (3, [1, 0, 1])
+    """
+    if (setpoint is None) == (tip_offset is None):
+        raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
+    if setpoint is not None and scope.drive.excitation != "direct":
+        from phasemap.curves.run import at_seen
+
+        rows, complete = at_seen(material, scope, check_setpoint(setpoint) * scope.free_amplitude)
+        rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
+    elif setpoint is not None:
+        from phasemap._kernels.batch import every_orbit
+        from phasemap._kernels.collocation import HOLD_AMPLITUDE
+        from phasemap._kernels.tables import TABLES
+
+        amplitude = check_setpoint(setpoint) * scope.free_amplitude
+        work = work_of_material(material, scope, amplitude)
+        status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
+        rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD
+    else:
+        from phasemap.curves.run import at_offset
+
+        assert tip_offset is not None
+        rows, complete = at_offset(material, scope, number("tip_offset", tip_offset, "m"))
+    configuration = {
+        "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
+    }  # fmt: skip
+    found = _orbit_dataset(rows)
+    found.attrs.update(provenance(configuration, "orbits found"))
+    found.attrs["complete"] = int(complete)
+    return found
+
+
+def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
+    import xarray as xr
+
+    names = (
+        "tip_offset", "amplitude", "height", "phase", "mean_deflection", "indentation", "dissipation", "virial",
+        "floquet", "feedback_slope", "energy_closure",
+    )  # fmt: skip
+    data = {name: ("orbit", FLOATS[name].value(rows), float_attributes(name)) for name in names}
+    found = xr.Dataset(data, {"orbit": ("orbit", np.arange(len(rows)), {"long_name": "orbit, far to near"})})
+    found["branch"] = ("orbit", branch_of(rows), flag_attributes("branch"))
+    meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "unstable stable"}
+    stable = (rows[:, col.FLOQUET] < 1).astype(np.int8)
+    found["stable"] = ("orbit", stable, {"long_name": "stability of the orbit at fixed tip offset", **meaning})
+    return found
