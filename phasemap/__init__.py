@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
-    from phasemap.contrasts.map import contrast
     from phasemap.experiment import generate, interaction
     from phasemap.experiment.accuracy import Accuracy
     from phasemap.experiment.control import Engage, Feedback, Raster
@@ -38,8 +37,9 @@ if TYPE_CHECKING:
     from phasemap.scenes.measured import scene_from
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.pixel import Pixel, solve_pixel
-    from phasemap.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
+    from phasemap.sweeps.contrasts.contrast_map import contrast
     from phasemap.sweeps.orbits import orbits
+    from phasemap.sweeps.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
@@ -48,7 +48,6 @@ _NAMES = {
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
-    "contrasts.map": ("contrast",),
     "experiment.accuracy": ("Accuracy",),
     "experiment.control": ("Engage", "Feedback", "Raster"),
     "experiment.interaction": ("ContactLaw", "Interaction"),
@@ -69,8 +68,9 @@ _NAMES = {
     "scenes.measured": ("scene_from",),
     "scenes.scene": ("load_scene",),
     "solvers.pixel": ("Pixel", "solve_pixel"),
-    "sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
+    "sweeps.contrasts.contrast_map": ("contrast",),
     "sweeps.orbits": ("orbits",),
+    "sweeps.sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}

@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 import phasemap.scenes.scene
-import phasemap.sweep
+import phasemap.sweeps.sweep
 from phasemap.cli import main
 from phasemap.io.netcdf import load
 
@@ -331,7 +331,7 @@ def test_a_sweep_needs_neither_surface_nor_scan(tmp_path: Path, capsys: pytest.C
 def test_files_of_a_sweep_are_not_overwritten_unasked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(phasemap.sweep, "sweep_distance", None)
+    monkeypatch.setattr(phasemap.sweeps.sweep, "sweep_distance", None)
     for option in ("-o", "--plot"):
         (tmp_path / "sweep.png").write_text("precious")
         said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / "sweep.png"))

@@ -133,7 +133,7 @@ def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: b
     """Map the contrast, with a bar on stderr if it takes more than a second."""
     from tqdm import tqdm
 
-    from phasemap.contrasts.map import contrast as map_contrast
+    from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
 
     first, second = (setup.materials[name] for name in names)
     if quiet:

@@ -195,7 +195,7 @@ def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float
 
 def _sweep(arguments: argparse.Namespace, values: np.ndarray, material: Material, setup: Setup) -> xr.Dataset:
     """Call the function of the axis."""
-    from phasemap import sweep as by
+    from phasemap.sweeps import sweep as by
 
     scope, axis, samples = setup.microscope, arguments.axis, arguments.samples
     if axis in ("distance", "setpoint"):
@@ -219,7 +219,7 @@ def _sweep(arguments: argparse.Namespace, values: np.ndarray, material: Material
 def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> float:
     """The tip offset at which a feedback stops that engages from far."""
     from phasemap.solvers.problem import check_setpoint
-    from phasemap.sweep import sweep_setpoint
+    from phasemap.sweeps.sweep import sweep_setpoint
 
     lowest = check_setpoint(setpoint)
     down = sweep_setpoint(material, scope, [(1 + lowest) / 2, lowest]).sel(direction="down")

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.curves.run import STARTS, begin
 from phasemap.fitting.parameters import Setup
 from phasemap.solvers.continuation.complete import FAINT
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import segments
+from phasemap.sweeps.follow import STARTS, begin
 
 MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 

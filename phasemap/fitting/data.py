@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.sweep import check_axis
+from phasemap.sweeps.sweep import check_axis
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}

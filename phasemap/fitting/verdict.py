@@ -12,7 +12,7 @@ from phasemap.fitting.problem import Choice, Problem, Ruler, difference
 from phasemap.fitting.result import SHOWN, Fit
 from phasemap.fitting.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
 from phasemap.results.variables import float_attributes
-from phasemap.sweep import sweep_distance, sweep_frequency
+from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -55,7 +55,7 @@ def orbits(
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
     if setpoint is not None and scope.drive.excitation != "direct":
-        from phasemap.curves.run import at_seen
+        from phasemap.sweeps.follow import at_seen
 
         rows, complete = at_seen(material, scope, check_setpoint(setpoint) * scope.free_amplitude)
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
@@ -69,7 +69,7 @@ def orbits(
         status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
         rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD
     else:
-        from phasemap.curves.run import at_offset
+        from phasemap.sweeps.follow import at_offset
 
         assert tip_offset is not None
         rows, complete = at_offset(material, scope, number("tip_offset", tip_offset, "m"))

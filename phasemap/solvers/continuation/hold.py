@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.curves.in_time import Adrift
+from phasemap.solvers.continuation.in_time import Adrift
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import BESIDE, Jump, Segment, is_periodic, land, like, segments
 

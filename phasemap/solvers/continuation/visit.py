@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.curves.in_time import Adrift
 from phasemap.results.status import Status
+from phasemap.solvers.continuation.in_time import Adrift
 from phasemap.solvers.continuation.pieces import Curves, Piece, patience
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go

@@ -22,9 +22,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.units import say
-from phasemap.contrasts.borders import Jump
-from phasemap.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Engaged
 from phasemap.results.variables import FLOATS
+from phasemap.sweeps.contrasts.edges import Jump
+from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Engaged
 
 Array = np.ndarray
 

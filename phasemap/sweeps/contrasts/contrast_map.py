@@ -13,17 +13,17 @@ from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread, workers_of
-from phasemap.contrasts.borders import borders
-from phasemap.contrasts.choice import choose
-from phasemap.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
-from phasemap.contrasts.record import DIMS, record
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import describe, provenance
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
-from phasemap.sweep import check_axis
+from phasemap.sweeps.contrasts.dataset import DIMS, record
+from phasemap.sweeps.contrasts.edges import borders
+from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
+from phasemap.sweeps.contrasts.recommendation import choose
+from phasemap.sweeps.sweep import check_axis
 
 if TYPE_CHECKING:
     import xarray as xr

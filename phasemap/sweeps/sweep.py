@@ -48,7 +48,7 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     >>> curve.sizes["fold"], curve.jump_direction.values.tolist()
     (2, [0, 1])
     """
-    from phasemap.curves.run import distance
+    from phasemap.sweeps.follow import distance
 
     axis = check_axis("tip_offsets", tip_offsets, "m")
     return distance(material, scope, axis, check_samples(samples))
@@ -84,7 +84,7 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
     >>> curve.phase.sel(direction="down").values[[0, -1]].round(2).tolist()
     [-18.19, 72.54]
     """
-    from phasemap.curves.run import setpoint
+    from phasemap.sweeps.follow import setpoint
 
     axis = check_axis("setpoints", setpoints, "1")
     for value in axis:
@@ -128,7 +128,7 @@ def sweep_frequency(
     >>> curve.sizes["direction"], bool((curve.status == 0).all())
     (2, True)
     """
-    from phasemap.curves.run import parameter
+    from phasemap.sweeps.follow import parameter
 
     axis = check_axis("frequencies", frequencies, "Hz", above=0)
     height = number("tip_offset", tip_offset, "m")
@@ -182,7 +182,7 @@ def sweep_parameter(
     >>> curve.phase.sel(direction="up").values[[0, -1]].round(1).tolist()
     [38.1, 44.9]
     """
-    from phasemap.curves.run import parameter
+    from phasemap.sweeps.follow import parameter
 
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._shared.threads import spread
-from phasemap.contrasts.pair import Axes, Pair
+from phasemap.sweeps.contrasts.pair import Axes, Pair
 
 Array = np.ndarray
 

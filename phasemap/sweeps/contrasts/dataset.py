@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.contrasts.borders import Inversion, Jump
-from phasemap.contrasts.pair import REGIMES, Axes, Engaged
 from phasemap.results.variables import FLOATS, branch_of, flag_attributes, float_attributes, motion_of
+from phasemap.sweeps.contrasts.edges import Inversion, Jump
+from phasemap.sweeps.contrasts.pair import REGIMES, Axes, Engaged
 
 if TYPE_CHECKING:
     import xarray as xr

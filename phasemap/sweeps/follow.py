@@ -8,17 +8,17 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
-from phasemap.curves.in_time import Adrift
-from phasemap.curves.record import Axis, dataset
 from phasemap.experiment.excitation import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.solvers.continuation.complete import FAINT, complete, held_curves, mend
 from phasemap.solvers.continuation.hold import Feedback, Place
+from phasemap.solvers.continuation.in_time import Adrift
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
+from phasemap.sweeps.dataset import Axis, dataset
 
 if TYPE_CHECKING:
     import xarray as xr

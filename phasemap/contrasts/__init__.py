@@ -1,1 +1,0 @@
-"""Phase contrast between two materials: its map, where it jumps and turns round, and where to work."""
