@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
     from phasemap.fit import Fit, fit_distance, fit_frequency
+    from phasemap.imaging.simulation import simulate
     from phasemap.inversion.images import invert
     from phasemap.inversion.region_fit import fit_regions
     from phasemap.inversion.sensitivities import sensitivity
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from phasemap.io.read import read_image
     from phasemap.results.status import Status
     from phasemap.results.variables import phase_lag
-    from phasemap.scan import simulate
     from phasemap.scenes.ensemble import load_ensemble
     from phasemap.scenes.measured import scene_from
     from phasemap.scenes.scene import load_scene
@@ -56,6 +56,7 @@ _NAMES = {
     "experiment.realism": ("Realism", "TipChange"),
     "experiment.surface": ("Surface",),
     "fit": ("Fit", "fit_distance", "fit_frequency"),
+    "imaging.simulation": ("simulate",),
     "inversion.images": ("invert",),
     "inversion.region_fit": ("fit_regions",),
     "inversion.sensitivities": ("sensitivity",),
@@ -63,7 +64,6 @@ _NAMES = {
     "io.read": ("read_image",),
     "results.status": ("Status",),
     "results.variables": ("phase_lag",),
-    "scan": ("simulate",),
     "scenes.ensemble": ("load_ensemble",),
     "scenes.measured": ("scene_from",),
     "scenes.scene": ("load_scene",),

@@ -32,7 +32,7 @@ from phasemap import cli
 from phasemap.cli import run as cli_run
 def run(arguments, run=cli_run.run):
     with cli_run.ending_at_once():
-        from phasemap import checkpoint
+        from phasemap.imaging import checkpoint
     checkpoint.EVERY = 0.1  # seconds
     run(arguments)
 cli_run.run = run

@@ -13,10 +13,10 @@ import phasemap as pm
 from phasemap import generate
 from phasemap._kernels import columns as col
 from phasemap._kernels import interpolate as kernel
-from phasemap.atlas import Atlas, Oracle
-from phasemap.atlas.axes import Axes
-from phasemap.atlas.borders import find_borders
-from phasemap.atlas.cells import Cell, Piece, evaluate
+from phasemap.imaging.interpolation import Atlas, Oracle
+from phasemap.imaging.interpolation.axes import Axes
+from phasemap.imaging.interpolation.borders import find_borders
+from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
 from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))

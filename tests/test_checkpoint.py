@@ -23,9 +23,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap import checkpoint
-from phasemap.checkpoint import Checkpoint, discard
 from phasemap.experiment.interaction import ContactLaw, Interaction
+from phasemap.imaging import checkpoint
+from phasemap.imaging.checkpoint import Checkpoint, discard
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 RNG = np.random.default_rng(4)
@@ -113,13 +113,13 @@ def test_surfaces_that_are_equal_give_equal_images_whatever_was_known_of_one() -
 @settings(max_examples=25, deadline=None)
 @given(cuts=st.sets(st.integers(1, 23)), name=st.sampled_from([name for name in CASES if CASES[name][0] is FEW]))
 def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) -> None:
-    from phasemap.canvas import Canvas
     from phasemap.experiment.accuracy import Accuracy
-    from phasemap.job import Job
-    from phasemap.painting import paint_part, painter_of, plan_image
+    from phasemap.imaging.canvas import Canvas
+    from phasemap.imaging.job import Job
+    from phasemap.imaging.materials.survey import Place, survey
+    from phasemap.imaging.plan import paint_part, painter_of, plan_image
     from phasemap.results.variables import check_variables, variables_of
     from phasemap.solvers.solver import by_name
-    from phasemap.survey import Place, survey
 
     surface, options = CASES[name]
     control, realism = options.get("control", pm.Engage()), options.get("realism", pm.Realism())
@@ -198,7 +198,7 @@ def test_a_part_that_does_not_fit_is_painted_again(misfit: str, tmp_path: Path) 
 @pytest.mark.usefixtures("eager")
 def test_the_state_of_another_lever_is_never_handed_to_compiled_code() -> None:
     from phasemap._kernels import columns as col
-    from phasemap.feedback.lines import Tip
+    from phasemap.imaging.feedback.lines import Tip
 
     state = Tip(col.AVERAGING).freeze()
     for wrong in ({**state, "y": state["y"][:1]}, {**state, "loop": np.zeros(1)}, {**state, "engine": np.array(9)}):
@@ -232,7 +232,7 @@ def test_a_part_with_a_wrong_bit_is_read_whole_or_not_at_all(tmp_path: Path) -> 
 
 
 def test_materials_that_were_kept_are_not_solved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from phasemap import job
+    from phasemap.imaging import job
 
     surface = pm.Surface(np.linspace(1e9, 4e9, 400).reshape(20, 20), 0.05, 0.01, pixel_size=4e-9)
     options: dict[str, Any] = {
@@ -378,9 +378,11 @@ SLOW = [
     "run", "samples/bistable.toml", "--quiet", "surface.shape=[120, 32]", "surface.spacing=60e-9",
     "control.line_rate=8", "-o",
 ]  # fmt: skip
-IMPATIENT = "import sys, phasemap.checkpoint as c; c.EVERY = 0.1; from phasemap.cli import main; sys.exit(main())"
+IMPATIENT = (
+    "import sys, phasemap.imaging.checkpoint as c; c.EVERY = 0.1; from phasemap.cli import main; sys.exit(main())"
+)
 WAITING = """
-import sys, threading, phasemap.checkpoint as c
+import sys, threading, phasemap.imaging.checkpoint as c
 from phasemap.cli import main
 c.EVERY, keep = 0.1, c.Checkpoint.keep
 def keep_and_wait(self, lines):

@@ -23,8 +23,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap import blocks, paint, raster, survey
-from phasemap.survey import Place
+from phasemap.imaging import engaged, raster
+from phasemap.imaging.dask import parts as blocks
+from phasemap.imaging.materials import survey
+from phasemap.imaging.materials.survey import Place
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOFT, HARD = pm.Material(0.5e9, adhesion=0.1, damping=0.1), pm.Material(3e9, adhesion=0.15, damping=0.005)
@@ -134,7 +136,7 @@ def test_more_materials_than_are_kept_are_solved_the_same(monkeypatch: pytest.Mo
     continuous = pm.Surface(np.geomspace(0.5e9, 4e9, 154).reshape(SHAPE), 0.1, surface.damping, pixel_size=4e-9)
     for control in (ENGAGE, pm.Raster(engage="image")):
         whole = simulate(continuous, control, solver="orbit")
-        monkeypatch.setattr(paint, "MOST", 6)
+        monkeypatch.setattr(engaged, "MOST", 6)
         monkeypatch.setattr(raster, "MOST", 6)
         assert_same(simulate(lazily(continuous, (4, 5)), control, solver="orbit"), whole)
         monkeypatch.undo()

@@ -20,8 +20,8 @@ from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.beat import new_beat
 from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import advance, start_at
-from phasemap.feedback import margin, tune
-from phasemap.feedback.loop import loop_of
+from phasemap.imaging.feedback import margin, tune
+from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.problem import make_work
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))

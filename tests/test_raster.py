@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap import raster
 from phasemap._kernels.scanning.slots import Orbits
+from phasemap.imaging import raster
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.solver import by_name

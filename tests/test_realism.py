@@ -13,14 +13,15 @@ import scipy.ndimage
 import xarray as xr
 
 import phasemap as pm
-from phasemap import painting
-from phasemap.canvas import Canvas
 from phasemap.cli import main
-from phasemap.experiment.realism import check_realism, drifted, finish, generator, scopes_by_row
+from phasemap.experiment.realism import check_realism
+from phasemap.imaging import plan as painting
+from phasemap.imaging.canvas import Canvas
+from phasemap.imaging.imperfections import drifted, finish, generator, scopes_by_row
+from phasemap.imaging.job import Job, Painter
+from phasemap.imaging.materials.survey import Survey
 from phasemap.io import netcdf
-from phasemap.job import Job, Painter
 from phasemap.scenes.scene import Scene
-from phasemap.survey import Survey
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(20e-9))

@@ -29,7 +29,7 @@ from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
-from phasemap.scan import simulate
+from phasemap.imaging.simulation import simulate
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,7 +14,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.generate import roughness
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
-from phasemap.scan import simulate
+from phasemap.imaging.simulation import simulate
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import make_work
 from phasemap.solvers.run import run

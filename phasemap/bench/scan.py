@@ -19,7 +19,7 @@ from phasemap.bench.scan_cases import CASES, MONOSTABLE, PIXELS, ScanCase, image
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
-from phasemap.scan import simulate
+from phasemap.imaging.simulation import simulate
 
 if TYPE_CHECKING:
     import xarray as xr

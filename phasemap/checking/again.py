@@ -15,8 +15,8 @@ from phasemap._shared.threads import Progress, workers_of
 from phasemap.checking.picture import Picture
 from phasemap.experiment.control import Raster
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.realism import scopes_by_row
 from phasemap.experiment.surface import Surface
+from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit

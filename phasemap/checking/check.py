@@ -20,7 +20,7 @@ from phasemap.checking.picture import Picture
 from phasemap.checking.repeat import repeat
 from phasemap.checking.result import FAILS, HOLDS, Check, Claim
 from phasemap.checking.sample import sample
-from phasemap.experiment.realism import drifted
+from phasemap.imaging.imperfections import drifted
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -21,8 +21,8 @@ from phasemap.checking.result import Claim, in_words, judged
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
-from phasemap.feedback.program import mean_ground
-from phasemap.paint import stiffening
+from phasemap.imaging.engaged import stiffening
+from phasemap.imaging.feedback.program import mean_ground
 from phasemap.results.variables import FLAGS
 from phasemap.solvers.energy import lost_in_air, supplied
 from phasemap.solvers.problem import lever_of

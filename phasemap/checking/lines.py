@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import Progress, workers_of
-from phasemap.canvas import Canvas
 from phasemap.checking.picture import Picture
 from phasemap.checking.result import HOLDS, OPEN, Claim, judged
 from phasemap.experiment.control import LINES, Feedback
 from phasemap.experiment.surface import Surface
-from phasemap.job import Job
-from phasemap.painting import Stretch, paint_part, painter_of, plan_image
+from phasemap.imaging.canvas import Canvas
+from phasemap.imaging.job import Job
+from phasemap.imaging.materials.survey import Place, survey
+from phasemap.imaging.plan import Stretch, paint_part, painter_of, plan_image
 from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES
 from phasemap.solvers.solver import by_name
-from phasemap.survey import Place, survey
 
 __all__ = ["scan_again"]
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.checking.claims import Claims
-from phasemap.experiment.realism import DIGITISED, finish
+from phasemap.experiment.realism import DIGITISED
+from phasemap.imaging.imperfections import finish
 from phasemap.results.variables import FLAGS, FLOATS
 
 if TYPE_CHECKING:

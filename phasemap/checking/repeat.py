@@ -18,9 +18,9 @@ from phasemap.checking.result import FAILS, OPEN, Claim, judged
 from phasemap.checking.tolerance import Errors, allowed, spread, values_again
 from phasemap.experiment.control import Engage
 from phasemap.experiment.surface import Surface
-from phasemap.paint import FEW
+from phasemap.imaging.engaged import FEW
+from phasemap.imaging.simulation import simulate
 from phasemap.results.variables import FLAGS, provenance
-from phasemap.scan import simulate
 from phasemap.solvers.solver import by_name
 
 __all__ = ["repeat"]

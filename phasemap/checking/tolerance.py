@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap.canvas import values_of
 from phasemap.checking.again import Again
 from phasemap.checking.picture import MEAN, Picture
 from phasemap.experiment.surface import Surface
-from phasemap.paint import DEEPEST
+from phasemap.imaging.canvas import values_of
+from phasemap.imaging.engaged import DEEPEST
 from phasemap.results.variables import IMAGE_VARIABLES
 from phasemap.solvers.problem import lever_of
 

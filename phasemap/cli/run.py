@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Simulate a scene into a file."""
     started = time.perf_counter()
     with ending_at_once():
-        from phasemap.checkpoint import discard
+        from phasemap.imaging.checkpoint import discard
         from phasemap.io.netcdf import check_target, save
         from phasemap.scenes.scene import load_scene
 
@@ -75,9 +75,9 @@ def validate(arguments: argparse.Namespace) -> None:
     """Say what a scene would simulate."""
     import numpy as np
 
-    from phasemap.canvas import check_image
+    from phasemap.imaging.canvas import check_image
+    from phasemap.imaging.simulation import modelled, workspace
     from phasemap.results.variables import check_variables, variables_of
-    from phasemap.scan import modelled, workspace
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.problem import make_work
 

@@ -102,7 +102,7 @@ class Scene:
         xarray.Dataset
             The image, with the resolved scene as JSON in its attribute ``scene``.
         """
-        from phasemap.scan import simulate
+        from phasemap.imaging.simulation import simulate
 
         image = simulate(
             self.surface, self.microscope, **self.options, strict=strict, progress=progress, threads=threads,

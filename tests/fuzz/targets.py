@@ -75,7 +75,7 @@ def _overrides(rng: Random) -> Input:
 def take_scene(text: bytes, overrides: list[str]) -> None:
     """Load what may be a scene or an ensemble, and describe it."""
     from phasemap._shared.errors import PhasemapError
-    from phasemap.scan import modelled
+    from phasemap.imaging.simulation import modelled
     from phasemap.scenes.ensemble import is_ensemble, load_ensemble
     from phasemap.scenes.samples import MOST
     from phasemap.scenes.scene import load_scene, load_setup

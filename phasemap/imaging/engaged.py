@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import spread
-from phasemap.atlas import Atlas, Oracle, build
-from phasemap.atlas.axes import Axes
-from phasemap.atlas.oracle import FUNCTIONS
-from phasemap.canvas import PENDING, Canvas, values_of
-from phasemap.distinct import BLOCK, Distinct
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
-from phasemap.job import Job, Painter, Values
+from phasemap.imaging.canvas import PENDING, Canvas, values_of
+from phasemap.imaging.interpolation import Atlas, Oracle, build
+from phasemap.imaging.interpolation.axes import Axes
+from phasemap.imaging.interpolation.oracle import FUNCTIONS
+from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.materials.distinct import BLOCK, Distinct
+from phasemap.imaging.materials.survey import Survey
 from phasemap.solvers.energy import close
 from phasemap.solvers.problem import lever_of
-from phasemap.survey import Survey
 
 Array = NDArray[np.float64]
 

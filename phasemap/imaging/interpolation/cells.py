@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
-from phasemap.atlas import chebyshev
-from phasemap.atlas.borders import Border
-from phasemap.atlas.chebyshev import scaled, unscaled
-from phasemap.atlas.oracle import HEIGHT, PHASE, Oracle
+from phasemap.imaging.interpolation import chebyshev
+from phasemap.imaging.interpolation.borders import Border
+from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
+from phasemap.imaging.interpolation.oracle import HEIGHT, PHASE, Oracle
 
 Array = NDArray[np.float64]
 End = float | Border

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.atlas.borders import Border
-from phasemap.atlas.cells import Piece
-from phasemap.atlas.oracle import FUNCTIONS
+from phasemap.imaging.interpolation.borders import Border
+from phasemap.imaging.interpolation.cells import Piece
+from phasemap.imaging.interpolation.oracle import FUNCTIONS
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

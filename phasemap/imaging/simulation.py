@@ -13,21 +13,22 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError, SolveError
 from phasemap._shared.threads import Progress, workers_of
-from phasemap.blockwise import check_lazy, paint_lazily
-from phasemap.canvas import Canvas, check_image
-from phasemap.checkpoint import Checkpoint, paint_kept
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.realism import Realism, check_realism, drifted, finish
+from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
-from phasemap.job import Job
-from phasemap.painting import paint_part, painter_of, plan_image
+from phasemap.imaging.canvas import Canvas, check_image
+from phasemap.imaging.checkpoint import Checkpoint, paint_kept
+from phasemap.imaging.dask.image import check_lazy, paint_lazily
+from phasemap.imaging.imperfections import drifted, finish
+from phasemap.imaging.job import Job
+from phasemap.imaging.materials.survey import Place, Survey, survey
+from phasemap.imaging.plan import paint_part, painter_of, plan_image
 from phasemap.results.status import Status
 from phasemap.results.variables import IN_TIME, check_variables, describe, provenance, variables_of
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
-from phasemap.survey import Place, Survey, survey
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -108,9 +109,9 @@ def simulate(
     A material that occurs in many pixels is solved once. A term that no pixel has is not evaluated.
 
     Where an image has more than some thousand different materials, "auto" solves a few thousand that span them and
-    interpolates (`phasemap.atlas`): never across a jump of the orbit, with an error estimated at materials of the image
-    itself, and the rest is solved one by one. `solver` says "interpolated" there. `Raster` asks for the orbits of both
-    branches, which are solved for every material.
+    interpolates (`phasemap.imaging.interpolation`): never across a jump of the orbit, with an error estimated at
+    materials of the image itself, and the rest is solved one by one. `solver` says "interpolated" there. `Raster` asks
+    for the orbits of both branches, which are solved for every material.
 
     Of a surface whose maps are Dask arrays the image has Dask arrays too, of the same numbers: to compute them, or to
     write them with ``to_zarr`` or ``to_netcdf``, simulates block by block, on a cluster if there is one. What is only

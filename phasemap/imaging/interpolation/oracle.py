@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import spread
-from phasemap.atlas.axes import Axes
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
+from phasemap.imaging.interpolation.axes import Axes
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name

@@ -12,7 +12,7 @@ from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_variables import QUANTITIES
-from phasemap.survey import Place
+from phasemap.imaging.materials.survey import Place
 
 LINES = 1 << 20  # pixels of a part where parts are whole lines, at least one line
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.atlas import chebyshev, folds
-from phasemap.atlas.chebyshev import scaled, unscaled
-from phasemap.atlas.oracle import DEPTH, FUNCTIONS, HEIGHT, Oracle
+from phasemap.imaging.interpolation import chebyshev, folds
+from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
+from phasemap.imaging.interpolation.oracle import DEPTH, FUNCTIONS, HEIGHT, Oracle
 
 Array = NDArray[np.float64]
 

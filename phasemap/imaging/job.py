@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.threads import Progress
-from phasemap.canvas import Canvas, values_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
+from phasemap.imaging.canvas import Canvas, values_of
+from phasemap.imaging.materials.survey import Place, Survey
 from phasemap.solvers.problem import Work, properties, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
-from phasemap.survey import Place, Survey
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.atlas import chebyshev
-from phasemap.atlas.chebyshev import scaled
-from phasemap.atlas.oracle import HEIGHT, Oracle
+from phasemap.imaging.interpolation import chebyshev
+from phasemap.imaging.interpolation.chebyshev import scaled
+from phasemap.imaging.interpolation.oracle import HEIGHT, Oracle
 
 Array = NDArray[np.float64]
 

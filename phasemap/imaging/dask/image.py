@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from phasemap._shared.errors import InputError, Word
-from phasemap.blocks import Maps, Part
-from phasemap.canvas import Canvas, image_of, joined_notes
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.job import Job
-from phasemap.painting import Stretch, paint_part, painter_of, plan_image
+from phasemap.imaging.canvas import Canvas, image_of, joined_notes
+from phasemap.imaging.dask.parts import Maps, Part
+from phasemap.imaging.job import Job
+from phasemap.imaging.materials.survey import Place, Survey, survey
+from phasemap.imaging.plan import Stretch, paint_part, painter_of, plan_image
 from phasemap.results.variables import FLAGS
-from phasemap.survey import Place, Survey, survey
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,24 +7,24 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from phasemap._shared.errors import InputError
-from phasemap.canvas import Canvas
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.realism import scopes_by_row
-from phasemap.job import Job, Painter
-from phasemap.paint import PAINTER
-from phasemap.survey import Survey
+from phasemap.imaging.canvas import Canvas
+from phasemap.imaging.engaged import PAINTER
+from phasemap.imaging.imperfections import scopes_by_row
+from phasemap.imaging.job import Job, Painter
+from phasemap.imaging.materials.survey import Survey
 
 
 def _feedback() -> Painter:
     """Its kernels are imported only where they are needed."""
-    from phasemap.feedback import PAINTER
+    from phasemap.imaging.feedback import PAINTER
 
     return PAINTER
 
 
 def _raster() -> Painter:
-    from phasemap.raster import PAINTER
+    from phasemap.imaging.raster import PAINTER
 
     return PAINTER
 

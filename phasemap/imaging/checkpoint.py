@@ -21,13 +21,13 @@ import numpy as np
 
 from phasemap._kernels.columns import RELEASE
 from phasemap._shared.errors import FileError
-from phasemap.canvas import Canvas, joined_notes
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_variables import QUANTITIES
+from phasemap.imaging.canvas import Canvas, joined_notes
+from phasemap.imaging.job import Job, Values
+from phasemap.imaging.plan import Stretch, paint_part, painter_of
 from phasemap.io.netcdf import replacing
-from phasemap.job import Job, Values
-from phasemap.painting import Stretch, paint_part, painter_of
 from phasemap.results.variables import provenance
 
 __all__ = ["Checkpoint", "discard", "paint_kept"]
@@ -92,7 +92,7 @@ class Checkpoint:
         self._writes, self._last = True, time.monotonic()
 
     def portions(self, first: int, last: int, least: int, most: int) -> Iterator[slice]:
-        """See `phasemap.job.Memo`: as many as take the time between two files, by what the last ones took."""
+        """See `phasemap.imaging.job.Memo`: as many as take the time between two files, by what the last ones took."""
         size = GROWTH * least
         while first < last:
             began = time.monotonic()

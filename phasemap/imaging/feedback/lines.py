@@ -12,15 +12,15 @@ from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.beat import new_beat
 from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import scan_line
-from phasemap.canvas import Canvas, values_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Feedback
-from phasemap.experiment.realism import generator
-from phasemap.feedback.bulges import Bulges
-from phasemap.feedback.loop import loop_of, tau_per_second
-from phasemap.feedback.program import mean_ground, program_of
-from phasemap.job import Job
-from phasemap.paint import stiffening
+from phasemap.imaging.canvas import Canvas, values_of
+from phasemap.imaging.engaged import stiffening
+from phasemap.imaging.feedback.harmonics import Bulges
+from phasemap.imaging.feedback.loop import loop_of, tau_per_second
+from phasemap.imaging.feedback.program import mean_ground, program_of
+from phasemap.imaging.imperfections import generator
+from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name

@@ -23,7 +23,7 @@ from phasemap._kernels.scanning.flow import rates
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
-from phasemap.feedback.loop import loop_of, tau_per_second
+from phasemap.imaging.feedback.loop import loop_of, tau_per_second
 from phasemap.solvers.problem import Work
 
 Array = np.ndarray

@@ -5,8 +5,8 @@ damping except at two borders (`borders`), so that in cells between these (`cell
 fast. What an interpolant is worth is measured with exact orbits at materials of the image itself.
 """
 
-from phasemap.atlas.atlas import Atlas
-from phasemap.atlas.builder import build
-from phasemap.atlas.oracle import Oracle
+from phasemap.imaging.interpolation.atlas import Atlas
+from phasemap.imaging.interpolation.builder import build
+from phasemap.imaging.interpolation.oracle import Oracle
 
 __all__ = ["Atlas", "Oracle", "build"]

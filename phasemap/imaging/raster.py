@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from phasemap._kernels.scanning.slots import NOWHERE, Orbits
 from phasemap._shared.threads import Progress
-from phasemap.canvas import Canvas, values_of
-from phasemap.distinct import BLOCK, Distinct
 from phasemap.experiment.control import LINES, Raster
-from phasemap.job import Job, Painter, Values
-from phasemap.paint import Numbers, numbers_in, numbers_of
+from phasemap.imaging.canvas import Canvas, values_of
+from phasemap.imaging.engaged import Numbers, numbers_in, numbers_of
+from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.materials.distinct import BLOCK, Distinct
+from phasemap.imaging.materials.survey import Survey
 from phasemap.solvers.both_branches import stable_branches
-from phasemap.survey import Survey
 
 Array = NDArray[np.float64]
 

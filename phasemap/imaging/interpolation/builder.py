@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.interpolate import BORDER, CUT, LEAF, OUTSIDE
-from phasemap.atlas.atlas import Atlas
-from phasemap.atlas.borders import Border, Undecided, find_borders
-from phasemap.atlas.cells import Cell, Piece, best_form, fit
-from phasemap.atlas.chebyshev import unscaled
-from phasemap.atlas.oracle import Oracle
+from phasemap.imaging.interpolation.atlas import Atlas
+from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
+from phasemap.imaging.interpolation.cells import Cell, Piece, best_form, fit
+from phasemap.imaging.interpolation.chebyshev import unscaled
+from phasemap.imaging.interpolation.oracle import Oracle
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float, float, float]  # low and high of x0, x1, x2

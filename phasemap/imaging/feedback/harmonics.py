@@ -10,7 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.bulge import bulges
 from phasemap._shared.threads import spread
-from phasemap.job import Job
+from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 
 Array = np.ndarray

@@ -10,11 +10,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import engage_in_time
 from phasemap.experiment.control import Feedback
-from phasemap.experiment.realism import generator
-from phasemap.feedback.bulges import bulges_of
-from phasemap.feedback.lines import ENGAGED, Tip
-from phasemap.feedback.loop import loop_of
-from phasemap.job import Job
+from phasemap.imaging.feedback.harmonics import bulges_of
+from phasemap.imaging.feedback.lines import ENGAGED, Tip
+from phasemap.imaging.feedback.loop import loop_of
+from phasemap.imaging.imperfections import generator
+from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name

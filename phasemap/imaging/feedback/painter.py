@@ -10,19 +10,19 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread
-from phasemap.canvas import Canvas
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
-from phasemap.feedback.bulges import Bulges, bulges_of
-from phasemap.feedback.lines import ENGAGED, Lines, Tip
-from phasemap.feedback.loop import check, drive_frequency
-from phasemap.feedback.settling import quietened
-from phasemap.feedback.tuning import LinearLoop
-from phasemap.job import Job, Painter, Values
+from phasemap.imaging.canvas import Canvas
+from phasemap.imaging.feedback.harmonics import Bulges, bulges_of
+from phasemap.imaging.feedback.lines import ENGAGED, Lines, Tip
+from phasemap.imaging.feedback.loop import check, drive_frequency
+from phasemap.imaging.feedback.settling import quietened
+from phasemap.imaging.feedback.tuning import LinearLoop
+from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.materials.survey import Survey
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
-from phasemap.survey import Survey
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 TRIED = 48  # materials that are engaged to find out whether the averaged lever can follow them

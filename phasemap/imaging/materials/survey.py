@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.distinct import BLOCK, Distinct, digests_of
 from phasemap.experiment.surface import Surface
+from phasemap.imaging.materials.distinct import BLOCK, Distinct, digests_of
 
 Array = NDArray[np.float64]
 Digests = NDArray[np.uint64]

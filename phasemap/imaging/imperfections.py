@@ -1,0 +1,180 @@
+"""What a real microscope adds to an image: drift, a worn tip, noise, offsets and digits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.experiment.dilation import seen_at
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.realism import DIGITISED, Realism
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.experiment.surface import Surface
+
+
+__all__ = ["drifted", "finish", "generator", "scopes_by_row"]
+
+FloatArray = NDArray[np.float64]
+FAR = 2.0**40  # pixels: drift beyond every image
+
+
+def generator(seed: int, purpose: str) -> np.random.Generator:
+    """Random numbers of their own for each purpose: to turn one kind of noise on does not change another.
+
+    Parameters
+    ----------
+    seed : int
+        That of `Realism`.
+    purpose : str
+        What they are for, such as ``"height"``.
+
+    Examples
+    --------
+    >>> generator(0, "height").integers(100, size=3).tolist() == generator(0, "phase").integers(100, size=3).tolist()
+    False
+    """
+    return np.random.default_rng([seed, *purpose.encode()])
+
+
+def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple[slice, Microscope]]:
+    """Rows of the image and the microscope that scans them, in order.
+
+    Parameters
+    ----------
+    realism : Realism
+    scope : Microscope
+        As it is at the first line.
+    lines : int
+        Rows of the image.
+
+    Examples
+    --------
+    >>> from phasemap.experiment.realism import TipChange
+    >>> from phasemap.experiment.microscope import Cantilever, Drive, Tip
+    >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9))
+    >>> blunt = Realism(tip_change=TipChange(line=3, radius=30e-9))
+    >>> [(rows.start, rows.stop, one.tip.radius) for rows, one in scopes_by_row(blunt, scope, 8)]
+    [(0, 3, 1e-08), (3, 8, 3e-08)]
+    """
+    change = realism.tip_change
+    if change is None:
+        return [(slice(0, lines), scope)]
+    changed = replace(scope, tip=replace(scope.tip, radius=change.radius))
+    return [(slice(0, change.line), scope), (slice(change.line, lines), changed)]
+
+
+def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
+    """Return the surface as it passes under the tip while it drifts.
+
+    Parameters
+    ----------
+    surface : Surface
+    drift : (float, float, float)
+        Along x, y and z during the whole image [m], as in `Realism`.
+
+    Returns
+    -------
+    Surface
+        The same one without drift.
+
+    Examples
+    --------
+    >>> from phasemap.experiment.surface import Surface
+    >>> edge = Surface(modulus=[[1e9, 1e9, 1e9, 5e9]] * 4, pixel_size=1e-9)
+    >>> (drifted(edge, (4e-9, 0.0, 0.0)).modulus / 1e9).tolist()
+    [[1.0, 1.0, 1.0, 5.0], [1.0, 1.0, 5.0, 5.0], [1.0, 5.0, 5.0, 5.0], [5.0, 5.0, 5.0, 5.0]]
+    """
+    if not any(drift):
+        return surface
+    (ny, nx), (dy, dx) = surface.shape, surface.pixel_size
+    part = np.arange(ny) / ny
+    right, down = (min(max(way / side, -FAR), FAR) * part for way, side in zip(drift, (dx, dy), strict=False))
+    relief = None if surface.topography is None else _carried(surface.topography, right, down)
+    if drift[2]:
+        relief = (0.0 if relief is None else relief) + np.broadcast_to(drift[2] * part[:, np.newaxis], surface.shape)
+    rows = np.clip(np.arange(ny) + _nearest(down), 0, ny - 1)
+    columns = np.clip(np.arange(nx) + _nearest(right)[:, np.newaxis], 0, nx - 1)
+    return seen_at(surface, rows[:, np.newaxis] * nx + columns, relief)
+
+
+def _nearest(pixels: FloatArray) -> NDArray[np.int64]:
+    """Whole pixels, halves upwards, so that all pixels of a line move by the same."""
+    return np.floor(pixels + 0.5).astype(np.int64)
+
+
+def _carried(relief: FloatArray, right: FloatArray, down: FloatArray) -> FloatArray:
+    """Relief at each pixel moved by its line's shift [pixels], linear between pixels, the outermost repeated."""
+    ny, nx = relief.shape
+    columns = np.arange(nx)
+    carried = np.empty(relief.shape)
+    for row in range(ny):
+        place = min(max(row + down[row], 0.0), ny - 1.0)
+        upper = math.floor(place)
+        lower = min(upper + 1, ny - 1)
+        line = relief[upper] + (place - upper) * (relief[lower] - relief[upper])
+        carried[row] = np.interp(columns + right[row], columns, line)
+    return carried
+
+
+def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
+    """Add what comes after the scan: offsets of lines, then quantisation.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        Dims ("y", "x"), or ("direction", "y", "x").
+    realism : Realism
+
+    Returns
+    -------
+    xarray.Dataset
+        The same one if nothing is to be added. Each variable that changed says so in its attribute ``comment``, and
+        has the step of its quantisation in ``quantisation_step``, in its own unit.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> image = xr.Dataset({"phase": (("y", "x"), np.zeros((2, 3)))})
+    >>> noisy = finish(image, Realism(phase_offset=0.5))
+    >>> np.ptp(noisy.phase.values, axis=1).tolist(), noisy.phase.attrs["comment"]
+    ([0.0, 0.0], 'random offsets of lines, standard deviation 0.5, seed 0')
+    """
+    changed = {}
+    for name in DIGITISED:
+        if name not in image:
+            continue
+        one, comments = image[name], []
+        deviation = {"height": realism.line_offset, "phase": realism.phase_offset}.get(name, 0.0)
+        if deviation:
+            one = one + _offsets(one, deviation, generator(realism.seed, name))
+            comments.append(f"random offsets of lines, standard deviation {deviation:g}, seed {realism.seed}")
+        step = None
+        if realism.bits is not None:
+            one, step = _quantised(one, realism.bits)
+            comments.append(f"quantised to {realism.bits} bits")
+        if comments:
+            more = {} if step is None else {"quantisation_step": step}
+            changed[name] = one.assign_attrs(image[name].attrs, comment="; ".join(comments), **more)
+    return image.assign(changed) if changed else image
+
+
+def _offsets(values: xr.DataArray, deviation: float, random: np.random.Generator) -> xr.DataArray:
+    """One random number for each line and direction."""
+    lines = values.isel(x=0, drop=True)
+    return lines.copy(data=random.normal(0.0, deviation, lines.shape))
+
+
+def _quantised(values: xr.DataArray, bits: int) -> tuple[xr.DataArray, float]:
+    """Values rounded to 2**bits equal steps from the lowest to the highest of them, and the step; NaN stays."""
+    low, high = float(values.min()), float(values.max())
+    step = (high - low) / (2**bits - 1)
+    if not step > 0:  # one value only, or none
+        return values, 0.0
+    return low + ((values - low) / step).round() * step, step
