@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
-    from phasemap.fit import Fit, fit_distance, fit_frequency
     from phasemap.imaging.simulation import simulate
-    from phasemap.inversion.images import invert
-    from phasemap.inversion.region_fit import fit_regions
-    from phasemap.inversion.sensitivities import sensitivity
+    from phasemap.inference.curves.fit import Fit, fit_distance, fit_frequency
+    from phasemap.inference.images.images import invert
+    from phasemap.inference.images.region_fit import fit_regions
+    from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
     from phasemap.results.status import Status
@@ -55,11 +55,11 @@ _NAMES = {
     "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
     "experiment.realism": ("Realism", "TipChange"),
     "experiment.surface": ("Surface",),
-    "fit": ("Fit", "fit_distance", "fit_frequency"),
     "imaging.simulation": ("simulate",),
-    "inversion.images": ("invert",),
-    "inversion.region_fit": ("fit_regions",),
-    "inversion.sensitivities": ("sensitivity",),
+    "inference.curves.fit": ("Fit", "fit_distance", "fit_frequency"),
+    "inference.images.images": ("invert",),
+    "inference.images.region_fit": ("fit_regions",),
+    "inference.images.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
     "results.status": ("Status",),

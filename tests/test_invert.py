@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap.inversion.verdict import FLAGS
+from phasemap.inference.images.verdict import FLAGS
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(40e-9))

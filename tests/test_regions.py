@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap.inversion import region_fit
-from phasemap.inversion.zeros import Zeros
+from phasemap.inference.images import region_fit
+from phasemap.inference.images.zeros import Zeros
 from phasemap.plot import plot
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)

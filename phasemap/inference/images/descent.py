@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inversion.model import Found
+from phasemap.inference.images.model import Found
 
 Array = NDArray[np.float64]
 

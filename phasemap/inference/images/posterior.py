@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inversion.search import Block, Solution
+from phasemap.inference.images.search import Block, Solution
 
 Array = NDArray[np.float64]
 

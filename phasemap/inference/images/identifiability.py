@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inversion.joint import Fitted, Joint
-from phasemap.inversion.model import PARAMETERS
-from phasemap.inversion.verdict import UNKNOWN
-from phasemap.inversion.zeros import SHARED, Plan
+from phasemap.inference.images.joint import Fitted, Joint
+from phasemap.inference.images.model import PARAMETERS
+from phasemap.inference.images.verdict import UNKNOWN
+from phasemap.inference.images.zeros import SHARED, Plan
 
 Array = NDArray[np.float64]
 

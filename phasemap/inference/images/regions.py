@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
-from phasemap.inversion.stack import Stack
+from phasemap.inference.images.stack import Stack
 
 SPREAD = 1.4826  # standard deviation over the median absolute deviation of normal numbers
 MEDIAN = 1.2533  # standard error of a median over that of a mean

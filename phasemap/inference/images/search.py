@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inversion.descent import descend
-from phasemap.inversion.model import Found, Model, sides_of
-from phasemap.inversion.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.images.descent import descend
+from phasemap.inference.images.model import Found, Model, sides_of
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inversion.stack import HEIGHT, PHASE, Stack
-from phasemap.inversion.zeros import FREE, SHARED
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.images.zeros import FREE, SHARED
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

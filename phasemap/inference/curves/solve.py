@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phasemap.fitting.problem import STEP, Problem, Ruler
+from phasemap.inference.curves.problem import STEP, Problem, Ruler
 
 UNLIKELY = 1e-3  # chance of a chi2 as large, below which a fit is not believed
 AROUND = 5.0  # factor to either side of the start within which other starts lie

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
-from phasemap.inversion.descent import descend
-from phasemap.inversion.model import Found, Model
-from phasemap.inversion.starts import Starts
-from phasemap.inversion.zeros import Projection
+from phasemap.inference.images.descent import descend
+from phasemap.inference.images.model import Found, Model
+from phasemap.inference.images.starts import Starts
+from phasemap.inference.images.zeros import Projection
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

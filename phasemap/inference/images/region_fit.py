@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inversion.identifiability import CODES, COMBINED, GIVEN, OPEN, advise, codes_of, say_regions
-from phasemap.inversion.images import PRIOR, check_prior
-from phasemap.inversion.joint import DRAWS, Fitted, Joint, fit
-from phasemap.inversion.model import PARAMETERS, Model, make_model, sides_of
-from phasemap.inversion.regions import medians, regions_of
-from phasemap.inversion.search import make_grid
-from phasemap.inversion.stack import HEIGHT, PHASE, Stack, list_of_images, make_stack
-from phasemap.inversion.starts import Candidates, Starts, make_starts
-from phasemap.inversion.verdict import AVERAGED, FLAGS, POOR, UNLIKELY, Answer, settings_of, variables_of
-from phasemap.inversion.zeros import FREE, SHARED, Plan, make_plan
+from phasemap.inference.images.identifiability import CODES, COMBINED, GIVEN, OPEN, advise, codes_of, say_regions
+from phasemap.inference.images.images import PRIOR, check_prior
+from phasemap.inference.images.joint import DRAWS, Fitted, Joint, fit
+from phasemap.inference.images.model import PARAMETERS, Model, make_model, sides_of
+from phasemap.inference.images.regions import medians, regions_of
+from phasemap.inference.images.search import make_grid
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, list_of_images, make_stack
+from phasemap.inference.images.starts import Candidates, Starts, make_starts
+from phasemap.inference.images.verdict import AVERAGED, FLAGS, POOR, UNLIKELY, Answer, settings_of, variables_of
+from phasemap.inference.images.zeros import FREE, SHARED, Plan, make_plan
 from phasemap.results.variables import describe, provenance
 
 if TYPE_CHECKING:

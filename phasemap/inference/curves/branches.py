@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.fitting.parameters import Setup
+from phasemap.inference.curves.parameters import Setup
 from phasemap.solvers.continuation.complete import FAINT
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves

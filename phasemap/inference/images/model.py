@@ -12,7 +12,7 @@ from phasemap._kernels.law import Law
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inversion.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 from phasemap.solvers.problem import contact_stiffness, lever_of, material_row, properties
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inversion.model import make_model
-from phasemap.inversion.search import make_grid
-from phasemap.inversion.stack import Stack, list_of_images, make_stack
-from phasemap.inversion.verdict import Answer, say, settings_of, solve_part, variables_of
+from phasemap.inference.images.model import make_model
+from phasemap.inference.images.search import make_grid
+from phasemap.inference.images.stack import Stack, list_of_images, make_stack
+from phasemap.inference.images.verdict import Answer, say, settings_of, solve_part, variables_of
 from phasemap.results.variables import describe, provenance
 
 if TYPE_CHECKING:

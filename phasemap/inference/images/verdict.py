@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inversion.model import PARAMETERS, Model
-from phasemap.inversion.posterior import moments
-from phasemap.inversion.search import Block, Grid
-from phasemap.inversion.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.images.model import PARAMETERS, Model
+from phasemap.inference.images.posterior import moments
+from phasemap.inference.images.search import Block, Grid
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.fitting.data import DIRECTIONS, Data
-from phasemap.fitting.parameters import Setup
-from phasemap.fitting.problem import Choice, Problem, Ruler, difference
-from phasemap.fitting.result import SHOWN, Fit
-from phasemap.fitting.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
+from phasemap.inference.curves.data import DIRECTIONS, Data
+from phasemap.inference.curves.parameters import Setup
+from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
+from phasemap.inference.curves.result import SHOWN, Fit
+from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
 from phasemap.results.variables import float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 

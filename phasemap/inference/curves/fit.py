@@ -8,7 +8,7 @@ from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.fitting.result import Fit
+from phasemap.inference.curves.result import Fit
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]
 
@@ -149,11 +149,11 @@ def _fit(
     axis: str, name: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope,
     start: Material, height: float, parameters: Any, starts: int,
 ) -> Fit:  # fmt: skip
-    from phasemap.fitting.data import check_data
-    from phasemap.fitting.parameters import Setup, check_parameters
-    from phasemap.fitting.problem import Problem
-    from phasemap.fitting.solve import search
-    from phasemap.fitting.verdict import make_fit
+    from phasemap.inference.curves.data import check_data
+    from phasemap.inference.curves.parameters import Setup, check_parameters
+    from phasemap.inference.curves.problem import Problem
+    from phasemap.inference.curves.solve import search
+    from phasemap.inference.curves.verdict import make_fit
 
     data, setup = check_data(axis, name, values, direction, given), Setup(start, scope, height)
     chosen = check_parameters(parameters, setup, axis)

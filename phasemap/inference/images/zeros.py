@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.inversion.stack import HEIGHT, PHASE, Stack, noise_of, zeros_of
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, noise_of, zeros_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._shared.threads import workers_of
-from phasemap.fitting.branches import Branches, branches
-from phasemap.fitting.data import Data
-from phasemap.fitting.parameters import Parameter, Setup
+from phasemap.inference.curves.branches import Branches, branches
+from phasemap.inference.curves.data import Data
+from phasemap.inference.curves.parameters import Parameter, Setup
 
 STEP = 3e-4  # of the scaled parameters, of central differences
 COARSE = 0.03  # of the picture (largest amplitude, range of the axis): as near counts as one in the coarse comparison
