@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
-    from phasemap.checking.check import check
-    from phasemap.checking.result import Check
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
@@ -40,11 +38,11 @@ if TYPE_CHECKING:
     from phasemap.sweeps.contrasts.contrast_map import contrast
     from phasemap.sweeps.orbits import orbits
     from phasemap.sweeps.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
+    from phasemap.validation.checking.check import check
+    from phasemap.validation.checking.result import Check
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
-    "checking.check": ("check",),
-    "checking.result": ("Check",),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
@@ -71,6 +69,8 @@ _NAMES = {
     "sweeps.contrasts.contrast_map": ("contrast",),
     "sweeps.orbits": ("orbits",),
     "sweeps.sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
+    "validation.checking.check": ("check",),
+    "validation.checking.result": ("Check",),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}

@@ -20,23 +20,23 @@ from cases import Case as StoredCase
 from cases import label, load
 
 import phasemap as pm
-import phasemap.bench
-from phasemap.bench import cases
-from phasemap.bench import measure as measuring
-from phasemap.bench.compiling import ORDER, ColdStart, first_calls
-from phasemap.bench.equation import Case, Equation
-from phasemap.bench.measure import Plan, measure
-from phasemap.bench.methods import methods_of
-from phasemap.bench.peers import PEERS, Peer, installed
-from phasemap.bench.peers.shooting import constants
-from phasemap.bench.picture import draw as draw_picture
-from phasemap.bench.record import cheapest, failures, meets, period_time_at, to_dataset
-from phasemap.bench.reference import NoOrbit, Start, find_orbit
-from phasemap.bench.regimes import REGIMES, draw
-from phasemap.bench.report import LEVELS, listing, table
+import phasemap.validation.bench
 from phasemap.cli import main
 from phasemap.io.netcdf import load as read
 from phasemap.io.netcdf import save
+from phasemap.validation.bench import cases
+from phasemap.validation.bench import measure as measuring
+from phasemap.validation.bench.compiling import ORDER, ColdStart, first_calls
+from phasemap.validation.bench.equation import Case, Equation
+from phasemap.validation.bench.measure import Plan, measure
+from phasemap.validation.bench.methods import methods_of
+from phasemap.validation.bench.peers import PEERS, Peer, installed
+from phasemap.validation.bench.peers.shooting import constants
+from phasemap.validation.bench.picture import draw as draw_picture
+from phasemap.validation.bench.record import cheapest, failures, meets, period_time_at, to_dataset
+from phasemap.validation.bench.reference import NoOrbit, Start, find_orbit
+from phasemap.validation.bench.regimes import REGIMES, draw
+from phasemap.validation.bench.report import LEVELS, listing, table
 
 # What the README claims of "orbit", as ratios of time per pixel at equal error in one run. The margins are wide: a test
 # machine is shared, and few pixels are timed.
@@ -231,7 +231,9 @@ def made_up() -> xr.Dataset:
     error = [[[1e-5, 1e-5, 45.0], [1e-3, 1e-3, 1e-3], [1e-6, 1e-6, np.nan]]]
     result = [[[0, 0, 2], [0, 0, 0], [0, 0, 1]]]
     dims = ("regime", "solver", "case")
-    parameters = {name: (("regime", "case"), np.full((1, 3), 0.5)) for name in phasemap.bench.record.PARAMETERS}
+    parameters = {
+        name: (("regime", "case"), np.full((1, 3), 0.5)) for name in phasemap.validation.bench.record.PARAMETERS
+    }
     own = {
         f"reference_{n}_uncertainty": (("regime", "case"), np.full((1, 3), x))
         for n, x in (("phase", 1e-8), ("height", 1e-18))
@@ -326,7 +328,7 @@ def no_measuring(measured: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> list[
         progress("measuring")
         return measured
 
-    monkeypatch.setattr(phasemap.bench, "bench", bench)
+    monkeypatch.setattr(phasemap.validation.bench, "bench", bench)
     return asked
 
 
@@ -339,7 +341,7 @@ def test_the_command_prints_the_table_and_writes_both_files(
     assert said.out.startswith(table(measured)) and f"written to  {plot}" in said.out
     assert said.err == "measuring ...\n"
     assert read(output).identical(measured) and plot.exists()
-    assert no_measuring == [(phasemap.bench.QUICK_PIXELS, 3, False, True)]
+    assert no_measuring == [(phasemap.validation.bench.QUICK_PIXELS, 3, False, True)]
 
 
 def test_hard_cases_are_asked_for_by_the_same_command(
@@ -350,9 +352,9 @@ def test_hard_cases_are_asked_for_by_the_same_command(
             progress(f"hard cases: {number} of 2")
         return "| case | came out |"
 
-    module = ModuleType("phasemap.bench.hard")
+    module = ModuleType("phasemap.validation.bench.hard")
     monkeypatch.setattr(module, "hard", hard, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.bench.hard", module)
+    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.hard", module)
     assert main(["bench", "--hard"]) == 0
     assert capsys.readouterr() == ("| case | came out |\n", "hard cases ...\n")
 

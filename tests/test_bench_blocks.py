@@ -9,8 +9,20 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from phasemap.bench.blocks import CORES, ENGAGED, KINDS, MAPS, Cost, Run, _threaded, alone, blocks, forward, twice
 from phasemap.cli import main
+from phasemap.validation.bench.blocks import (
+    CORES,
+    ENGAGED,
+    KINDS,
+    MAPS,
+    Cost,
+    Run,
+    _threaded,
+    alone,
+    blocks,
+    forward,
+    twice,
+)
 
 
 def cells(table: str) -> list[list[str]]:
@@ -86,9 +98,9 @@ def test_the_command_prints_the_tables(capsys: pytest.CaptureFixture[str], monke
         progress("a block alone: two materials")
         return "| image |"
 
-    module = ModuleType("phasemap.bench.blocks")
+    module = ModuleType("phasemap.validation.bench.blocks")
     monkeypatch.setattr(module, "blocks", measured, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.bench.blocks", module)
+    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.blocks", module)
     assert main(["bench", "--blocks"]) == 0
     assert capsys.readouterr() == ("| image |\n", "a block alone ...\n")
     assert main(["bench", "--blocks", "--plot", "a.png"]) == 2

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import phasemap as pm
-from phasemap.bench import box as drawn
 from phasemap.cli import main
+from phasemap.validation.bench import box as drawn
 
 
 def test_the_same_seed_draws_the_same_materials_under_the_same_microscopes() -> None:
@@ -73,10 +73,10 @@ def test_the_command_prints_what_was_found(capsys: pytest.CaptureFixture[str], m
         progress("box: 1 of 2 microscopes")
         return "| contact | status |"
 
-    module = ModuleType("phasemap.bench.box")
+    module = ModuleType("phasemap.validation.bench.box")
     for name, value in (("box", box), ("MATERIALS", 500), ("MICROSCOPES", 20)):
         monkeypatch.setattr(module, name, value, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.bench.box", module)
+    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.box", module)
     assert main(["bench", "--box"]) == 0
     assert capsys.readouterr() == ("| contact | status |\n", "box ...\n")
     assert main(["bench", "--box", "--materials", "5", "--seed", "3"]) == 0

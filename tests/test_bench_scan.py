@@ -10,9 +10,9 @@ from types import ModuleType
 
 import pytest
 
-from phasemap.bench.scan import MOST_AMPLITUDE, MOST_PHASE, compare, errors, regimes, whole_image
-from phasemap.bench.scan_cases import CASES, PIXELS
 from phasemap.cli import main
+from phasemap.validation.bench.scan import MOST_AMPLITUDE, MOST_PHASE, compare, errors, regimes, whole_image
+from phasemap.validation.bench.scan_cases import CASES, PIXELS
 
 USUAL = next(case for case in CASES if case.name.startswith("usual"))
 BISTABLE = next(case for case in CASES if case.name.startswith("bistable"))
@@ -72,9 +72,9 @@ def test_the_command_prints_the_tables(capsys: pytest.CaptureFixture[str], monke
         progress("scans in time: Q 50")
         return "| regime | difference |"
 
-    module = ModuleType("phasemap.bench.scan")
+    module = ModuleType("phasemap.validation.bench.scan")
     monkeypatch.setattr(module, "scan", scan, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.bench.scan", module)
+    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.scan", module)
     assert main(["bench", "--scan"]) == 0
     assert capsys.readouterr() == ("| regime | difference |\n", "scans in time ...\n")
 

@@ -13,11 +13,6 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.checking.again import carried, other_solver
-from phasemap.checking.claims import claims_of, microscope_from
-from phasemap.checking.picture import Picture
-from phasemap.checking.result import FAILS, OPEN
-from phasemap.checking.sample import kinds, sample
 from phasemap.cli import main
 from phasemap.experiment.interaction import ContactLaw, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.realism import Realism, TipChange
@@ -26,6 +21,11 @@ from phasemap.results.variables import describe
 from phasemap.scenes.scene import load_scene, scene_from_json
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
+from phasemap.validation.checking.again import carried, other_solver
+from phasemap.validation.checking.claims import claims_of, microscope_from
+from phasemap.validation.checking.picture import Picture
+from phasemap.validation.checking.result import FAILS, OPEN
+from phasemap.validation.checking.sample import kinds, sample
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 STEP = str(SAMPLES / "step.toml")

@@ -15,10 +15,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap.checking import check as checking
 from phasemap.cli import main
 from phasemap.io.netcdf import save
 from phasemap.scenes.scene import load_scene
+from phasemap.validation.checking import check as checking
 
 STEP = Path(__file__).parents[1] / "samples" / "step.toml"
 ATTRIBUTES = ("configuration", "scene")

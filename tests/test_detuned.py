@@ -11,10 +11,10 @@ from cases import Case, label, load, material_of, scope_of
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.resonance import narrowest
-from phasemap.bench.regimes import REGIMES, Batch, draw
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
+from phasemap.validation.bench.regimes import REGIMES, Batch, draw
 
 CASES = load("detuned")
 HELD = [case for case in CASES if case["outcome"] == "held"]

@@ -14,8 +14,8 @@ from phasemap.cli.console import patience
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.checking.result import Check
     from phasemap.experiment.surface import Surface
+    from phasemap.validation.checking.result import Check
 
 __all__ = ["add_arguments", "check"]
 
@@ -90,7 +90,7 @@ def _checked(
     arguments: argparse.Namespace,
     progress: Callable[[int, int], None] | None,
 ) -> Check:
-    from phasemap.checking.check import check as check_image
+    from phasemap.validation.checking.check import check as check_image
 
     return check_image(
         image, surface, folders=(arguments.image.parent, "."), pixels=arguments.pixels, seed=arguments.seed,
@@ -115,7 +115,7 @@ def _with_progress(image: xr.Dataset, surface: Surface | None, arguments: argpar
 
 def _header(image: xr.Dataset) -> list[str]:
     """What is checked."""
-    from phasemap.checking.claims import claims_of
+    from phasemap.validation.checking.claims import claims_of
 
     claims = claims_of(image)
     (ny, nx), (dy, dx) = claims.shape, claims.pixel_size

@@ -319,10 +319,10 @@ def _bench(arguments: argparse.Namespace) -> None:
     for name in ("materials", "microscopes"):
         if getattr(arguments, name) is not None:
             raise PhasemapError(f"--{name} goes with --box only.")
-    from phasemap.bench import PIXELS, QUICK_PIXELS, bench
-    from phasemap.bench.picture import check_format, draw
-    from phasemap.bench.report import listing, table
     from phasemap.io.netcdf import check_target, save
+    from phasemap.validation.bench import PIXELS, QUICK_PIXELS, bench
+    from phasemap.validation.bench.picture import check_format, draw
+    from phasemap.validation.bench.report import listing, table
 
     for path in (arguments.output, arguments.plot):
         if path is not None:
@@ -351,20 +351,20 @@ def _bench_of_its_own(arguments: argparse.Namespace) -> None:
             raise PhasemapError(f"--{name} does not go with --{kind}, which prints a table of its own cases.")
     with _saying() as say:
         if kind == "hard":
-            from phasemap.bench.hard import hard
+            from phasemap.validation.bench.hard import hard
 
             said = hard(progress=say)
         elif kind == "box":
-            from phasemap.bench.box import MATERIALS, MICROSCOPES, box
+            from phasemap.validation.bench.box import MATERIALS, MICROSCOPES, box
 
             count = arguments.materials or MATERIALS
             said = box(count, arguments.microscopes or min(MICROSCOPES, count), arguments.seed, say)
         elif kind == "scan":
-            from phasemap.bench.scan import scan
+            from phasemap.validation.bench.scan import scan
 
             said = scan(progress=say)
         else:
-            from phasemap.bench.blocks import blocks
+            from phasemap.validation.bench.blocks import blocks
 
             said = blocks(progress=say)
     print(said)

@@ -1,0 +1,69 @@
+"""Speed against error: every solver at every tolerance, and general integrators, over regimes of scope and material.
+
+Cases are drawn at random within a regime (`regimes`), errors are against periodic orbits found by code that shares
+nothing with the solvers (`reference`), and what is slow, wrong or fails is in the result like everything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from phasemap._shared.checks import whole
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["bench"]
+
+PIXELS, QUICK_PIXELS = 40, 6
+"""Cases of a regime that are compared with the reference."""
+
+
+def bench(
+    pixels: int = PIXELS,
+    seed: int = 1,
+    peers: bool = True,
+    quick: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> xr.Dataset:
+    """Measure error and time of every method.
+
+    Parameters
+    ----------
+    pixels : int
+        Cases of each regime that are compared with the reference; more pixels are timed.
+    seed : int
+        Of the cases drawn.
+    peers : bool
+        Whether numbalsoda, heyoka and scipy are measured too, as far as they are installed.
+    quick : bool
+        Repeat timings less often, and do not time compilation from scratch.
+    progress : callable, optional
+        Told what is being done.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time, period_time,
+        compile_time [s], the parameters of the cases and the references; and ("image",): whole images in which every
+        pixel differs. `phasemap.validation.bench.report.table` and
+        `phasemap.validation.bench.picture.draw` show it.
+
+    Raises
+    ------
+    InputError
+        If `pixels` or `seed` is no whole number of at least 1 or 0.
+    """
+    whole("pixels", pixels, 1)
+    whole("seed", seed, 0)
+    from phasemap.validation.bench.images import measure_images
+    from phasemap.validation.bench.measure import Plan, measure
+    from phasemap.validation.bench.peers import installed
+    from phasemap.validation.bench.record import to_dataset
+
+    present, absent = installed() if peers else ([], [])
+    say = progress or (lambda text: None)
+    measured = to_dataset(measure(Plan.of(pixels, seed, quick), present, absent, say))
+    images = measure_images(quick, seed, say)
+    return measured.merge(images).assign_attrs(measured.attrs | images.attrs)

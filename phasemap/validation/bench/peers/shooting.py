@@ -1,0 +1,127 @@
+"""Shooting with Newton's method around any integrator; plain enough for numba to compile it for those who can call it.
+
+The unknowns are z, z' and the tip offset z0 where the tip is farthest away; all lengths over the setpoint amplitude.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from phasemap.validation.bench.equation import Equation
+
+Array = np.ndarray
+Period = Callable[[Array, Array, float], Array]
+"""Takes (z, z', z0), the constants and a tolerance; gives z, z' and the first harmonic's cosine and sine part."""
+Shoot = Callable[[Array, Array], Array]
+"""Takes constants and a start (z, z', z0); gives (tip offset, phase [rad], 1 if it converged)."""
+
+# Places among the constants.
+OMEGA, ALPHA0, BASE, STIFF, PULL, REACH, INVERSE, LOSS, BEGIN = range(9)
+
+MOST_ITERATIONS = 25
+
+
+def constants(equation: Equation, phase: float) -> Array:
+    """Constants of an equation whose orbit has about this phase [rad].
+
+    Raises
+    ------
+    ValueError
+        If the damping exponent is not 1/2, the only one the peers' right-hand sides know.
+    """
+    if equation.exponent != 0.5:
+        raise ValueError("peers know the damping exponent 1/2 only")
+    far = equation.decay > 0
+    begin = (0.5 * math.pi - phase - math.pi) / equation.omega
+    return np.array(
+        [
+            equation.omega, equation.alpha0, equation.base, equation.stiff, equation.pull,
+            equation.pull if far else 0.0, 1 / equation.decay if far else 0.0, equation.loss, begin,
+        ]
+    )  # fmt: skip
+
+
+def acceleration(time: float, z: float, v: float, z0: float, p: Any) -> float:
+    """z'' of Wang (1999), Eqs. 1-4, one formula for contact and flight, as integrators without events need it."""
+    d = z - z0
+    drive = p[BASE] * math.cos(p[OMEGA] * time) - z
+    if d >= 0:
+        root = math.sqrt(d)
+        return float(drive - 2 * (p[ALPHA0] + p[LOSS] * root) * v - p[STIFF] * d * root + p[PULL])
+    nearness = 1 - d * p[INVERSE]
+    return float(drive - 2 * p[ALPHA0] * v + p[REACH] / (nearness * nearness))
+
+
+def shoot(period: Period, p: Array, start: Array, tolerance: float) -> Array:
+    """Find the orbit of setpoint amplitude 1 near a start.
+
+    Newton's method, damped until the orbit nearly closes; the Jacobian, by forward differences, is kept while the
+    residual shrinks fivefold. The last step is not checked by another integration.
+
+    Parameters
+    ----------
+    period : callable
+        See `Period`.
+    p : ndarray, shape (9,)
+        See `constants`.
+    start : ndarray, shape (3,)
+        (z, z', z0) at time p[BEGIN].
+    tolerance : float
+        Of the integrator.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Tip offset, phase [rad], and 1 where it converged, 0 where not.
+    """
+    x = start.copy()
+    if p[ALPHA0] > 0.02:  # where the lever forgets quickly, a few periods bring the higher harmonics
+        for _ in range(4):
+            x[:2] = period(x, p, max(tolerance, 1e-6))[:2]
+    width = max(1e-3 * abs(x[2] + x[0]) + (1e-3 / p[INVERSE] if p[INVERSE] > 0 else 0.0), 100 * tolerance, 1e-6)
+    end = period(x, p, tolerance)
+    columns, residual, system = np.zeros((4, 3)), np.zeros(3), np.zeros((3, 3))
+    fresh, known = False, False
+    for _ in range(MOST_ITERATIONS):
+        amplitude = math.hypot(end[2], end[3])
+        residual[0], residual[1], residual[2] = end[0] - x[0], end[1] - x[1], amplitude - 1
+        size = math.sqrt(np.sum(residual * residual))
+        if not size < 1e3:
+            break
+        if not known:
+            for i in range(3):
+                beside = x.copy()
+                beside[i] += width
+                columns[:, i] = (period(beside, p, tolerance) - end) / width
+            fresh, known = True, True
+        system[:2] = columns[:2]
+        system[0, 0] -= 1
+        system[1, 1] -= 1
+        system[2] = (end[2] * columns[2] + end[3] * columns[3]) / amplitude
+        step = -np.linalg.solve(system, residual)
+        if size < 30 * tolerance:
+            end = end + columns @ step
+            return np.array([x[2] + step[2], 0.5 * math.pi - math.atan2(end[3], end[2]), 1.0])
+        taken = min(1.0, 0.2 / np.max(np.abs(step)))
+        while True:
+            new = x + taken * step
+            after = period(new, p, tolerance)
+            left = math.sqrt((after[0] - new[0]) ** 2 + (after[1] - new[1]) ** 2
+                             + (math.hypot(after[2], after[3]) - 1) ** 2)  # fmt: skip
+            if left < size or not fresh or taken < 1e-2:
+                break
+            taken *= 0.5
+        if left < size:
+            x, end, known = new, after, left < 0.2 * size
+            fresh = False
+        elif not fresh:
+            known = False
+        elif size < 1000 * tolerance:  # as near as the integrator's noise lets it come
+            return np.array([x[2], 0.5 * math.pi - math.atan2(end[3], end[2]), 1.0])
+        else:
+            break
+    return np.array([math.nan, math.nan, 0.0])

@@ -1,0 +1,42 @@
+"""Time of one period of the oscillation, the unit in which time integrators are compared."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap.solvers.problem import Work
+from phasemap.validation.bench.cases import Known
+from phasemap.validation.bench.timing import best_of
+
+PERIODS = 10
+
+
+def march_period_time(work: Work, known: Known, eta: float) -> float:
+    """Seconds in which the march integrates one period of a reference orbit.
+
+    Parameters
+    ----------
+    work : Work
+        Holds the case in row ``known.index``.
+    known : Known
+        With a reference.
+    eta : float
+        Size of the steps.
+    """
+    from phasemap._kernels.march import march_period
+
+    reference, amplitude = known.reference, known.case.amplitude
+    assert reference is not None
+    omega, lag = float(work.lever[0]), math.radians(90 - reference.phase)
+    # At drive phase 0; the higher harmonics are not there, but a tenth of a percent of the path costs no time.
+    state = [reference.mean_deflection + amplitude * math.cos(lag), omega * amplitude * math.sin(lag)]
+    y, acc = np.empty(2), np.zeros(7)
+
+    def several() -> None:
+        y[:] = state
+        for _ in range(PERIODS):
+            march_period(work.law, work.rows[known.index], work.lever, reference.tip_offset, eta, y, acc)
+
+    return best_of(several, 0.0)[0] / PERIODS

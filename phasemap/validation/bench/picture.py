@@ -1,0 +1,217 @@
+"""Work-precision diagrams: time per pixel against error, one panel for each regime.
+
+Uses matplotlib's Figure without pyplot, as `phasemap.plot` does.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from phasemap._shared.errors import InputError
+from phasemap.validation.bench.record import failures, families
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLUMNS = 4
+PANEL, GAP, TITLE, BLOCK = (2.75, 2.2), (0.28, 0.7), 0.55, 0.8  # sizes on the page [inch]
+LEFT, RIGHT, BOTTOM = 0.85, 0.3, 0.65
+RESOLUTION = 150  # dots per inch
+
+# Okabe and Ito's colours, which the colour-blind tell apart; markers and dashes say the same once more.
+STYLES = {
+    "averaging": ("#E69F00", "D"),
+    "auto": ("#009E73", "s"),
+    "orbit": ("#D55E00", "*"),
+    "march": ("#0072B2", "o"),
+    "numbalsoda": ("#000000", "v"),
+    "heyoka": ("#CC79A7", "^"),
+    "scipy": ("#7F7F7F", "X"),
+}
+OTHER_STYLE = ("#56B4E9", "P")
+HOLLOW: dict[str, Any] = {
+    "color": "0.3", "marker": "o", "markerfacecolor": "white", "linestyle": "", "label": "hollow: some cases failed",
+}  # fmt: skip
+OWN = ("averaging", "auto", "orbit", "march")
+
+
+class _Quantity(NamedTuple):
+    """An error that is drawn."""
+
+    name: str
+    title: str
+    label: str
+    factor: float
+    uncertainty: str
+    wanted: float  # the accuracy asked for by default
+
+
+QUANTITIES = (
+    _Quantity("phase_error", "Phase", "phase error (degree)", 1.0, "reference_phase_uncertainty", 0.01),
+    _Quantity("height_error", "Height", "height error (pm)", 1e12, "reference_height_uncertainty", 1.0),
+)
+
+
+def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+    """Draw work-precision diagrams of what was measured.
+
+    A point is the median error of a method at one tolerance, the thin line goes on to the 99th percentile; points of
+    one method are joined. Nearer to the lower left is better.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Of `phasemap.validation.bench.bench`.
+    path : path-like, optional
+        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If the format is unknown.
+    FileError
+        If `path` cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = min(COLUMNS, ds.sizes["regime"] + 1)
+    rows = -(-(ds.sizes["regime"] + 1) // columns)  # and one place for the legend
+    width = LEFT + columns * PANEL[0] + (columns - 1) * GAP[0] + RIGHT
+    block = BLOCK + rows * (PANEL[1] + GAP[1])
+    height = TITLE + len(QUANTITIES) * block + BOTTOM - GAP[1]
+    figure = Figure(figsize=(width, height))
+    canvas = FigureCanvasAgg(figure)
+
+    def axes_at(number: int, part: int) -> Axes:
+        row, column = divmod(number, columns)
+        left = LEFT + column * (PANEL[0] + GAP[0])
+        top = TITLE + part * block + BLOCK + row * (PANEL[1] + GAP[1])
+        return figure.add_axes((left / width, 1 - (top + PANEL[1]) / height, PANEL[0] / width, PANEL[1] / height))
+
+    times = 1e6 * ds["time"].values
+    limits = (0.5 * np.nanmin(times), 2 * np.nanmax(times))
+    for part, quantity in enumerate(QUANTITIES):
+        heading = 1 - (TITLE + part * block + 0.3) / height
+        figure.text(LEFT / width, heading, f"{quantity.title}: time against error", fontsize=14, fontweight="bold")
+        span = _span(ds, quantity)
+        for r, regime in enumerate(map(str, ds["regime"].values)):
+            axes = axes_at(r, part)
+            _panel(axes, ds.isel(regime=r), quantity, span, limits)
+            axes.set_title(regime, fontsize=12, loc="left")
+            if r % columns == 0:
+                axes.set_ylabel("time per pixel (µs)", fontsize=10.5)
+            else:
+                axes.tick_params(labelleft=False)
+            if r + columns >= ds.sizes["regime"]:
+                axes.set_xlabel(quantity.label, fontsize=10.5)
+        if part == 0:
+            _legend(axes_at(ds.sizes["regime"], part), ds)
+    figure.text(LEFT / width, 1 - 0.22 / height, _title(ds), fontsize=10.5, color="0.3", va="top")
+    if path is not None:
+        _save(canvas, path, overwrite)
+    return figure
+
+
+def _span(ds: xr.Dataset, quantity: _Quantity) -> tuple[float, float, float]:
+    """Errors shown, the same in every panel: least, that of the reference itself, and largest."""
+    errors = abs(ds[quantity.name].values) * quantity.factor
+    own = float(np.nanmedian(ds[quantity.uncertainty].values)) * quantity.factor
+    return 0.1 * own, own, 3 * float(np.nanmax(errors))
+
+
+def _panel(axes: Axes, ds: xr.Dataset, quantity: _Quantity, span: tuple[float, float, float], limits: Any) -> None:
+    """All methods in one regime."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    least, own, largest = span
+    axes.set_xlim(least, largest)
+    axes.set_ylim(*limits)
+    axes.axvspan(least, own, color="0.9", linewidth=0)
+    axes.axvline(quantity.wanted, color="0.6", linewidth=0.8, linestyle=":")
+    failed = failures(ds).values
+    for family in families(ds):
+        columns = np.flatnonzero(ds["family"].values == family)
+        colour, marker = STYLES.get(family, OTHER_STYLE)
+        errors = abs(ds[quantity.name].values[columns]) * quantity.factor
+        known = np.isfinite(errors).any(axis=1) & np.isfinite(ds["time"].values[columns])
+        if not known.any():
+            continue
+        columns, errors = columns[known], np.maximum(errors[known], 0.3 * own)  # in the grey, whatever the chance
+        x, most = np.nanmedian(errors, axis=1), np.nanpercentile(errors, 99, axis=1)
+        y = 1e6 * ds["time"].values[columns]
+        axes.plot(x, y, color=colour, linewidth=1.2, linestyle="-" if family in OWN else (0, (4, 2)), zorder=2)
+        axes.hlines(y, x, most, color=colour, linewidth=0.7, alpha=0.7, zorder=1)
+        whole = failed[columns] == 0
+        size = 70 if marker == "*" else 26
+        faces = [colour if each else "white" for each in whole]
+        axes.scatter(x, y, size, marker=marker, facecolors=faces, edgecolors=colour, linewidths=1, zorder=3)
+    axes.tick_params(labelsize=9.5)
+    axes.grid(color="0.93", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _legend(axes: Axes, ds: xr.Dataset) -> None:
+    """Which line is which, and what else is drawn, in the place of one panel."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    axes.set_axis_off()
+    handles: list[Any] = []
+    for family in families(ds):
+        colour, marker = STYLES.get(family, OTHER_STYLE)
+        style: Any = "-" if family in OWN else (0, (4, 2))
+        size = 10 if marker == "*" else 6
+        handles.append(Line2D([], [], color=colour, marker=marker, markersize=size, linestyle=style, label=family))
+    handles += [
+        Line2D([], [], **HOLLOW),
+        Line2D([], [], color="0.3", linewidth=0.7, label="from median to 99th percentile"),
+        Line2D([], [], color="0.6", linewidth=0.8, linestyle=":", label="accuracy asked for by default"),
+        Patch(color="0.9", label="below the reference's own error"),
+    ]
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 1.05), fontsize=10, frameon=False)
+
+
+def _title(ds: xr.Dataset) -> str:
+    cases = ds.sizes["case"]
+    return (
+        f"Solvers of phasemap (solid) and general integrators with shooting (dashed); {cases} random cases a regime, "
+        f"one core. Lower left is better.\n{ds.attrs['machine']}; {ds.attrs['versions']}; seed {ds.attrs['seed']}"
+    )
+
+
+def _save(canvas: Any, path: str | os.PathLike[str], overwrite: bool) -> None:
+    """Write the picture whole or not at all."""
+    from phasemap.io.netcdf import replacing
+
+    check_format(path, canvas)
+    with replacing(path, overwrite) as temporary:
+        canvas.print_figure(temporary, dpi=RESOLUTION)
+
+
+def check_format(path: str | os.PathLike[str], canvas: Any = None) -> None:
+    """Refuse a suffix that no picture has, before minutes are spent on what it would show.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of a picture.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    formats = sorted((canvas or FigureCanvasAgg).get_supported_filetypes())
+    suffix = os.path.splitext(path)[1]
+    if suffix.lstrip(".").lower() not in formats:
+        raise InputError("the picture's suffix", suffix, "one of " + ", ".join(f".{name}" for name in formats))
