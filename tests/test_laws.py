@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 import phasemap as pm
 from phasemap._kernels import averaging, in_time, march
 from phasemap._kernels import columns as col
-from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare

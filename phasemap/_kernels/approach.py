@@ -16,9 +16,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.averaging import harmonics, mismatch
-from phasemap._kernels.law import OPTIONS, Law, contact_force
-from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.averaging import harmonics
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.resonance import (
     ATTRACTIVE,
     HEIGHT,
@@ -38,28 +38,6 @@ WEIGHT = 4.0
 MOST_STEPS = 400
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
 SURE, DOUBTFUL, OPEN = 0, 1, 2
-
-
-@njit(**OPTIONS)
-def free_amplitude(lever: np.ndarray) -> float:
-    """Amplitude [m] of the free lever at the drive frequency."""
-    omega = lever[col.OMEGA]
-    return lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
-
-
-@njit(**OPTIONS)
-def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
-    """Length [m] on which orbits change as the tip comes near: the reach of the long-range force.
-
-    Without one, the indentation at which a force that sets in with contact takes up a third of the drive.
-    """
-    if p[4] != 0.0:
-        return max(reach_of(law, p), 1e-3 * free)
-    pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
-    if not pull > 0.0:
-        return 1e-3 * free
-    half = min(0.15 * math.pi * lever[col.BASE] / pull, 0.05)
-    return 0.5 * free * half * half
 
 
 @njit(**OPTIONS)

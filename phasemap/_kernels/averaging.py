@@ -21,9 +21,9 @@ import math
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import OMEGA, STIFFNESS
 from phasemap._kernels.law import OPTIONS, Law, contact_force, damping, longrange_force
-from phasemap._kernels.tables import gauss
+from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
 _FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2  # u = u0 + delta _FAR_X; the weight has dtheta = 2 du/(1 + u^2)
@@ -161,12 +161,3 @@ def harmonics(
     more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, hanging)
     share = 2.0 / (math.pi * lever[STIFFNESS])
     return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean
-
-
-@njit(**OPTIONS)
-def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
-    """Drive needed over drive given, squared, less one: zero on an orbit."""
-    omega = lever[OMEGA]
-    x = push + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - drag
-    return (x * x + y * y) / (lever[BASE] * lever[BASE]) - 1.0

@@ -12,15 +12,16 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE, averaged_orbits, free_amplitude, scale_of
+from phasemap._kernels.approach import SURE, averaged_orbits
 from phasemap._kernels.collect import collect, seed
 from phasemap._kernels.collocation import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit, new_orbit
 from phasemap._kernels.estimate import state_errors
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.mesh import carry_over, find_contacts, lay
 from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
 from phasemap._kernels.path import fixed
-from phasemap._kernels.quick import LOWEST_Q, engage, farthest, parameters
+from phasemap._kernels.quick import LOWEST_Q, engage, farthest
 from phasemap._kernels.resonance import MAXIMUM
 from phasemap._kernels.snap import HANGING
 from phasemap._kernels.trace import engage as engage_exact

@@ -11,9 +11,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.batch import FINEST, judge, polish, tolerance_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, new_orbit
 from phasemap._kernels.estimate import state_errors
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.orbit import begin, newton
-from phasemap._kernels.quick import parameters
 
 MOST_STEPS = 15
 SAME = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit

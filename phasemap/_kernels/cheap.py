@@ -14,8 +14,9 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.approach import SURE, averaged_orbits
 from phasemap._kernels.corrected import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.quick import cheap_orbit, engage, new_room, parameters
+from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.lever import phase_of
+from phasemap._kernels.quick import cheap_orbit, engage, new_room
 from phasemap._kernels.resonance import MAXIMUM
 
 
@@ -31,15 +32,6 @@ def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     row[col.DISSIPATION] = -math.pi * stiffness * amplitude * drag
     row[col.VIRIAL] = stiffness * (mean * mean - 0.5 * amplitude * push)
     row[col.STIFFENING] = push / amplitude
-
-
-@njit(**OPTIONS)
-def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
-    """Phase [rad] from (z0, mean deflection, A, P, S)."""
-    omega = lever[col.OMEGA]
-    return math.atan2(
-        guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
-    )
 
 
 @njit(**OPTIONS)

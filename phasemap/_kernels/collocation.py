@@ -33,7 +33,7 @@ from phasemap._kernels.law import (
     longrange_force,
     longrange_slope,
 )
-from phasemap._kernels.tables import NODES, T_END1, T_END2, T_M1, T_M2, T_NUMBERS, T_SUM1, T_TOTAL
+from phasemap._kernels.quadrature import NODES, T_END1, T_END2, T_M1, T_M2, T_NUMBERS, T_SUM1, T_TOTAL
 
 MOST_ELEMENTS = 96
 MOST_CONTACTS = 8

@@ -68,3 +68,8 @@ ORBIT = 1
 MARCH = 2
 INTERPOLATED = 3
 CORRECTED = 4
+
+ATTRACTING, REPELLING = 0, 1  # on each branch, in the order of the codes of `branch`
+ENGAGED = 2  # what engagement from far finds
+SLOTS = 3
+NOWHERE = -1  # of a tip that has not been engaged

@@ -46,7 +46,7 @@ from phasemap._kernels.collocation import (
 )
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import find_contacts, lay, put
-from phasemap._kernels.tables import HALVES, INTO_HALVES, NODES, T_S
+from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 
 SAFETY = 2.0  # over the change in the step; of 7,000 orbits drawn at random none was farther off than 1.4 times that
 FLOOR_PHASE, FLOOR_HEIGHT = 4e-11, 1e-19  # [rad, m], least error to be expected

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import free_amplitude
+from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.march import march_period
 from phasemap._kernels.period_map import (
     Tip,

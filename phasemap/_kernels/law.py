@@ -194,3 +194,11 @@ def _resolve(stub: Any, role: int) -> None:
 
 for _role, _stub in enumerate((contact_force, contact_slope, longrange_force, longrange_slope, damping, damping_slope)):
     _resolve(_stub, _role)
+
+
+@njit(**OPTIONS)
+def parameters(row: np.ndarray) -> tuple[float, ...]:
+    """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
+    return (
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11]
+    )  # fmt: skip

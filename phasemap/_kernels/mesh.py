@@ -36,8 +36,9 @@ from phasemap._kernels.collocation import (
     W,
 )
 from phasemap._kernels.columns import RELEASE, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping, longrange_force, longrange_slope
-from phasemap._kernels.tables import (
+from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.quadrature import (
     CONTACT_COUNTS,
     CONTACT_START,
     GRADED_REACH,
@@ -55,14 +56,6 @@ from phasemap._kernels.tables import (
 
 TWO_PI = 2 * math.pi
 PERMANENT = -1  # orbit.head[COUNT, CONTACTS] of an orbit that never leaves contact
-
-
-@njit(**OPTIONS)
-def reach_of(law: Law, p: np.ndarray) -> float:
-    """Distance [m] over which the long-range force falls: d0 of an inverse square; 0 without such a force."""
-    if p[4] == 0.0:
-        return 0.0
-    return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
 
 
 @njit(**OPTIONS)

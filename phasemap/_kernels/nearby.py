@@ -11,10 +11,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.batch import judge, polish, tolerance_of
 from phasemap._kernels.collocation import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
 from phasemap._kernels.curve import relay
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.orbit import begin, newton
 from phasemap._kernels.path import fixed
-from phasemap._kernels.quick import parameters
 
 MOST_STEPS = 12
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force, longrange_slope
-from phasemap._kernels.tables import gauss
+from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(24)
 

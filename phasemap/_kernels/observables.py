@@ -33,7 +33,7 @@ from phasemap._kernels.collocation import (
 )
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.mesh import interpolate
-from phasemap._kernels.tables import NODES, T_END1
+from phasemap._kernels.quadrature import NODES, T_END1
 
 
 @njit(**OPTIONS)

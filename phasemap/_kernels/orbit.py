@@ -48,8 +48,9 @@ from phasemap._kernels.collocation import (
 )
 from phasemap._kernels.crest import crest
 from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
-from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay, reach_of
-from phasemap._kernels.tables import NODES, T_END1
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay
+from phasemap._kernels.quadrature import NODES, T_END1
 
 MOST_STEPS = 30
 COARSE_DRIVE = 1e-2  # the same for points on the way along the curve

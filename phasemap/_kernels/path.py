@@ -14,7 +14,6 @@ from numba import njit
 from numba.extending import overload
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import free_amplitude, scale_of
 from phasemap._kernels.collocation import (
     HOLD_ARC,
     HOLD_PLANE,
@@ -29,6 +28,7 @@ from phasemap._kernels.collocation import (
     linearise,
 )
 from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbit import newton, newton_swept
 
 HELD_OFFSET, HELD_AMPLITUDE = 0, 1  # what a sweep of m holds

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, free_amplitude, question, settle_side, worst_amplitude
+from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.approach import engage as engage_averaged
 from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA, RELEASE
 from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import reach_of
+from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.resonance import (
     ATTRACTIVE,
     GAP,
@@ -49,14 +49,6 @@ class Room(NamedTuple):
     other: np.ndarray
     top: np.ndarray
     fit: np.ndarray
-
-
-@njit(**OPTIONS)
-def parameters(row: np.ndarray) -> tuple[float, ...]:
-    """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
-    return (
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11]
-    )  # fmt: skip
 
 
 @njit(**OPTIONS)

@@ -21,7 +21,7 @@ from numba import njit
 
 from phasemap._kernels.columns import ALPHA0, OMEGA, STIFFNESS
 from phasemap._kernels.law import OPTIONS, Law, contact_force, damping, longrange_force
-from phasemap._kernels.tables import gauss, integration_matrix
+from phasemap._kernels.quadrature import gauss, integration_matrix
 
 N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
 X, WEIGHTS = gauss(N)

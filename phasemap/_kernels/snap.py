@@ -13,9 +13,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import free_amplitude
 from phasemap._kernels.collocation import CONTACTS, COUNT, HOLD_OFFSET, TRANSFER, VALUE, Z0, A, Orbit, linearise
 from phasemap._kernels.law import OPTIONS, Law, contact_force, contact_slope, damping, longrange_slope
+from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.mesh import PERMANENT
 from phasemap._kernels.orbit import begin, floquet, newton
 

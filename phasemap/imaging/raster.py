@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.scanning.slots import NOWHERE, Orbits
+from phasemap._kernels.columns import NOWHERE
+from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, values_of

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, Orbits
+from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
+from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
@@ -160,8 +161,8 @@ def _others(
     allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
     arrays = first, last, rows, status, used
     if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, *arrays):
+        from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.scanning.others import exact_near_rows
-        from phasemap._kernels.tables import TABLES
 
         if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, *arrays):
             _search(work, *arrays)
@@ -195,7 +196,7 @@ def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used:
     """Decide what is still PENDING by all the exact orbits that there are."""
     from phasemap._kernels.batch import every_orbit
     from phasemap._kernels.collocation import HOLD_AMPLITUDE
-    from phasemap._kernels.tables import TABLES
+    from phasemap._kernels.quadrature import TABLES
 
     waiting = status[:ENGAGED, first:last] == col.PENDING
     for i in first + np.flatnonzero(waiting.any(axis=0)):

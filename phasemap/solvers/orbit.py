@@ -82,7 +82,7 @@ def solve_exactly(
     status[first:last][in_time] = col.NOT_CONVERGED
     if (status[first:last] == col.PENDING).any():
         from phasemap._kernels.batch import exact_rows
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.quadrature import TABLES
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
     March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), out, status, solver, periods)
@@ -95,7 +95,7 @@ def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarra
     if not len(chosen):
         return
     from phasemap._kernels.beside import rows_beside
-    from phasemap._kernels.tables import TABLES
+    from phasemap._kernels.quadrature import TABLES
 
     rows, done = out[chosen], np.empty(len(chosen), np.bool_)
     rows_beside(work.law, work.rows[chosen], work.lever, TABLES, work.amplitudes[chosen], rows, done)

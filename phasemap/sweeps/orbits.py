@@ -62,7 +62,7 @@ def orbits(
     elif setpoint is not None:
         from phasemap._kernels.batch import every_orbit
         from phasemap._kernels.collocation import HOLD_AMPLITUDE
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.quadrature import TABLES
 
         amplitude = check_setpoint(setpoint) * scope.free_amplitude
         work = work_of_material(material, scope, amplitude)

@@ -10,9 +10,9 @@ from phasemap._kernels.corrected import HEIGHT as STATE_HEIGHT
 from phasemap._kernels.corrected import PHASE as STATE_PHASE
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.inverting.averaged import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.quick import new_room, parameters, refine
+from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.quick import new_room, refine
 
 
 @njit(**OPTIONS)

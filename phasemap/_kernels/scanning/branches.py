@@ -13,13 +13,14 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import caution, free_amplitude
-from phasemap._kernels.averaging import harmonics, mismatch
+from phasemap._kernels.approach import caution
+from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.cheap import averaging_suffices
+from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
 from phasemap._kernels.corrected import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
-from phasemap._kernels.law import OPTIONS, Law, contact_force
-from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.quick import Room, decide_exactly, new_room, parameters, refine, steep
+from phasemap._kernels.law import OPTIONS, Law, contact_force, parameters
+from phasemap._kernels.lever import free_amplitude, mismatch, reach_of
+from phasemap._kernels.quick import Room, decide_exactly, new_room, refine, steep
 from phasemap._kernels.resonance import (
     ATTRACTIVE,
     BEHIND,
@@ -33,7 +34,6 @@ from phasemap._kernels.resonance import (
     on_side,
     strongest,
 )
-from phasemap._kernels.scanning.slots import ATTRACTING, ENGAGED, REPELLING
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants, over that of the free lever

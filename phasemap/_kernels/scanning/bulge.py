@@ -15,9 +15,9 @@ from numba import njit
 
 from phasemap._kernels.approach import averaged_orbits, slope_of
 from phasemap._kernels.corrected import HEIGHT
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import reach_of
-from phasemap._kernels.quick import new_room, parameters, refine
+from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.quick import new_room, refine
 
 ATTRACTED, REPELLED = 0, 1
 

@@ -6,11 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-ATTRACTING, REPELLING = 0, 1  # on each branch, in the order of the codes of `branch`
-ENGAGED = 2  # what engagement from far finds
-SLOTS = 3
-NOWHERE = -1  # of a tip that has not been engaged
-
 
 class Orbits(NamedTuple):
     """What holds the setpoint on n materials.

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from phasemap._kernels.columns import ENGAGED, NOWHERE
 from phasemap._kernels.law import OPTIONS
-from phasemap._kernels.scanning.slots import ENGAGED, NOWHERE, Orbits
+from phasemap._kernels.scanning.slots import Orbits
 
 
 @njit(**OPTIONS)

@@ -22,7 +22,7 @@ DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 def held_curves(law: Law, path: Fixed, amplitudes: np.ndarray, samples: int) -> Curves:
     """The distance curve from far, with rows where the detector sees these amplitudes."""
-    from phasemap._kernels.approach import free_amplitude
+    from phasemap._kernels.lever import free_amplitude
     from phasemap._kernels.path import AP, VP
 
     free, base = float(free_amplitude(path.lever)), path.lever[col.SHAKER]

@@ -73,8 +73,8 @@ class Question:
 
 def fixed_path(question: Question) -> tuple[Law, Fixed]:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
+    from phasemap._kernels.law import parameters
     from phasemap._kernels.path import fixed
-    from phasemap._kernels.quick import parameters
 
     work = question.work()
     return work.law, fixed(work.law, parameters(work.rows[0]), work.lever)

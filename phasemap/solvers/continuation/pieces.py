@@ -92,9 +92,9 @@ class Curves:
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
-        from phasemap._kernels.approach import free_amplitude
         from phasemap._kernels.collocation import VALUE, Z0, new_orbit
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.lever import free_amplitude
+        from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.trace import start_far
 
         free = free_amplitude(self.standing(0.0)[1])
@@ -208,7 +208,7 @@ class Curves:
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
         from phasemap._kernels.collocation import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
         from phasemap._kernels.follow import start_at
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.quadrature import TABLES
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
         good, orbit, spare = start_at(
@@ -221,7 +221,7 @@ class Curves:
         from phasemap._kernels.curve import copy_orbit
         from phasemap._kernels.follow import CLOSED, aim, follow
         from phasemap._kernels.path import POINT
-        from phasemap._kernels.tables import TABLES
+        from phasemap._kernels.quadrature import TABLES
 
         start = new_orbit()
         copy_orbit(orbit, start)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.slots import NOWHERE, Orbits
+from phasemap._kernels.columns import NOWHERE
+from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
