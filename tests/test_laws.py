@@ -14,10 +14,12 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import phasemap as pm
-from phasemap._kernels import averaging, in_time, march
 from phasemap._kernels import columns as col
+from phasemap._kernels import in_time
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
+from phasemap._kernels.orbits.averaged import harmonics
+from phasemap._kernels.orbits.time import march
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare
 from phasemap.results.variables import describe
@@ -389,8 +391,8 @@ def test_averaging_takes_the_neck_on_the_way_out(name: str, decay: float | None)
     without[10] = 0.0
     for amplitude, c in [(1e-8, 0.999), (1e-8, 1 - 1e-7), (1e-8, 0.9), (1e-8, 0.0), (1e-8, -0.5), (3e-9, 0.3)]:
         reach = reach_of(token, p)
-        push, drag, mean = averaging.harmonics(token, p, lever, reach, amplitude, c)
-        push0, drag0, mean0 = averaging.harmonics(token, without, lever, reach, amplitude, c)
+        push, drag, mean = harmonics.harmonics(token, p, lever, reach, amplitude, c)
+        push0, drag0, mean0 = harmonics.harmonics(token, without, lever, reach, amplitude, c)
         more, more_push, loss = brute(token, p, amplitude, c)
         scale = 2 / (math.pi * k)
         total = abs(push) + abs(scale * more)
@@ -405,7 +407,7 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
     interaction = Interaction(Neck(2e-9), 0.3e-9)
     token, p, k = interaction.token(), row_of(interaction), 5.0
     lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
-    push, drag, mean = averaging.harmonics(token, p, lever, reach_of(token, p), 0.8e-9, 0.5)
+    push, drag, mean = harmonics.harmonics(token, p, lever, reach_of(token, p), 0.8e-9, 0.5)
     f = token.formulas[0]
 
     def part(n: int) -> float:
@@ -422,7 +424,7 @@ def test_no_touch_no_neck() -> None:
     without = p.copy()
     without[10] = 0.0
     numbers = (lever, reach_of(token, p), 1e-8, 1.001)
-    assert averaging.harmonics(token, p, *numbers) == averaging.harmonics(token, without, *numbers)
+    assert harmonics.harmonics(token, p, *numbers) == harmonics.harmonics(token, without, *numbers)
 
 
 def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
@@ -431,7 +433,7 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
     interaction = Interaction("hertz", None)
     p = row_of(interaction, damping=eta * RADIUS * resonance / (2 * k))
     lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
-    _, drag, _ = averaging.harmonics(interaction.token(), p, lever, 0.0, amplitude, 1 - delta / amplitude)
+    _, drag, _ = harmonics.harmonics(interaction.token(), p, lever, 0.0, amplitude, 1 - delta / amplitude)
     expected = math.pi * math.sqrt(2) / 4 * eta * resonance * math.sqrt(RADIUS * amplitude) * delta**2
     assert -math.pi * k * amplitude * drag == pytest.approx(expected, rel=0.01)
 

@@ -10,7 +10,8 @@ import pytest
 from cases import Case, label, load
 
 from phasemap._kernels import columns as col
-from phasemap._kernels import in_time, march, period_map, tableau
+from phasemap._kernels import in_time
+from phasemap._kernels.orbits.time import march, period_map, runge_kutta
 from phasemap.experiment.interaction import Interaction
 
 Problem = tuple[Any, np.ndarray, np.ndarray]
@@ -70,7 +71,7 @@ TAPPING, TAPPING_ORBIT = ORBITS[0]
 
 def test_the_tableau_takes_an_exponential_one_step_to_order_eight() -> None:
     # For y' = y the step is a polynomial in h that must agree with exp(h) up to h^8 / 8!.
-    rows = [getattr(tableau, f"row{i}").py_func for i in range(2, 13)]
+    rows = [getattr(runge_kutta, f"row{i}").py_func for i in range(2, 13)]
     taken = [(1,), (1, 2), (1, 3), (1, 3, 4), (1, 4, 5), (1, 4, 5, 6), (1, *range(4, 8)), (1, *range(4, 9))]
     taken += [(1, *range(4, 10)), (1, *range(4, 11)), (1, *range(4, 12))]
     errors = []
@@ -78,15 +79,15 @@ def test_the_tableau_takes_an_exponential_one_step_to_order_eight() -> None:
         k = {1: 1.0}
         for i, (row, stages) in enumerate(zip(rows, taken, strict=True)):
             k[i + 2] = row(1.0, h, *(k[j] for j in stages))
-        errors.append(tableau.total.py_func(1.0, h, *(k[j] for j in (1, *range(6, 13)))) - math.exp(h))
+        errors.append(runge_kutta.total.py_func(1.0, h, *(k[j] for j in (1, *range(6, 13)))) - math.exp(h))
     assert abs(errors[0]) < 1e-9
     assert math.log2(errors[0] / errors[1]) == pytest.approx(9, abs=0.3)
 
 
 @pytest.mark.parametrize("angle", [-0.6, -0.1, 0.0, 1e-9, 0.3, 0.6])
 def test_turn_is_cosine_and_sine(angle: float) -> None:
-    assert tableau.turn.py_func(angle) == pytest.approx((math.cos(angle), math.sin(angle)), rel=3e-16, abs=1e-300)
-    assert tableau.turn(angle) == pytest.approx(tableau.turn.py_func(angle), rel=3e-16, abs=1e-300)
+    assert runge_kutta.turn.py_func(angle) == pytest.approx((math.cos(angle), math.sin(angle)), rel=3e-16, abs=1e-300)
+    assert runge_kutta.turn(angle) == pytest.approx(runge_kutta.turn.py_func(angle), rel=3e-16, abs=1e-300)
 
 
 def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:

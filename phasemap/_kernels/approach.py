@@ -16,9 +16,10 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.orbits import crossing, far_start, slope_of
 from phasemap._kernels.resonance import (
     ATTRACTIVE,
     HEIGHT,
@@ -49,46 +50,6 @@ def log_mismatch(
     c = 1.0 + epsilon * math.sinh(zeta) / amplitude
     push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
     return math.log(1.0 + mismatch(lever, amplitude, push, drag))
-
-
-@njit(**OPTIONS)
-def crossing(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, near: float, far: float
-) -> float:
-    """Return c between near and far where an orbit has this amplitude (regula falsi); NaN if not bracketed."""
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, near)
-    h_near = math.log(1.0 + mismatch(lever, amplitude, push, drag))
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, far)
-    h_far = math.log(1.0 + mismatch(lever, amplitude, push, drag))
-    if (h_near > 0.0) == (h_far > 0.0):
-        return math.nan
-    c = near
-    for _ in range(60):
-        before = c
-        c = (near * h_far - far * h_near) / (h_far - h_near)
-        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
-        h = math.log(1.0 + mismatch(lever, amplitude, push, drag))
-        if abs(h) < 1e-10 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
-            break
-        if (h > 0.0) == (h_far > 0.0):
-            far, h_far = c, h
-            h_near *= 0.5
-        else:
-            near, h_near = c, h
-            h_far *= 0.5
-    return c
-
-
-@njit(**OPTIONS)
-def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float) -> float:
-    """Return c so large that the surface hardly matters at this setpoint."""
-    allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.BASE]
-    away = scale_of(law, p, lever, free) / free
-    for _ in range(60):
-        if p[4] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:
-            break
-        away *= 1.5
-    return 1.0 + away
 
 
 @njit(**OPTIONS)
@@ -221,60 +182,3 @@ def settle_side(
         if side == ATTRACTIVE and not top[HEIGHT] > 0.0:
             return False
     return on_side(law, p, lever, reach, amplitude, side, top, guess)
-
-
-@njit(**OPTIONS)
-def slope_of(law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray) -> float:
-    """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
-    reach, amplitude, e = reach_of(law, p), guess[2], guess[0] - guess[1]
-    small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, (e + small) / amplitude)
-    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[3], guess[4])) / small
-
-
-@njit(**OPTIONS)
-def in_phase(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> float:
-    """P + A (1 - omega^2), the part of the drive that acts against stiffness; it passes zero between two branches."""
-    return harmonics(law, p, lever, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
-
-
-@njit(**OPTIONS)
-def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> np.ndarray:
-    """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S).
-
-    Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
-    """
-    reach = reach_of(law, p)
-    free = free_amplitude(lever)
-    epsilon = scale_of(law, p, lever, free) / amplitude
-    start = max(far_start(law, p, lever, reach, free, amplitude), 1.5)
-    zeta, end, samples = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon), 400
-    at = np.empty(2 * samples + 2)
-    count = 0
-    x_before = 0.0
-    for i in range(samples + 1):
-        c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
-        x = in_phase(law, p, lever, reach, amplitude, c)
-        if i > 0 and (x > 0.0) != (x_before > 0.0):
-            near, far = c, at[count - 1]
-            for _ in range(60):
-                middle = 0.5 * (near + far)
-                if (in_phase(law, p, lever, reach, amplitude, middle) > 0.0) == (x > 0.0):
-                    near = middle
-                else:
-                    far = middle
-            at[count] = 0.5 * (near + far)
-            count += 1
-        at[count] = c
-        count += 1
-        x_before = x
-    rows = np.zeros((32, 5))
-    found = 0
-    for i in range(1, count):
-        root = crossing(law, p, lever, reach, amplitude, at[i], at[i - 1])
-        if not math.isnan(root) and found < len(rows):
-            push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)
-            rows[found, 0], rows[found, 1], rows[found, 2] = amplitude * root + mean, mean, amplitude
-            rows[found, 3], rows[found, 4] = push, drag
-            found += 1
-    return rows[:found]

@@ -12,65 +12,25 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE, averaged_orbits
+from phasemap._kernels.approach import SURE
 from phasemap._kernels.collect import collect, seed
-from phasemap._kernels.collocation import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit, new_orbit
-from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law, parameters
-from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.mesh import carry_over, find_contacts, lay
-from phasemap._kernels.orbit import MOST_STEPS, begin, newton, report
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.collocation.estimate import state_errors
+from phasemap._kernels.orbits.collocation.newton import begin, newton
+from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, Orbit, new_orbit
+from phasemap._kernels.orbits.response.orbit import farthest
 from phasemap._kernels.path import fixed
-from phasemap._kernels.quick import LOWEST_Q, engage, farthest
+from phasemap._kernels.quick import LOWEST_Q, engage
 from phasemap._kernels.resonance import MAXIMUM
 from phasemap._kernels.snap import HANGING
 from phasemap._kernels.trace import engage as engage_exact
 from phasemap._kernels.trace import engage_near
 
-TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
-RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
-FINEST = 2  # level of refinement
 MOST_ORBITS = 40
 THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
-CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
-
-
-@njit(**OPTIONS)
-def tolerance_of(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
-    """Last change [m] of an orbit that is converged."""
-    free = free_amplitude(lever)
-    return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(law, p, lever, free))
-
-
-@njit(**OPTIONS)
-def judge(row: np.ndarray) -> int:
-    """Whether the controller can hold this orbit: it must be stable, and the feedback must have the right sign."""
-    if not row[col.FLOQUET] < 1.0:
-        return col.UNSTABLE
-    return col.GOOD if row[col.SLOPE] > 0.0 else col.NO_STABLE_ORBIT
-
-
-@njit(**OPTIONS)
-def polish(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
-) -> tuple[int, Orbit, Orbit]:
-    """Fill the row of a converged orbit, on finer elements if the energy does not close."""
-    status = report(law, p, lever, tables, orbit, row)
-    level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(law, p, lever)
-    while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
-        level += 1
-        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
-            break
-        carry_over(tables, orbit, spare)
-        orbit, spare = spare, orbit
-        fine, _, orbit, spare = newton(
-            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
-        )
-        if fine != col.GOOD:
-            break
-        status = report(law, p, lever, tables, orbit, row)
-    return status, orbit, spare
 
 
 @njit(**OPTIONS)

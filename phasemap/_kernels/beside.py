@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.batch import FINEST, judge, polish, tolerance_of
-from phasemap._kernels.collocation import HOLD_AMPLITUDE, new_orbit
-from phasemap._kernels.estimate import state_errors
 from phasemap._kernels.law import OPTIONS, Law, parameters
-from phasemap._kernels.orbit import begin, newton
+from phasemap._kernels.orbits.collocation.estimate import state_errors
+from phasemap._kernels.orbits.collocation.newton import begin, newton
+from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, new_orbit
 
 MOST_STEPS = 15
 SAME = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit

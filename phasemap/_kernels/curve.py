@@ -13,7 +13,11 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import (
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.newton import floquet
+from phasemap._kernels.orbits.collocation.system import (
     CONTACTS,
     COUNT,
     ELEMENTS,
@@ -35,10 +39,6 @@ from phasemap._kernels.collocation import (
     S,
     new_orbit,
 )
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import carry_over, find_contacts, lay
-from phasemap._kernels.orbit import floquet
 from phasemap._kernels.path import (
     AP,
     DA,

@@ -8,7 +8,13 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import (
+from phasemap._kernels.curve import FIRST_STEP, Path, advance, copy_orbit, cross, mark
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbits.collocation.estimate import state_errors
+from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe
+from phasemap._kernels.orbits.collocation.observables import complete, time_trace
+from phasemap._kernels.orbits.collocation.system import (
     COUNT,
     LEVEL,
     RIGHT,
@@ -24,12 +30,6 @@ from phasemap._kernels.collocation import (
     along,
     new_orbit,
 )
-from phasemap._kernels.curve import FIRST_STEP, Path, advance, copy_orbit, cross, mark
-from phasemap._kernels.estimate import state_errors
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.observables import complete, time_trace
-from phasemap._kernels.orbit import MOST_STEPS, begin, newton, observe
 from phasemap._kernels.path import (
     AP,
     LENGTH,

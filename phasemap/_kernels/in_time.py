@@ -18,8 +18,8 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.march import march_period
-from phasemap._kernels.period_map import (
+from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.period_map import (
     Tip,
     amplitude_of,
     fill,
@@ -33,11 +33,11 @@ from phasemap._kernels.period_map import (
     skip,
     slope_of,
 )
-from phasemap._kernels.tableau import STEADY
+from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
-    from phasemap._kernels.tableau import Numbers
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 BANDWIDTH = 0.01
 """Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""

@@ -14,7 +14,10 @@ from numba import njit
 from numba.extending import overload
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import (
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.lever import free_amplitude, scale_of
+from phasemap._kernels.orbits.collocation.newton import newton, newton_swept
+from phasemap._kernels.orbits.collocation.system import (
     HOLD_ARC,
     HOLD_PLANE,
     VALUE,
@@ -27,9 +30,6 @@ from phasemap._kernels.collocation import (
     along_swept,
     linearise,
 )
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbit import newton, newton_swept
 
 HELD_OFFSET, HELD_AMPLITUDE = 0, 1  # what a sweep of m holds
 LEVER = col.ROW  # rows of a sweep's table: the law's parameters, the lever, what is held

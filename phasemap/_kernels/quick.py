@@ -7,48 +7,23 @@ in it, and what it then leaves open is for the curve of exact orbits.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.approach import engage as engage_averaged
-from phasemap._kernels.columns import ALPHA0, GOOD, OMEGA, RELEASE
-from phasemap._kernels.corrected import AMP, DRAG, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
+from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.resonance import (
-    ATTRACTIVE,
-    GAP,
-    MAXIMUM,
-    REPULSIVE,
-    UNCLEAR,
-    leaps,
-    narrowest,
-    near_resonance,
-    pull,
-)
+from phasemap._kernels.orbits.response.orbit import Room, refine, steep
+from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, start
+from phasemap._kernels.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, leaps, narrowest, pull
 from phasemap._kernels.resonance import HEIGHT as HIGHEST
-from phasemap._kernels.response import ALL, FIELDS
 
 LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TIGHT = 0.015  # mismatch at the exact maximum that decides
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
-LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
-FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
-STEP = 1e-3  # of the amplitude, for dz0/dA
-GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
-
-
-class Room(NamedTuple):
-    """Scratch arrays of the cheap path: nodes, two states, a maximum of the mismatch and its fit."""
-
-    nodes: np.ndarray
-    state: np.ndarray
-    other: np.ndarray
-    top: np.ndarray
-    fit: np.ndarray
 
 
 @njit(**OPTIONS)
@@ -60,24 +35,6 @@ def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: 
         return question(law, p, lever, amplitude, top)
     status, surety = engage_averaged(law, p, lever, amplitude, guess, top)
     return surety if status == GOOD else DOUBTFUL
-
-
-@njit(**OPTIONS)
-def farthest(lever: np.ndarray, amplitude: float) -> float:
-    """How far [m] an exact orbit may lie from the averaged one and still be on its branch.
-
-    With s = 1 - omega^2, P is up to 2 A |s| beside resonance, and the harmonics of a short contact, P/(n^2 - 1), lift
-    the tip by 3/4 of it. Farther from the resonance that would be as far as to another branch.
-    """
-    if not near_resonance(lever):
-        return FAR_OFF * amplitude
-    return (FAR_OFF + 1.5 * abs(1.0 - lever[OMEGA] ** 2)) * amplitude
-
-
-@njit(**OPTIONS)
-def new_room() -> Room:
-    """Return empty scratch arrays."""
-    return Room(np.zeros((FIELDS, ALL)), np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
 
 
 @njit(**OPTIONS)
@@ -124,69 +81,6 @@ def decide_exactly(
         return ATTRACTIVE
     # The parabola's own maximum must agree, for the points may have missed it.
     return REPULSIVE if max(highest, h0 - (h1 - h2) ** 2 / (8.0 * step * step * bend)) < -TIGHT else UNCLEAR
-
-
-@njit(**OPTIONS)
-def refine(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    reach: float,
-    guess: np.ndarray,
-    limits: np.ndarray,
-    f: np.ndarray,
-    state: np.ndarray,
-) -> bool:  # fmt: skip
-    """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
-    amplitude, e = guess[2], guess[0] - guess[1]
-    if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
-        return True
-    if p[4] == 0.0 or abs(e - amplitude) > GRAZING * reach:
-        return False
-    # The averaged orbit just touches and the exact one just does not, or the other way round.
-    e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
-    return _pass_from(law, p, lever, reach, guess, e, limits, f, state)
-
-
-@njit(**OPTIONS)
-def _pass_from(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    reach: float,
-    guess: np.ndarray,
-    e: float,
-    limits: np.ndarray,
-    f: np.ndarray,
-    state: np.ndarray,
-) -> bool:  # fmt: skip
-    """Passes from a harmonic orbit with this e, which settles whether the tip touches."""
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = guess[2], e, guess[5]
-    return (
-        start(law, p, lever, reach, f, state)
-        and converge(law, p, lever, f, state, False, limits[0], limits[1])
-        and (state[PUSH] > 0.0) == (guess[3] > 0.0)
-        and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
-        and sound(law, p, lever, reach, f, state)
-    )
-
-
-@njit(**OPTIONS)
-def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
-    """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
-    f, here, there = room.nodes, room.state, room.other
-    there[:] = here
-    move = STEP * here[AMP]
-    there[AMP] += move
-    there[E] += move
-    if not converge(law, p, lever, f, there, False, limits[0], min(limits[1], 1e-2 * move)):
-        return False
-    if not there[HEIGHT] - here[HEIGHT] > LEAST_ALONG * move:
-        return False
-    # Back to where the nodes were.
-    reach = reach_of(law, p)
-    return converge(law, p, lever, f, here, False, limits[0], limits[1]) and sound(law, p, lever, reach, f, here)
 
 
 @njit(**OPTIONS)

@@ -34,9 +34,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
 from phasemap._kernels.lever import mismatch
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever

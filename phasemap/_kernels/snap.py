@@ -13,11 +13,21 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import CONTACTS, COUNT, HOLD_OFFSET, TRANSFER, VALUE, Z0, A, Orbit, linearise
 from phasemap._kernels.law import OPTIONS, Law, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.mesh import PERMANENT
-from phasemap._kernels.orbit import begin, floquet, newton
+from phasemap._kernels.orbits.collocation.elements import PERMANENT
+from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
+from phasemap._kernels.orbits.collocation.system import (
+    CONTACTS,
+    COUNT,
+    HOLD_OFFSET,
+    TRANSFER,
+    VALUE,
+    Z0,
+    A,
+    Orbit,
+    linearise,
+)
 
 HANGING = 1e4  # a multiplier as large belongs to an orbit that hangs on an unstable equilibrium, or grazes
 LINEAR = 0.3  # of the depth, a swing that the surface answers like a spring

@@ -12,13 +12,24 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import averaged_orbits, caution, far_start, settle_side, worst_amplitude
-from phasemap._kernels.collocation import CONTACTS, COUNT, HOLD_AMPLITUDE, HOLD_ARC, VALUE, Z0, A, Orbit, P
+from phasemap._kernels.approach import caution, settle_side, worst_amplitude
 from phasemap._kernels.curve import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.mesh import PERMANENT
-from phasemap._kernels.orbit import begin, finish, newton
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, far_start
+from phasemap._kernels.orbits.collocation.elements import PERMANENT
+from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
+from phasemap._kernels.orbits.collocation.system import (
+    CONTACTS,
+    COUNT,
+    HOLD_AMPLITUDE,
+    HOLD_ARC,
+    VALUE,
+    Z0,
+    A,
+    Orbit,
+    P,
+)
 from phasemap._kernels.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
 from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
 from phasemap._kernels.snap import HANGING, land, lets_go, loosened, pressed_in, pulled

@@ -195,7 +195,7 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
 def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
     from phasemap._kernels.batch import every_orbit
-    from phasemap._kernels.collocation import HOLD_AMPLITUDE
+    from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
     from phasemap._kernels.quadrature import TABLES
 
     waiting = status[:ENGAGED, first:last] == col.PENDING

@@ -61,7 +61,7 @@ def orbits(
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
     elif setpoint is not None:
         from phasemap._kernels.batch import every_orbit
-        from phasemap._kernels.collocation import HOLD_AMPLITUDE
+        from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
         from phasemap._kernels.quadrature import TABLES
 
         amplitude = check_setpoint(setpoint) * scope.free_amplitude

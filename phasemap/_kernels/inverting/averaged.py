@@ -12,12 +12,12 @@ import math
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import averaged_orbits
-from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.columns import ALPHA0, OMEGA, SHAKER
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import mismatch, reach_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
 PHASE, OFFSET, VALUES = 0, 1, 2  # what is measured: phase [rad], tip offset [m]
 MOST_STEPS = 14

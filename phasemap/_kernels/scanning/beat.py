@@ -14,7 +14,7 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.march import march_period
+from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.scanning.loop import (
     AMP,
     DETECTOR,

@@ -14,13 +14,14 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.approach import caution
-from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.cheap import averaging_suffices
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
-from phasemap._kernels.corrected import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
 from phasemap._kernels.law import OPTIONS, Law, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of
-from phasemap._kernels.quick import Room, decide_exactly, new_room, refine, steep
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
+from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
+from phasemap._kernels.quick import decide_exactly
 from phasemap._kernels.resonance import (
     ATTRACTIVE,
     BEHIND,

@@ -13,11 +13,11 @@ import math
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import averaged_orbits, slope_of
-from phasemap._kernels.corrected import HEIGHT
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.quick import new_room, refine
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, slope_of
+from phasemap._kernels.orbits.response.orbit import new_room, refine
+from phasemap._kernels.orbits.response.passes import HEIGHT
 
 ATTRACTED, REPELLED = 0, 1
 

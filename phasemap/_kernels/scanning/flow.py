@@ -18,8 +18,8 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.averaging import harmonics
 from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,

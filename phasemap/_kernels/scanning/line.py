@@ -11,9 +11,9 @@ from numba.core import types
 from numba.extending import overload
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import far_start
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.scanning.beat import AHEAD, Beat, beat_on
 from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.flow import SHIFT, STEP, Flow, flow_on

@@ -11,8 +11,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.in_time import COARSE, FALL, average, begin_sums, block_of
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.period_map import new_tip, ring_down
-from phasemap._kernels.tableau import STEADY
+from phasemap._kernels.orbits.time.period_map import new_tip, ring_down
+from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 
 @njit(**STEADY)

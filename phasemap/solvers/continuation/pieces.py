@@ -92,8 +92,8 @@ class Curves:
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
-        from phasemap._kernels.collocation import VALUE, Z0, new_orbit
         from phasemap._kernels.lever import free_amplitude
+        from phasemap._kernels.orbits.collocation.system import VALUE, Z0, new_orbit
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.trace import start_far
 
@@ -127,7 +127,7 @@ class Curves:
 
     def seek(self, amplitude: float) -> None:
         """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far."""
-        from phasemap._kernels.approach import averaged_orbits
+        from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
         p, lever = self.standing(0.0)
         for guess in averaged_orbits(self.law, p, lever, amplitude):
@@ -150,7 +150,7 @@ class Curves:
         close : float
             How well its motion must have settled [m].
         """
-        from phasemap._kernels.landing import land_free
+        from phasemap._kernels.orbits.time.landing import land_free
 
         waiting = list(self.pieces)
         while waiting and len(self.pieces) < MOST_PIECES:
@@ -200,14 +200,14 @@ class Curves:
         self.wanted = wanted
 
     def _tolerance(self, m: float) -> float:
-        from phasemap._kernels.batch import tolerance_of
+        from phasemap._kernels.orbits.collocation.polish import tolerance_of
 
         p, lever = self.standing(m)
         return TIGHT * float(tolerance_of(self.law, p, lever))
 
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
-        from phasemap._kernels.collocation import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
         from phasemap._kernels.follow import start_at
+        from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
         from phasemap._kernels.quadrature import TABLES
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
@@ -217,9 +217,9 @@ class Curves:
         return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
 
     def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
-        from phasemap._kernels.collocation import VALUE, M, new_orbit
         from phasemap._kernels.curve import copy_orbit
         from phasemap._kernels.follow import CLOSED, aim, follow
+        from phasemap._kernels.orbits.collocation.system import VALUE, M, new_orbit
         from phasemap._kernels.path import POINT
         from phasemap._kernels.quadrature import TABLES
 

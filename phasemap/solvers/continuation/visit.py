@@ -206,8 +206,8 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
         return Adrift(start) if hysteretic else None
     if len(reached) == 1 and not hysteretic:
         return reached[0][0]
-    from phasemap._kernels.landing import land_on
     from phasemap._kernels.lever import free_amplitude
+    from phasemap._kernels.orbits.time.landing import land_on
 
     swept = column == col.PARAMETER
     p, lever = curves.standing(x if swept else 0.0)

@@ -25,7 +25,7 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     eta : float
         Size of the steps.
     """
-    from phasemap._kernels.march import march_period
+    from phasemap._kernels.orbits.time.march import march_period
 
     reference, amplitude = known.reference, known.case.amplitude
     assert reference is not None

@@ -8,7 +8,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import (
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbits.collocation.elements import interpolate
+from phasemap._kernels.orbits.collocation.system import (
     COS,
     COUNT,
     EDGE,
@@ -31,8 +33,6 @@ from phasemap._kernels.collocation import (
     W,
     surface_force,
 )
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import interpolate
 from phasemap._kernels.quadrature import NODES, T_END1
 
 

@@ -16,7 +16,9 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import (
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbits.collocation.elements import find_contacts, lay, put
+from phasemap._kernels.orbits.collocation.system import (
     COUNT,
     EDGE,
     EDGE_U,
@@ -44,8 +46,6 @@ from phasemap._kernels.collocation import (
     close,
     linearise,
 )
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.mesh import find_contacts, lay, put
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 
 SAFETY = 2.0  # over the change in the step; of 7,000 orbits drawn at random none was farther off than 1.4 times that

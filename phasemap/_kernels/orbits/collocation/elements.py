@@ -7,7 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.collocation import (
+from phasemap._kernels.columns import RELEASE, STIFFNESS
+from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.collocation.system import (
     CONTACT,
     CONTACTS,
     COS,
@@ -35,9 +38,6 @@ from phasemap._kernels.collocation import (
     U,
     W,
 )
-from phasemap._kernels.columns import RELEASE, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping
-from phasemap._kernels.lever import reach_of
 from phasemap._kernels.quadrature import (
     CONTACT_COUNTS,
     CONTACT_START,

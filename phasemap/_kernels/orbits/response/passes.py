@@ -9,11 +9,10 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
-from phasemap._kernels.crest import crest
 from phasemap._kernels.law import OPTIONS, Law, contact_slope, longrange_slope
 from phasemap._kernels.lever import mismatch
-from phasemap._kernels.quadrature import barycentric
-from phasemap._kernels.response import (
+from phasemap._kernels.orbits.response.apex import crest
+from phasemap._kernels.orbits.response.nodes import (
     COS,
     ENTRY,
     EXIT,
@@ -37,6 +36,7 @@ from phasemap._kernels.response import (
     relay,
     respond,
 )
+from phasemap._kernels.quadrature import barycentric
 
 MOST_PASSES, MOST_MOVES = 24, 4
 ENOUGH = 0.02  # of the first mismatch in a pass may be left, for the next pass changes it again

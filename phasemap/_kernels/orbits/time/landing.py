@@ -9,7 +9,7 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.march import march_period
+from phasemap._kernels.orbits.time.march import march_period
 
 ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
 CLOSE = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs

@@ -8,7 +8,10 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collocation import (
+from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.collocation.elements import PERMANENT, carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.system import (
     CONTACT,
     CONTACTS,
     COS,
@@ -46,10 +49,7 @@ from phasemap._kernels.collocation import (
     linearise,
     surface_force,
 )
-from phasemap._kernels.crest import crest
-from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
-from phasemap._kernels.lever import reach_of
-from phasemap._kernels.mesh import PERMANENT, carry_over, find_contacts, lay
+from phasemap._kernels.orbits.response.apex import crest
 from phasemap._kernels.quadrature import NODES, T_END1
 
 MOST_STEPS = 30

@@ -10,12 +10,12 @@ from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import contact_force
-from phasemap._kernels.march import march_period
-from phasemap._kernels.tableau import STEADY
+from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
-    from phasemap._kernels.tableau import Numbers
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
 STRIDE, TO_RELEASE = 0.1, 0.05  # steps of a feedback, of the amplitude, and of the way that a tip must go to come free

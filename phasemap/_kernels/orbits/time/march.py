@@ -27,11 +27,11 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
-from phasemap._kernels.tableau import STEADY, fly, press, turn
+from phasemap._kernels.orbits.time.runge_kutta import STEADY, fly, press, turn
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
-    from phasemap._kernels.tableau import Numbers, Row
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers, Row
 
 MAX_STEPS = 100_000
 """Steps in one period after which it is given up."""

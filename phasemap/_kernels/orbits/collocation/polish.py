@@ -1,0 +1,55 @@
+"""An orbit by collocation, refined until its error is what was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.lever import free_amplitude, scale_of
+from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, newton, report
+from phasemap._kernels.orbits.collocation.system import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit
+
+TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
+RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
+FINEST = 2  # level of refinement
+CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
+
+
+@njit(**OPTIONS)
+def tolerance_of(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """Last change [m] of an orbit that is converged."""
+    free = free_amplitude(lever)
+    return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(law, p, lever, free))
+
+
+@njit(**OPTIONS)
+def judge(row: np.ndarray) -> int:
+    """Whether the controller can hold this orbit: it must be stable, and the feedback must have the right sign."""
+    if not row[col.FLOQUET] < 1.0:
+        return col.UNSTABLE
+    return col.GOOD if row[col.SLOPE] > 0.0 else col.NO_STABLE_ORBIT
+
+
+@njit(**OPTIONS)
+def polish(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
+) -> tuple[int, Orbit, Orbit]:
+    """Fill the row of a converged orbit, on finer elements if the energy does not close."""
+    status = report(law, p, lever, tables, orbit, row)
+    level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(law, p, lever)
+    while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
+        level += 1
+        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+            break
+        carry_over(tables, orbit, spare)
+        orbit, spare = spare, orbit
+        fine, _, orbit, spare = newton(
+            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
+        )
+        if fine != col.GOOD:
+            break
+        status = report(law, p, lever, tables, orbit, row)
+    return status, orbit, spare

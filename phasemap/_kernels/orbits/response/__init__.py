@@ -1,0 +1,5 @@
+"""Exact orbits by the lever's response: the motion is what the force at a set of nodes makes of it.
+
+`nodes` places the nodes and has the response between them, `passes` iterates the force and the motion, `apex`
+treats the turning of the tip within the sample. `orbit` puts them together, from an averaged guess to a row.
+"""
