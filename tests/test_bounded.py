@@ -9,7 +9,7 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels import in_time
+from phasemap._kernels.engagement import in_time
 from phasemap._kernels.orbits.time import period_map
 from phasemap.solvers.continuation.pieces import patience
 from phasemap.solvers.problem import work_of_material

@@ -10,7 +10,7 @@ from cases import Case, label, load, material_of, scope_of
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.resonance import narrowest
+from phasemap._kernels.engagement.resonance import narrowest
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name

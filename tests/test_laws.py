@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels import in_time
+from phasemap._kernels.engagement import in_time
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics

@@ -10,7 +10,7 @@ import pytest
 from cases import Case, label, load
 
 from phasemap._kernels import columns as col
-from phasemap._kernels import in_time
+from phasemap._kernels.engagement import in_time
 from phasemap._kernels.orbits.time import march, period_map, runge_kutta
 from phasemap.experiment.interaction import Interaction
 

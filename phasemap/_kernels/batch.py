@@ -12,8 +12,14 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE
 from phasemap._kernels.collect import collect, seed
+from phasemap._kernels.continuation.path import fixed
+from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.exact import engage as engage_exact
+from phasemap._kernels.engagement.exact import engage_near
+from phasemap._kernels.engagement.resonance import MAXIMUM
+from phasemap._kernels.engagement.response import LOWEST_Q, engage
+from phasemap._kernels.engagement.rest import HANGING
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.estimate import state_errors
@@ -21,12 +27,6 @@ from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, Orbit, new_orbit
 from phasemap._kernels.orbits.response.orbit import farthest
-from phasemap._kernels.path import fixed
-from phasemap._kernels.quick import LOWEST_Q, engage
-from phasemap._kernels.resonance import MAXIMUM
-from phasemap._kernels.snap import HANGING
-from phasemap._kernels.trace import engage as engage_exact
-from phasemap._kernels.trace import engage_near
 
 MOST_ORBITS = 40
 THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes

@@ -12,15 +12,15 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import SURE
+from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.resonance import MAXIMUM
+from phasemap._kernels.engagement.response import cheap_orbit, engage
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.response.orbit import new_room
 from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
-from phasemap._kernels.quick import cheap_orbit, engage
-from phasemap._kernels.resonance import MAXIMUM
 
 
 @njit(**OPTIONS)

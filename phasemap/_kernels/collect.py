@@ -6,15 +6,16 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.curve import FIRST_STEP, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Fixed
+from phasemap._kernels.continuation.start import start_far
+from phasemap._kernels.continuation.step import FIRST_STEP, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.engagement.exact import MOST_POINTS
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
 from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, A, new_orbit
-from phasemap._kernels.path import AP, POINT, TU, TV, ZP, Fixed
-from phasemap._kernels.trace import MOST_POINTS, start_far
 
 CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative to the setpoint
 FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many free amplitudes

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.in_time import approach, settle
+from phasemap._kernels.engagement.in_time import approach, settle
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start

@@ -8,12 +8,12 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.curve import relay
+from phasemap._kernels.continuation.path import fixed
+from phasemap._kernels.continuation.step import relay
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
-from phasemap._kernels.path import fixed
 
 MOST_STEPS = 12
 

@@ -29,8 +29,8 @@ STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin t
 
 def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple[np.ndarray, bool]:
     """Rows of every orbit at this tip offset, and whether every curve was followed to its end."""
-    from phasemap._kernels.follow import FULL
-    from phasemap._kernels.path import ZP
+    from phasemap._kernels.continuation.path import ZP
+    from phasemap._kernels.continuation.piece import FULL
 
     law, path = fixed_path(Question(material, scope))
     free = max(scope.free_amplitude, scope.drive.free_amplitude)
@@ -44,7 +44,7 @@ def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple
 
 def at_seen(material: Material, scope: Microscope, amplitude: float) -> tuple[np.ndarray, bool]:
     """Rows of every orbit that the detector sees with this amplitude, and whether all curves were followed."""
-    from phasemap._kernels.follow import FULL
+    from phasemap._kernels.continuation.piece import FULL
 
     law, path = fixed_path(Question(material, scope))
     curves = held_curves(law, path, np.array([amplitude]), 0)
@@ -55,7 +55,7 @@ def at_seen(material: Material, scope: Microscope, amplitude: float) -> tuple[np
 
 def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
-    from phasemap._kernels.path import ZP
+    from phasemap._kernels.continuation.path import ZP
 
     law, path = fixed_path(Question(material, scope))
     wanted = np.sort(axis)
@@ -85,7 +85,7 @@ def parameter(
     samples: int,
 ) -> xr.Dataset:  # fmt: skip
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
-    from phasemap._kernels.path import MP
+    from phasemap._kernels.continuation.path import MP
     from phasemap.solvers.continuation.path import UNITS
 
     if ratio is not None and scope.drive.excitation != "direct":
@@ -155,9 +155,9 @@ def _hold(feedback: Feedback, place: Place | None, order: range, direction: int)
 def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
     from phasemap._kernels.batch import every_orbit
+    from phasemap._kernels.continuation.path import held_at
     from phasemap._kernels.lever import free_amplitude
     from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET
-    from phasemap._kernels.path import held_at
     from phasemap._kernels.quadrature import TABLES
 
     p, lever = curves.standing(m)

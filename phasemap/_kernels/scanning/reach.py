@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.in_time import COARSE, FALL, average, begin_sums, block_of
+from phasemap._kernels.engagement.in_time import COARSE, FALL, average, begin_sums, block_of
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import new_tip, ring_down

@@ -53,7 +53,7 @@ def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
 
 
 def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
-    from phasemap._kernels.path import MP
+    from phasemap._kernels.continuation.path import MP
 
     scale = Scale.over(frequencies)
     question = Question(setup.material, setup.scope)
@@ -66,7 +66,7 @@ def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
 
 
 def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
-    from phasemap._kernels.path import ZP
+    from phasemap._kernels.continuation.path import ZP
 
     law, path = fixed_path(Question(setup.material, setup.scope))
     x = np.sort(tip_offsets + setup.height)

@@ -11,8 +11,8 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:
+    from phasemap._kernels.continuation.path import Fixed
     from phasemap._kernels.law import Law
-    from phasemap._kernels.path import Fixed
 
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
 FAINT = 1e-5  # of the free amplitude, where a curve is left
@@ -22,8 +22,8 @@ DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 def held_curves(law: Law, path: Fixed, amplitudes: np.ndarray, samples: int) -> Curves:
     """The distance curve from far, with rows where the detector sees these amplitudes."""
+    from phasemap._kernels.continuation.path import AP, VP
     from phasemap._kernels.lever import free_amplitude
-    from phasemap._kernels.path import AP, VP
 
     free, base = float(free_amplitude(path.lever)), path.lever[col.SHAKER]
     least = max(amplitudes[0] - base, FAINT * free) if base else amplitudes[0]  # of z
@@ -48,7 +48,7 @@ def complete(curves: Curves, scope: Microscope, lowest: float) -> None:
 
 def mend(curves: Curves, free: float) -> None:
     """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
-    from phasemap._kernels.path import MP
+    from phasemap._kernels.continuation.path import MP
 
     if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
         swept = curves.index == MP

@@ -34,8 +34,8 @@ class Adrift:
         x : float
             Its value.
         """
-        from phasemap._kernels.in_time import carry_on, carry_to
-        from phasemap._kernels.path import HELD_AMPLITUDE, Swept, held_at
+        from phasemap._kernels.continuation.path import HELD_AMPLITUDE, Swept, held_at
+        from phasemap._kernels.engagement.in_time import carry_on, carry_to
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
         p, lever = curves.standing(x if column == col.PARAMETER else 0.0)

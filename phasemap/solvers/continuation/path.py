@@ -14,8 +14,8 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import Work, work_of_material
 
 if TYPE_CHECKING:
+    from phasemap._kernels.continuation.path import Fixed, Swept
     from phasemap._kernels.law import Law
-    from phasemap._kernels.path import Fixed, Swept
 
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio")
 PARTS = {
@@ -73,8 +73,8 @@ class Question:
 
 def fixed_path(question: Question) -> tuple[Law, Fixed]:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
+    from phasemap._kernels.continuation.path import fixed
     from phasemap._kernels.law import parameters
-    from phasemap._kernels.path import fixed
 
     work = question.work()
     return work.law, fixed(work.law, parameters(work.rows[0]), work.lever)
@@ -125,7 +125,7 @@ def swept_path(
     InputError
         If a value of the sweep is out of range, or what depends on it changes too much from end to end.
     """
-    from phasemap._kernels.path import HELD_AMPLITUDE, HELD_OFFSET, Swept
+    from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, Swept
 
     work = question.at(name, float(scale.value(0.0))).work()
     table = np.zeros((0, 0))

@@ -12,8 +12,8 @@ from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import seen
 
 if TYPE_CHECKING:
+    from phasemap._kernels.continuation.path import Fixed, Swept
     from phasemap._kernels.law import Law
-    from phasemap._kernels.path import Fixed, Swept
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 
@@ -36,7 +36,7 @@ class Piece:
     traces : ndarray, shape (n, 2, samples)
         Deflection [m] and force [N] over one period.
     ended : int
-        How it ended, a code of `phasemap._kernels.follow`.
+        How it ended, a code of `phasemap._kernels.continuation.piece`.
     """
 
     rows: np.ndarray
@@ -75,7 +75,7 @@ class Curves:
 
     def standing(self, m: float) -> tuple[tuple[float, ...], np.ndarray]:
         """The law's parameters and the lever at m."""
-        from phasemap._kernels.path import Fixed, swept_at
+        from phasemap._kernels.continuation.path import Fixed, swept_at
 
         if isinstance(self.path, Fixed):
             return self.path.p, self.path.lever
@@ -92,10 +92,10 @@ class Curves:
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
+        from phasemap._kernels.continuation.start import start_far
         from phasemap._kernels.lever import free_amplitude
         from phasemap._kernels.orbits.collocation.system import VALUE, Z0, new_orbit
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.trace import start_far
 
         free = free_amplitude(self.standing(0.0)[1])
         orbit, spare = new_orbit(), new_orbit()
@@ -206,7 +206,7 @@ class Curves:
         return TIGHT * float(tolerance_of(self.law, p, lever))
 
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
-        from phasemap._kernels.follow import start_at
+        from phasemap._kernels.continuation.piece import start_at
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
         from phasemap._kernels.quadrature import TABLES
 
@@ -217,10 +217,10 @@ class Curves:
         return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
 
     def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
-        from phasemap._kernels.curve import copy_orbit
-        from phasemap._kernels.follow import CLOSED, aim, follow
+        from phasemap._kernels.continuation.path import POINT
+        from phasemap._kernels.continuation.piece import CLOSED, aim, follow
+        from phasemap._kernels.continuation.step import copy_orbit
         from phasemap._kernels.orbits.collocation.system import VALUE, M, new_orbit
-        from phasemap._kernels.path import POINT
         from phasemap._kernels.quadrature import TABLES
 
         start = new_orbit()

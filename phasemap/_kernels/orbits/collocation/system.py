@@ -11,7 +11,7 @@ state at its start and of (P, S, z0), and the elements are chained round the per
 matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
 
 Anything else that the orbit depends on may be unknown too: the law's parameters and the lever are then functions of
-one number m (see `phasemap._kernels.path`), and a column of the equations says what a change of m does.
+one number m (see `phasemap._kernels.continuation.path`), and a column of the equations says what a change of m does.
 """
 
 from __future__ import annotations

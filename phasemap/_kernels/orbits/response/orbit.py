@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels.columns import OMEGA
+from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.response.nodes import ALL, FIELDS
 from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
-from phasemap._kernels.resonance import MAXIMUM, near_resonance
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch

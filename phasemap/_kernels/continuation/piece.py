@@ -8,7 +8,24 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.curve import FIRST_STEP, Path, advance, copy_orbit, cross, mark
+from phasemap._kernels.continuation.path import (
+    AP,
+    LENGTH,
+    MP,
+    POINT,
+    RATE,
+    TU,
+    TV,
+    ZP,
+    control,
+    reach_on,
+    scales,
+    solve_on,
+    stand,
+    unit,
+)
+from phasemap._kernels.continuation.path import row_of as tangent_row
+from phasemap._kernels.continuation.step import FIRST_STEP, Path, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.orbits.collocation.estimate import state_errors
@@ -30,23 +47,6 @@ from phasemap._kernels.orbits.collocation.system import (
     along,
     new_orbit,
 )
-from phasemap._kernels.path import (
-    AP,
-    LENGTH,
-    MP,
-    POINT,
-    RATE,
-    TU,
-    TV,
-    ZP,
-    control,
-    reach_on,
-    scales,
-    solve_on,
-    stand,
-    unit,
-)
-from phasemap._kernels.path import row_of as tangent_row
 
 MOST_POINTS = 4000
 FINEST = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's

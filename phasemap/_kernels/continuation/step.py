@@ -13,33 +13,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
-from phasemap._kernels.orbits.collocation.newton import floquet
-from phasemap._kernels.orbits.collocation.system import (
-    CONTACTS,
-    COUNT,
-    ELEMENTS,
-    LEVEL,
-    RA,
-    RIGHT,
-    RM,
-    RP,
-    RS,
-    RZ,
-    SYSTEM,
-    TRANSFER,
-    VALUE,
-    Z0,
-    A,
-    M,
-    Orbit,
-    P,
-    S,
-    new_orbit,
-)
-from phasemap._kernels.path import (
+from phasemap._kernels.continuation.path import (
     AP,
     DA,
     DET,
@@ -70,6 +44,32 @@ from phasemap._kernels.path import (
     stand,
     tangent_on,
     unit,
+)
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.newton import floquet
+from phasemap._kernels.orbits.collocation.system import (
+    CONTACTS,
+    COUNT,
+    ELEMENTS,
+    LEVEL,
+    RA,
+    RIGHT,
+    RM,
+    RP,
+    RS,
+    RZ,
+    SYSTEM,
+    TRANSFER,
+    VALUE,
+    Z0,
+    A,
+    M,
+    Orbit,
+    P,
+    S,
+    new_orbit,
 )
 
 Path = TypeVar("Path", Fixed, Swept)

@@ -1,7 +1,8 @@
 """What a quasi-static approach visits on the curve of exact orbits at fixed drive.
 
-`engage` follows the curve from far (see `phasemap._kernels.approach`), `engage_near` does so from an amplitude at which
-there is no doubt. What becomes of a tip that loses its orbit is in `phasemap._kernels.snap`.
+`engage` follows the curve from far (see `phasemap._kernels.engagement.averaged`), `engage_near` does so from an
+amplitude at which there is no doubt. What becomes of a tip that loses its orbit is in
+`phasemap._kernels.engagement.rest`.
 """
 
 from __future__ import annotations
@@ -12,48 +13,23 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.approach import caution, settle_side, worst_amplitude
-from phasemap._kernels.curve import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
+from phasemap._kernels.continuation.start import start_far
+from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
+from phasemap._kernels.engagement.rest import HANGING, land, lets_go, loosened, pressed_in, pulled
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, far_start
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
-from phasemap._kernels.orbits.collocation.system import (
-    CONTACTS,
-    COUNT,
-    HOLD_AMPLITUDE,
-    HOLD_ARC,
-    VALUE,
-    Z0,
-    A,
-    Orbit,
-    P,
-)
-from phasemap._kernels.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
-from phasemap._kernels.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
-from phasemap._kernels.snap import HANGING, land, lets_go, loosened, pressed_in, pulled
+from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, Z0, A, Orbit, P
 
 MOST_POINTS = 1500
 NEAR_END = 2e-3  # of the setpoint: nearer than this to the end of a branch, the whole curve is followed
 FARTHEST_AT_ALL = 1e-2  # [m], the same whatever the amplitude
 NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
-
-
-@njit(**OPTIONS)
-def start_far(
-    law: Law, path: Fixed, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
-) -> tuple[int, Orbit, Orbit]:
-    """Find the orbit far from the surface, where the lever swings almost freely."""
-    p, lever = path.p, path.lever
-    free = free_amplitude(lever)
-    guess = np.array([free * far_start(law, p, lever, reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0])
-    target = np.array([1.0, -1.0, guess[0], free])
-    if not begin(law, p, lever, tables, orbit, guess, level):
-        return col.NOT_CONVERGED, orbit, spare
-    tolerance = 1e-3 * path.reach
-    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, tolerance, 30)
-    return status, orbit, spare
 
 
 @njit(**OPTIONS)

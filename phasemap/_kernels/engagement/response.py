@@ -11,15 +11,15 @@ import math
 import numpy as np
 from numba import njit
 
-from phasemap._kernels.approach import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
-from phasemap._kernels.approach import engage as engage_averaged
 from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
+from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
+from phasemap._kernels.engagement.averaged import engage as engage_averaged
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, leaps, narrowest, pull
+from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, refine, steep
 from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, start
-from phasemap._kernels.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, leaps, narrowest, pull
-from phasemap._kernels.resonance import HEIGHT as HIGHEST
 
 LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TIGHT = 0.015  # mismatch at the exact maximum that decides

@@ -16,11 +16,7 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
-from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.averaged.orbits import crossing, far_start, slope_of
-from phasemap._kernels.resonance import (
+from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     HEIGHT,
     UNCLEAR,
@@ -31,6 +27,10 @@ from phasemap._kernels.resonance import (
     on_side,
     strongest,
 )
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.orbits import crossing, far_start, slope_of
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
 SMALLEST_STEP = 1e-6

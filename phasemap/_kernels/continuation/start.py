@@ -1,0 +1,30 @@
+"""Where a curve of exact orbits begins: far from the surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.continuation.path import Fixed
+from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.collocation.newton import begin, newton
+from phasemap._kernels.orbits.collocation.system import HOLD_ARC, Orbit
+
+
+@njit(**OPTIONS)
+def start_far(
+    law: Law, path: Fixed, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
+) -> tuple[int, Orbit, Orbit]:
+    """Find the orbit far from the surface, where the lever swings almost freely."""
+    p, lever = path.p, path.lever
+    free = free_amplitude(lever)
+    guess = np.array([free * far_start(law, p, lever, reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0])
+    target = np.array([1.0, -1.0, guess[0], free])
+    if not begin(law, p, lever, tables, orbit, guess, level):
+        return col.NOT_CONVERGED, orbit, spare
+    tolerance = 1e-3 * path.reach
+    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, tolerance, 30)
+    return status, orbit, spare
