@@ -12,7 +12,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap import generate
 from phasemap._kernels import columns as col
-from phasemap._kernels import interpolate as kernel
+from phasemap._kernels.materials import interpolate as kernel
 from phasemap.imaging.interpolation import Atlas, Oracle
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.imaging.interpolation.borders import find_borders

@@ -17,9 +17,9 @@ from scipy import signal
 
 import phasemap as pm
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.beat import new_beat
-from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import advance, start_at
+from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.imaging.feedback import margin, tune
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.problem import make_work

@@ -127,7 +127,7 @@ def _line(job: Job, y: int) -> Array:
 
 def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: Tip) -> Tip:
     """Fill in lines to which the tip comes, and return how it leaves them."""
-    from phasemap._kernels.scanning.walk import walk
+    from phasemap._kernels.scanning.quasi_static import walk
 
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)

@@ -32,7 +32,7 @@ class Averaging:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        from phasemap._kernels.cheap import averaged_near_rows
+        from phasemap._kernels.rows.fast import averaged_near_rows
 
         if not engage_averaged(work, accuracy.periods, first, last, out, status, solver):
             return
@@ -47,7 +47,7 @@ def engage_averaged(
     work: Work, periods: int, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray
 ) -> bool:
     """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
-    from phasemap._kernels.cheap import averaging_rows
+    from phasemap._kernels.rows.fast import averaging_rows
 
     waiting = averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
     if not waiting:

@@ -152,7 +152,7 @@ def _others(
     work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, rows: Array, status: Codes, used: Codes
 ) -> None:
     """Fill both branches of the materials in [first, last), what engagement finds being there."""
-    from phasemap._kernels.scanning.branches import other_rows
+    from phasemap._kernels.rows.other_branch import other_rows
 
     phase, height = accuracy.phase, accuracy.height
     if solver.name != "auto":
@@ -162,7 +162,7 @@ def _others(
     arrays = first, last, rows, status, used
     if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, *arrays):
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.scanning.others import exact_near_rows
+        from phasemap._kernels.rows.other_branch_exact import exact_near_rows
 
         if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, *arrays):
             _search(work, *arrays)
@@ -194,9 +194,9 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
 
 def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
-    from phasemap._kernels.batch import every_orbit
     from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
     from phasemap._kernels.quadrature import TABLES
+    from phasemap._kernels.rows.every_orbit import every_orbit
 
     waiting = status[:ENGAGED, first:last] == col.PENDING
     for i in first + np.flatnonzero(waiting.any(axis=0)):
@@ -211,7 +211,7 @@ def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used:
 
 def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
     """Averaged orbits in the place of exact ones, without what is known of their errors."""
-    from phasemap._kernels.cheap import averaged_near_rows
+    from phasemap._kernels.rows.fast import averaged_near_rows
 
     for slot in (ATTRACTING, REPELLING):
         arrays = rows[slot], status[slot], used[slot]

@@ -67,7 +67,7 @@ class March:
         periods: int = MOST_PERIODS,
     ) -> None:
         """March the chosen rows, an array of numbers: from the orbits in `out`, or from far where none is GOOD."""
-        from phasemap._kernels.marching import march_rows
+        from phasemap._kernels.rows.marched import march_rows
 
         if not len(chosen):
             return

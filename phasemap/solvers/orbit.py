@@ -69,7 +69,7 @@ def solve_exactly(
     With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
     A contact with hysteresis goes to time at once: between far and the setpoint there may be no periodic orbit.
     """
-    from phasemap._kernels.cheap import cheap_rows
+    from phasemap._kernels.rows.fast import cheap_rows
 
     phase, height = limits
     if phase > 0:
@@ -81,8 +81,8 @@ def solve_exactly(
     in_time = hysteretic & (status[first:last] == col.PENDING)
     status[first:last][in_time] = col.NOT_CONVERGED
     if (status[first:last] == col.PENDING).any():
-        from phasemap._kernels.batch import exact_rows
         from phasemap._kernels.quadrature import TABLES
+        from phasemap._kernels.rows.exact import exact_rows
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
     March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), out, status, solver, periods)
@@ -94,8 +94,8 @@ def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarra
     chosen = first + np.flatnonzero(periodic & ~(out[first:last, col.SPREAD_AMPLITUDE] > 0))
     if not len(chosen):
         return
-    from phasemap._kernels.beside import rows_beside
     from phasemap._kernels.quadrature import TABLES
+    from phasemap._kernels.rows.beside import rows_beside
 
     rows, done = out[chosen], np.empty(len(chosen), np.bool_)
     rows_beside(work.law, work.rows[chosen], work.lever, TABLES, work.amplitudes[chosen], rows, done)

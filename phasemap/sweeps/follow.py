@@ -154,11 +154,11 @@ def _hold(feedback: Feedback, place: Place | None, order: range, direction: int)
 
 def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
-    from phasemap._kernels.batch import every_orbit
     from phasemap._kernels.continuation.path import held_at
     from phasemap._kernels.lever import free_amplitude
     from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET
     from phasemap._kernels.quadrature import TABLES
+    from phasemap._kernels.rows.every_orbit import every_orbit
 
     p, lever = curves.standing(m)
     hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET

@@ -60,9 +60,9 @@ def orbits(
         rows, complete = at_seen(material, scope, check_setpoint(setpoint) * scope.free_amplitude)
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
     elif setpoint is not None:
-        from phasemap._kernels.batch import every_orbit
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
         from phasemap._kernels.quadrature import TABLES
+        from phasemap._kernels.rows.every_orbit import every_orbit
 
         amplitude = check_setpoint(setpoint) * scope.free_amplitude
         work = work_of_material(material, scope, amplitude)

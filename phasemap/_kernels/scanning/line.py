@@ -14,9 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.scanning.beat import AHEAD, Beat, beat_on
-from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
-from phasemap._kernels.scanning.flow import SHIFT, STEP, Flow, flow_on
+from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,
     CALM,
@@ -42,6 +40,8 @@ from phasemap._kernels.scanning.loop import (
     TURN,
     shown,
 )
+from phasemap._kernels.scanning.periods import AHEAD, Beat, beat_on
+from phasemap._kernels.scanning.slow_flow import SHIFT, STEP, Flow, flow_on
 
 # Columns of a program, one row a segment: how long it lasts [tau], which material, height at its start [m] and its rise
 # [m per tau], and the pixel to which it belongs (-1: none is recorded).

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.bulge import bulges
+from phasemap._kernels.scanning.higher_harmonics import bulges
 from phasemap._shared.threads import spread
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
@@ -19,7 +19,7 @@ MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many 
 
 
 class Bulges(NamedTuple):
-    """The two kappa of `phasemap._kernels.scanning.bulge` of some materials, in the order of their contact stiffness.
+    """The two kappa of `phasemap._kernels.scanning.higher_harmonics` of some materials, in the order of their contact stiffness.
 
     Attributes
     ----------

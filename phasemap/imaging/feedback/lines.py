@@ -9,9 +9,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.beat import new_beat
-from phasemap._kernels.scanning.flow import new_flow
 from phasemap._kernels.scanning.line import scan_line
+from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Feedback
 from phasemap.imaging.canvas import Canvas, values_of

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from phasemap._kernels.columns import ALPHA0, GOOD, SHAKER
-from phasemap._kernels.inverting.averaged import held_root
 from phasemap._kernels.law import parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.rows.derivatives import held_root
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.flow import rates
+from phasemap._kernels.scanning.slow_flow import rates
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope

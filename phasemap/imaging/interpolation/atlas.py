@@ -20,7 +20,7 @@ REST = 1e-8  # coefficients of a border that are left out, over the largest
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Interpolants over materials, as `phasemap._kernels.interpolate` reads them.
+    """Interpolants over materials, as `phasemap._kernels.materials.interpolate` reads them.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Atlas:
 
     def __call__(self, points: Array, wanted: Ints) -> tuple[NDArray[np.int32], Array]:
         """Piece of every point, shape (3, n), -1 where there is none, and functions `wanted`, shape (wanted, n)."""
-        from phasemap._kernels.interpolate import evaluate, locate
+        from phasemap._kernels.materials.interpolate import evaluate, locate
 
         count = points.shape[1]
         piece, inside = np.empty(count, np.int32), np.empty((3, count))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.interpolate import BORDER, CUT, LEAF, OUTSIDE
+from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, OUTSIDE
 from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, best_form, fit

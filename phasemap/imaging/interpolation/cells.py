@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
+from phasemap._kernels.materials.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
@@ -39,8 +39,8 @@ class Cell:
     lower, upper : float or Border
         Ends of the layer in x2.
     form : int
-        How u goes with the relative place (`phasemap._kernels.interpolate`): evenly, or with roots at borders, where
-        orbits change with the root of the distance.
+        How u goes with the relative place (`phasemap._kernels.materials.interpolate`): evenly, or with roots at
+        borders, where orbits change with the root of the distance.
     """
 
     box: tuple[float, float, float, float, float, float]
@@ -127,7 +127,7 @@ def _height(end: End, x0: Array, x1: Array) -> Array:
 
 
 def _share(u: Array, form: int) -> Array:
-    """Relative place in a layer of u; the reverse of `phasemap._kernels.interpolate.place`."""
+    """Relative place in a layer of u; the reverse of `phasemap._kernels.materials.interpolate.place`."""
     if form == ROOT_LOW:
         return u * u
     if form == ROOT_HIGH:

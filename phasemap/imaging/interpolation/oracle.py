@@ -87,8 +87,8 @@ class Oracle:
         ndarray, shape (n, 6)
             NaN where there is no stable orbit so near.
         """
-        from phasemap._kernels.nearby import nearby_rows
         from phasemap._kernels.quadrature import TABLES
+        from phasemap._kernels.rows.nearby import nearby_rows
 
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)

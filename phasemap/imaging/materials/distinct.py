@@ -43,7 +43,7 @@ class Distinct:
 
     def add(self, materials: Array) -> int:
         """Take in materials, and return how many there was room for."""
-        from phasemap._kernels.distinct import gather
+        from phasemap._kernels.materials.distinct import gather
 
         self._count, taken = gather(_bits(materials), self._table, self._known, self._count)
         return int(taken)
@@ -56,7 +56,7 @@ class Distinct:
         InputError
             If one is no member: the maps are not what they were.
         """
-        from phasemap._kernels.distinct import look_up
+        from phasemap._kernels.materials.distinct import look_up
 
         out = np.empty(len(materials), np.int32)
         look_up(_bits(materials), self._table, self._known, out)
@@ -79,7 +79,7 @@ def digests_of(materials: Array) -> NDArray[np.uint64]:
     >>> first == third, first == second
     (np.True_, np.False_)
     """
-    from phasemap._kernels.distinct import digests
+    from phasemap._kernels.materials.distinct import digests
 
     out = np.empty(len(materials), np.uint64)
     digests(_bits(materials), out)

@@ -79,7 +79,7 @@ class Model:
 
     def averaged(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
         """Averaged orbits near `places`, which are moved to them."""
-        from phasemap._kernels.inverting.averaged import averaged_block
+        from phasemap._kernels.rows.derivatives import averaged_block
 
         n, m = sides.shape
         found = Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
@@ -89,7 +89,7 @@ class Model:
 
     def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Exact orbits next to the averaged ones, shape (n, m, 2), and where they were found, shape (n, m)."""
-        from phasemap._kernels.inverting.exact import exact_block
+        from phasemap._kernels.rows.branch_known import exact_block
 
         values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
         rows = self.rows(q)

@@ -143,7 +143,7 @@ def sensitivity(
 
 def _on_branch(work: Work, sides: NDArray[np.int8], places: Array) -> Array:
     """Exact phase [rad] and tip offset [m] on these branches near these c, shape (n, 2); NaN where there is none."""
-    from phasemap._kernels.inverting.exact import exact_block
+    from phasemap._kernels.rows.branch_known import exact_block
 
     n = len(work)
     values, good = np.full((n, 1, 2), np.nan), np.zeros((n, 1), np.bool_)

@@ -141,7 +141,7 @@ def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float)
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:
     """On which of a material's orbits the tip is, coming to a pixel as it leaves the last."""
-    from phasemap._kernels.scanning.walk import step
+    from phasemap._kernels.scanning.quasi_static import step
 
     branches, offsets = (values.reshape(-1)[pixels] for values in carried(picture))
     comes = zip(numbers, branches, offsets, strict=True)

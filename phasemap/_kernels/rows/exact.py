@@ -12,7 +12,6 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.collect import collect, seed
 from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.exact import engage as engage_exact
@@ -21,15 +20,12 @@ from phasemap._kernels.engagement.resonance import MAXIMUM
 from phasemap._kernels.engagement.response import LOWEST_Q, engage
 from phasemap._kernels.engagement.rest import HANGING
 from phasemap._kernels.law import OPTIONS, Law, parameters
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, Orbit, new_orbit
 from phasemap._kernels.orbits.response.orbit import farthest
 
-MOST_ORBITS = 40
-THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 
 
@@ -110,25 +106,3 @@ def exact_rows(
         surety = engage(law, p, lever, amplitude, guess, top)
         status[i], orbits = exact_orbit(law, p, lever, tables, amplitude, surety, guess, orbits, row)
         solver[i] = col.ORBIT
-
-
-@njit(**OPTIONS)
-def every_orbit(
-    law: Law, row: np.ndarray, lever: np.ndarray, tables: np.ndarray, hold: int, value: float
-) -> tuple[int, np.ndarray]:
-    """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
-    p = parameters(row)
-    path = fixed(law, p, lever)
-    found = np.zeros((MOST_ORBITS, col.COLUMNS))
-    level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
-    status, count = collect(law, path, tables, hold, value, level, tolerance, found)
-    if hold == HOLD_AMPLITUDE:
-        for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
-            guesses = averaged_orbits(law, p, lever, amplitude)
-            if amplitude == value or len(guesses) > count:
-                count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
-        # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
-        guesses = averaged_orbits(law, p, lever, value)
-        guesses[:, 0] += THROWN * value
-        count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
-    return status, found[:count]

@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.cheap import averaging_suffices
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
 from phasemap._kernels.engagement.averaged import caution
 from phasemap._kernels.engagement.resonance import (
@@ -35,6 +34,7 @@ from phasemap._kernels.lever import free_amplitude, mismatch, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
 from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
+from phasemap._kernels.rows.fast import averaging_suffices
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants, over that of the free lever

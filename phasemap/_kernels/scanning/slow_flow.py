@@ -20,7 +20,7 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import OPTIONS, Law
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.scanning.bulge import ATTRACTED, REPELLED
+from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,
     DETECTOR,

@@ -6,16 +6,21 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Fixed
+from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Fixed, fixed
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.exact import MOST_POINTS
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
+from phasemap._kernels.orbits.collocation.polish import tolerance_of
 from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, A, new_orbit
+
+MOST_ORBITS = 40
+THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes
 
 CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative to the setpoint
 FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many free amplitudes
@@ -135,3 +140,25 @@ def seed(
                     state_errors(law, p, lever, tables, one, spare, rows[count])
                     count = insert(rows, count)
     return count
+
+
+@njit(**OPTIONS)
+def every_orbit(
+    law: Law, row: np.ndarray, lever: np.ndarray, tables: np.ndarray, hold: int, value: float
+) -> tuple[int, np.ndarray]:
+    """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
+    p = parameters(row)
+    path = fixed(law, p, lever)
+    found = np.zeros((MOST_ORBITS, col.COLUMNS))
+    level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
+    status, count = collect(law, path, tables, hold, value, level, tolerance, found)
+    if hold == HOLD_AMPLITUDE:
+        for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
+            guesses = averaged_orbits(law, p, lever, amplitude)
+            if amplitude == value or len(guesses) > count:
+                count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
+        # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
+        guesses = averaged_orbits(law, p, lever, value)
+        guesses[:, 0] += THROWN * value
+        count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
+    return status, found[:count]

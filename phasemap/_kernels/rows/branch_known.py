@@ -6,13 +6,13 @@ import numpy as np
 from numba import njit
 
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
-from phasemap._kernels.inverting.averaged import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
 from phasemap._kernels.law import OPTIONS, Law, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.response.orbit import new_room, refine
 from phasemap._kernels.orbits.response.passes import HEIGHT as STATE_HEIGHT
 from phasemap._kernels.orbits.response.passes import PHASE as STATE_PHASE
+from phasemap._kernels.rows.derivatives import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
 
 
 @njit(**OPTIONS)

@@ -1,0 +1,4 @@
+"""Neighbours among materials.
+
+`distinct` finds which rows are the same, `interpolate` evaluates what was interpolated between rows.
+"""
