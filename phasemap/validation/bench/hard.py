@@ -1,6 +1,7 @@
 """The hard cases solved, and what became of them, family by family: `phasemap bench --hard`.
 
-tests/test_hard.py holds every case against tests/data/hard.json, made by codes that share nothing with phasemap.
+tests/validation/test_hard.py holds every case against tests/data/hard.json, made by codes that share nothing with
+phasemap.
 """
 
 from __future__ import annotations

@@ -291,7 +291,7 @@ def test_what_is_not_allowed_is_one_sentence() -> None:
 
 
 def test_a_scene_says_what_shakes_the_lever() -> None:
-    path = Path(__file__).parent.parent / "samples" / "step.toml"
+    path = Path(__file__).parents[2] / "samples" / "step.toml"
     wet = ["cantilever.quality_factor=3"]
     with pytest.warns(UserWarning, match="Q is 3 and .drive. does not say excitation"):
         assert load_scene(path, wet).microscope.drive.excitation == "direct"

@@ -338,7 +338,7 @@ def test_the_loop_of_jkr_needs_a_tabor_number() -> None:
 
 
 def test_a_scene_names_laws_and_bias() -> None:
-    scene = Path(__file__).parent.parent / "samples" / "step.toml"
+    scene = Path(__file__).parents[2] / "samples" / "step.toml"
     for name in ("jkr", "maugis", "spring"):
         made = pm.load_scene(scene, [f"interaction.contact={name}", "interaction.bias=0.5"]).microscope.interaction
         assert made.law.name == name and made.bias == 0.5

@@ -131,7 +131,8 @@ def test_flow_rests_at_the_height_of_the_exact_orbit() -> None:
 # Against an independent integration in time: tests/reference/make_feedback.py
 
 TRUTH = {
-    case["name"]: case for case in json.loads((Path(__file__).parent / "data" / "feedback.json").read_text())["cases"]
+    case["name"]: case
+    for case in json.loads((Path(__file__).parents[1] / "data" / "feedback.json").read_text())["cases"]
 }
 # What is off by more than 0.1 degree in the slow flow, and why.
 STATED = {

@@ -18,7 +18,7 @@ import phasemap.sweeps.sweep
 from phasemap.cli import main
 from phasemap.io.netcdf import load
 
-SAMPLES = Path(__file__).parents[1] / "samples"
+SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
 SMALL = "surface.shape=[6, 8]"
 STIFF = ("--material", "stiff")

@@ -494,7 +494,7 @@ def test_an_image_without_units_or_places_is_not_taken_in_silence(tmp_path: Path
 
 
 def test_xarray_finds_the_backend_by_its_entry_point() -> None:
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     module, _, name = project["entry-points"]["xarray.backends"]["phasemap"].partition(":")
     backend = getattr(importlib.import_module(module), name)()
     assert isinstance(backend, xr.backends.BackendEntrypoint)

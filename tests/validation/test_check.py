@@ -27,7 +27,7 @@ from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import FAILS, OPEN
 from phasemap.validation.checking.sample import kinds, sample
 
-SAMPLES = Path(__file__).parents[1] / "samples"
+SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
 SMALL = "surface.shape=[6, 8]"
 

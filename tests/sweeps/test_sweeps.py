@@ -14,7 +14,7 @@ import pytest
 
 import phasemap as pm
 
-DATA = pathlib.Path(__file__).parent / "data"
+DATA = pathlib.Path(__file__).parents[1] / "data"
 FOLDS = json.loads((DATA / "folds.json").read_text())
 JUMPS = json.loads((DATA / "jumps.json").read_text())
 LAWS = json.loads((DATA / "laws.json").read_text())

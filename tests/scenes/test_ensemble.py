@@ -29,7 +29,7 @@ from phasemap.scenes.ensemble_file import assemble
 from phasemap.scenes.samples import Range
 from phasemap.scenes.scene import load_scene
 
-SAMPLE = Path(__file__).parents[1] / "samples" / "ensemble.toml"
+SAMPLE = Path(__file__).parents[2] / "samples" / "ensemble.toml"
 SCENE = """
 [scan]
 setpoint = 0.7

@@ -16,7 +16,7 @@ from phasemap.cli import main
 from phasemap.io.netcdf import load
 from phasemap.plot import plot
 
-SAMPLES = Path(__file__).parents[1] / "samples"
+SAMPLES = Path(__file__).parents[2] / "samples"
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(30e-9))
 STICKY = pm.Material(modulus=0.1e9, adhesion=0.05, damping=0.01, poisson_ratio=0.45)

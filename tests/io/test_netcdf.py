@@ -16,7 +16,7 @@ import phasemap as pm
 from phasemap._shared.errors import FileError
 from phasemap.io import netcdf
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture

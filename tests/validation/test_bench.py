@@ -360,7 +360,7 @@ def test_hard_cases_are_asked_for_by_the_same_command(
 
 
 def test_the_readme_shows_a_table_that_the_command_made(measured: xr.Dataset) -> None:
-    text = (Path(__file__).parents[1] / "README.md").read_text()
+    text = (Path(__file__).parents[2] / "README.md").read_text()
     shown = text.partition("<!-- accuracy:begin -->")[2].partition("<!-- accuracy:end -->")[0]
     ours = table(measured).splitlines()
     # The table is of the last run beside all peers, which was before there was the regime beside resonance.

@@ -21,7 +21,7 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene, load_scene
 
-SAMPLES = Path(__file__).parents[1] / "samples"
+SAMPLES = Path(__file__).parents[2] / "samples"
 HEAD = """
 [scan]
 setpoint = 0.7

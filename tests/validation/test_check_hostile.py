@@ -20,7 +20,7 @@ from phasemap.io.netcdf import save
 from phasemap.scenes.scene import load_scene
 from phasemap.validation.checking import check as checking
 
-STEP = Path(__file__).parents[1] / "samples" / "step.toml"
+STEP = Path(__file__).parents[2] / "samples" / "step.toml"
 ATTRIBUTES = ("configuration", "scene")
 DEEP = 100_000
 
