@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import phasemap as pm
-from phasemap.experiment.interaction import ContactLaw
+from phasemap import ContactLaw
 
 HALF_ANGLE = math.radians(35)
 

@@ -16,8 +16,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 GUIDES = [
-    "tomllib", "phasemap.scenes.scene", "phasemap.scenes.surface", "phasemap.scenes.ensemble", "phasemap.scenes.samples",
-    "phasemap.experiment.surface", "phasemap.generate", "phasemap._shared.checks", "phasemap._shared.errors",
+    "tomllib", "phasemap.scenes.scene", "phasemap.scenes.surface", "phasemap.scenes.ensemble",
+    "phasemap.scenes.samples",
+    "phasemap.experiment.surface", "phasemap.experiment.generate", "phasemap._shared.checks", "phasemap._shared.errors",
 ]  # fmt: skip
 """Modules whose branches count; numba could not compile those that it reads."""
 ROOTS = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]

@@ -66,11 +66,7 @@ class Interaction:
     def __post_init__(self) -> None:
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
         if not known:
-            hint = (
-                "Derive its class from phasemap.experiment.interaction.ContactLaw."
-                if hasattr(self.contact, "force")
-                else ""
-            )
+            hint = "Derive its class from phasemap.ContactLaw." if hasattr(self.contact, "force") else ""
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)

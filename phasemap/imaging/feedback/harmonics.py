@@ -19,7 +19,7 @@ MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many 
 
 
 class Bulges(NamedTuple):
-    """The two kappa of `phasemap._kernels.scanning.higher_harmonics` of some materials, in the order of their contact stiffness.
+    """The two kappa of `_kernels.scanning.higher_harmonics` of some materials, in the order of their contact stiffness.
 
     Attributes
     ----------
