@@ -10,16 +10,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, SHAKER
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 
 LOOKS, HALVINGS = 64, 50  # along the orbits without losses, and between two of them
 LEAST_SLOPE = 0.05  # of the amplitude seen with A: a flatter secant is not believed
 
 
-@njit(**OPTIONS)
+@kernel
 def seen_amplitude(lever: np.ndarray, amplitude: float, push: float) -> float:
     """Amplitude [m] that the detector sees of an orbit with this A and P."""
     base = lever[SHAKER]
@@ -29,7 +28,7 @@ def seen_amplitude(lever: np.ndarray, amplitude: float, push: float) -> float:
     return math.sqrt(max(amplitude * amplitude + base * base - 2.0 * base * amplitude * sine, 0.0))
 
 
-@njit(**OPTIONS)
+@kernel
 def seen_rate(lever: np.ndarray, amplitude: float, push: float, by_amplitude: float, by_push: float) -> float:
     """Rate of the amplitude that the detector sees, from those of A and P."""
     base = lever[SHAKER]
@@ -41,7 +40,7 @@ def seen_rate(lever: np.ndarray, amplitude: float, push: float, by_amplitude: fl
     return rate / seen_amplitude(lever, amplitude, push)
 
 
-@njit(**OPTIONS)
+@kernel
 def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     """A [m] of the orbit without losses that the detector sees with this amplitude, repulsive (1) or attractive (-1).
 
@@ -66,14 +65,14 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     return most * math.cos(0.5 * (low + high))
 
 
-@njit(**OPTIONS)
+@kernel
 def _on_circle(most: float, base: float, side: int, at: float) -> float:
     """Amplitude [m] seen of the orbit without losses whose phase is `at`, up to the sign that is its side."""
     amplitude = most * math.cos(at)
     return math.sqrt(amplitude * amplitude + base * base - 2.0 * side * base * amplitude * math.sin(at))
 
 
-@njit(**OPTIONS)
+@kernel
 def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] that the detector sees, 0 at free resonance, from those of z."""
     base = lever[SHAKER]
@@ -83,7 +82,7 @@ def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, floa
     return math.hypot(x, y), math.atan2(x, y) + math.atan(2.0 * lever[ALPHA0])
 
 
-@njit(**OPTIONS)
+@kernel
 def next_amplitude(
     lever: np.ndarray, seen: float, amplitude: float, phase: float, miss: float, before: tuple[float, float]
 ) -> float:

@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import OPTIONS, kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.newton import newton, newton_swept
 from phasemap._kernels.orbits.collocation.system import (
@@ -60,13 +60,13 @@ class Swept(NamedTuple):
     width: float
 
 
-@njit(**OPTIONS)
+@kernel
 def fixed(law: Law, p: tuple[float, ...], lever: np.ndarray) -> Fixed:
     """Return the path on which only tip offset and amplitude move."""
     return Fixed(p, lever, scale_of(law, p, lever, free_amplitude(lever)))
 
 
-@njit(**OPTIONS)
+@kernel
 def chebyshev(coefficients: np.ndarray, m: float) -> float:
     """Value of a Chebyshev series (Clenshaw)."""
     one, two = 0.0, 0.0
@@ -75,7 +75,7 @@ def chebyshev(coefficients: np.ndarray, m: float) -> float:
     return coefficients[0] + m * one - two
 
 
-@njit(**OPTIONS)
+@kernel
 def swept_at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndarray, float]:
     """The law's parameters, the lever, and what is held, at m."""
     values = np.empty(TABLE_ROWS)
@@ -88,13 +88,13 @@ def swept_at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndarray
     return p, values[LEVER:HELD].copy(), values[HELD]
 
 
-@njit(**OPTIONS)
+@kernel
 def held_at(path: Swept, m: float) -> float:
     """The tip offset or amplitude [m] that is held at m."""
     return chebyshev(path.table[HELD], m)
 
 
-@njit(**OPTIONS)
+@kernel
 def stand_swept(path: Swept, m: float) -> tuple[tuple[float, ...], np.ndarray, Drift]:
     """The law's parameters, the lever, and how they drift."""
     p, lever, _ = swept_at(path.table, m)
@@ -103,7 +103,7 @@ def stand_swept(path: Swept, m: float) -> tuple[tuple[float, ...], np.ndarray, D
     return p, lever, Drift(p_up, p_down, lever_up, lever_down, SMALL)
 
 
-@njit(**OPTIONS)
+@kernel
 def held_row(path: Swept, m: float, row: np.ndarray) -> None:
     """Equation of what is held, linearised at m: r (z0, A, m) = h."""
     value = held_at(path, m)
@@ -114,7 +114,7 @@ def held_row(path: Swept, m: float, row: np.ndarray) -> None:
     row[3] = value - rate * m
 
 
-@njit(**OPTIONS)
+@kernel
 def gap_scale(reach: float, z0: float, amplitude: float) -> float:
     """Natural length of the gap z0 - A at a point of the curve."""
     return 0.5 * reach + 0.25 * abs(z0 - amplitude)
@@ -268,7 +268,7 @@ def _pick(path: Any, of_fixed: Any, of_swept: Any) -> Any:
     return of_fixed if path.instance_class is Fixed else of_swept
 
 
-_HOW: dict[str, Any] = {"jit_options": {k: v for k, v in OPTIONS.items() if k != "cache"}, "strict": False}
+_HOW: dict[str, Any] = {"jit_options": OPTIONS, "strict": False}
 overload(stand, **_HOW)(lambda path, m: _pick(path, _stand_fixed, _stand_swept))
 overload(control, **_HOW)(lambda path: _pick(path, _control_fixed, _control_swept))
 overload(answer, **_HOW)(lambda path: _pick(path, _answer_fixed, _answer_swept))

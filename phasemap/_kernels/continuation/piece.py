@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
     LENGTH,
@@ -27,7 +27,7 @@ from phasemap._kernels.continuation.path import (
 from phasemap._kernels.continuation.path import row_of as tangent_row
 from phasemap._kernels.continuation.step import FIRST_STEP, Path, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe
 from phasemap._kernels.orbits.collocation.observables import complete, time_trace
@@ -55,7 +55,7 @@ MOST_HALVINGS = 40
 LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
 
 
-@njit(**OPTIONS)
+@kernel
 def record(
     law: Law, path: Path, tables: np.ndarray, orbit: Orbit, kind: int, index: int, rows: np.ndarray,
     traces: np.ndarray, count: int,
@@ -79,7 +79,7 @@ def record(
     return count + 1
 
 
-@njit(**OPTIONS)
+@kernel
 def sharpen(
     law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float
 ) -> tuple[bool, Orbit, Orbit]:
@@ -90,7 +90,7 @@ def sharpen(
     return status == col.GOOD and mark(law, path, tables, orbit, point), orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def turn_between(
     law: Law, path: Path, tables: np.ndarray, before: np.ndarray, after: np.ndarray, start: Orbit, slope: int,
     level: int, tolerance: float, orbit: Orbit, spare: Orbit, room: Orbit, point: np.ndarray,
@@ -137,7 +137,7 @@ def turn_between(
     return abs(point[slope]) <= ROUGH * most, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def visit(
     law: Law, path: Path, tables: np.ndarray, index: int, before: np.ndarray, after: np.ndarray, start: Orbit,
     end: Orbit, wanted: np.ndarray, tolerance: float, one: Orbit, spare: Orbit, rows: np.ndarray, traces: np.ndarray,
@@ -165,7 +165,7 @@ def visit(
     return count, one, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def follow(
     law: Law, path: Path, tables: np.ndarray, index: int, orbit: Orbit, spare: Orbit, point: np.ndarray,
     box: np.ndarray, wanted: np.ndarray, every: bool, tolerance: float, rows: np.ndarray, traces: np.ndarray,
@@ -254,7 +254,7 @@ def follow(
     return FULL, count
 
 
-@njit(**OPTIONS)
+@kernel
 def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) -> bool:
     """Whether the curve has come back to where it was begun."""
     away = unit(
@@ -264,7 +264,7 @@ def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.n
     return same and math.hypot(away[0], away[1]) < point[LENGTH]
 
 
-@njit(**OPTIONS)
+@kernel
 def start_at(
     law: Law, path: Path, tables: np.ndarray, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float,
     orbit: Orbit, spare: Orbit,
@@ -279,7 +279,7 @@ def start_at(
     return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def aim(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, sense: float, point: np.ndarray) -> bool:
     """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
     point[:] = 0.0

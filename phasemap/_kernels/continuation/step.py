@@ -10,9 +10,9 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
     DA,
@@ -46,7 +46,7 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
 from phasemap._kernels.orbits.collocation.newton import floquet
 from phasemap._kernels.orbits.collocation.system import (
@@ -81,7 +81,7 @@ EXACTLY, ENOUGH, MOST_TRIES = 1e-13, 1e-10, 8  # of the amplitude that the detec
 ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
 
 
-@njit(**OPTIONS)
+@kernel
 def copy_orbit(source: Orbit, to: Orbit) -> None:
     """Copy an orbit."""
     count = int(source.head[COUNT, ELEMENTS]) + 1
@@ -89,7 +89,7 @@ def copy_orbit(source: Orbit, to: Orbit) -> None:
     to.head[:] = source.head
 
 
-@njit(**OPTIONS)
+@kernel
 def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
     p, lever, _ = stand(path, orbit.head[VALUE, M])
@@ -100,7 +100,7 @@ def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) 
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarray) -> bool:
     """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
     value, right = orbit.head[VALUE], orbit.head[SYSTEM : SYSTEM + RIGHT, RIGHT]
@@ -123,7 +123,7 @@ def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarr
     return math.isfinite(length)
 
 
-@njit(**OPTIONS)
+@kernel
 def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> bool:
     """Whether the curve keeps its orientation between two points.
 
@@ -137,7 +137,7 @@ def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) 
     return before[slope] * before[DET] * point[slope] * point[DET] >= 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def advance(
     law: Law,
     path: Path,
@@ -185,7 +185,7 @@ def advance(
     return col.NOT_CONVERGED, step, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: float) -> float:
     """Where to step instead if an entry (`index`) may just reach `value` and turn between two points; 0 if not.
 
@@ -211,7 +211,7 @@ def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: fl
     return t * length
 
 
-@njit(**OPTIONS)
+@kernel
 def advance_watching(
     law: Law,
     path: Path,
@@ -239,14 +239,14 @@ def advance_watching(
     return status, following, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
     """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
     cubic, square = rise + end - 2.0 * (two - one), 3.0 * (two - one) - 2.0 * rise - end
     return one + t * (rise + t * (square + t * cubic))
 
 
-@njit(**OPTIONS)
+@kernel
 def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -> float:
     """Where between two points (0 ... 1) the cubic of an entry passes a value."""
     low, high, length = 0.0, 1.0, after[LENGTH]
@@ -267,7 +267,7 @@ def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -
     return at
 
 
-@njit(**OPTIONS)
+@kernel
 def settle_on(
     law: Law,
     path: Path,
@@ -327,7 +327,7 @@ def settle_on(
     return good and here[index + RATE] * (after[index] - before[index]) > 0.0, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def cross(
     law: Law,
     path: Path,

@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
 from phasemap._kernels.engagement.rest import HANGING, land, lets_go, loosened, pressed_in, pulled
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
@@ -32,7 +32,7 @@ FARTHEST_AT_ALL = 1e-2  # [m], the same whatever the amplitude
 NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
 
 
-@njit(**OPTIONS)
+@kernel
 def lower(
     law: Law,
     path: Fixed,
@@ -86,7 +86,7 @@ def lower(
     return col.NO_STABLE_ORBIT, lowest, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def retract(
     law: Law,
     path: Fixed,
@@ -125,7 +125,7 @@ def retract(
     return col.NOT_CONVERGED, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def only_offset(path: Fixed, orbit: Orbit, sense: float, point: np.ndarray) -> None:
     """Set the tangent of a point so that `mark` turns it to where the tip offset rises (sense 1) or falls (-1)."""
     of_gap, of_amplitude = scales(path, path.reach, orbit.head[VALUE, Z0], orbit.head[VALUE, A])
@@ -133,7 +133,7 @@ def only_offset(path: Fixed, orbit: Orbit, sense: float, point: np.ndarray) -> N
     point[TU], point[TV] = sense, sense * of_amplitude / of_gap
 
 
-@njit(**OPTIONS)
+@kernel
 def joined(
     law: Law,
     path: Fixed,
@@ -163,7 +163,7 @@ def joined(
     return False, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def tapping(
     law: Law,
     path: Fixed,
@@ -195,7 +195,7 @@ def tapping(
     return False, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def engage_landed(
     law: Law,
     path: Fixed,
@@ -240,7 +240,7 @@ def engage_landed(
     return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def engage(
     law: Law,
     path: Fixed,
@@ -280,7 +280,7 @@ def engage(
     return status, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def engage_near(
     law: Law,
     path: Fixed,

@@ -14,9 +14,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
@@ -33,7 +33,6 @@ from phasemap._kernels.orbits.time.period_map import (
     skip,
     slope_of,
 )
-from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -70,7 +69,7 @@ DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 5, 7, 8, 9, 10, 11, 12
 LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, SUMS = 12, 13, 14, 15, 16, 17, 18, 19
 
 
-@njit(**STEADY)
+@kernel
 def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
     """Return empty sums of a lock-in that shows the phasor of the last period, as the detector sees it."""
     sums = np.zeros(SUMS)
@@ -79,7 +78,7 @@ def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
     return sums
 
 
-@njit(**STEADY)
+@kernel
 def average(
     law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, fall: float, tip: Tip, sums: np.ndarray
 ) -> bool:
@@ -111,25 +110,25 @@ def average(
     return True
 
 
-@njit(**STEADY)
+@kernel
 def fine(p: np.ndarray, eta: float) -> float:
     """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
     return eta if p[col.RELEASE] == 0.0 else NECK * eta
 
 
-@njit(**STEADY)
+@kernel
 def seen(lever: np.ndarray, sums: np.ndarray) -> float:
     """Amplitude [m] of the mean phasor that the detector sees."""
     return math.hypot(sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT])
 
 
-@njit(**STEADY)
+@kernel
 def block_of(lever: np.ndarray) -> int:
     """Periods that are averaged at a time: a multiple of 12, in which orbits of 2, 3, 4 or 6 periods repeat."""
     return 12 * (max(FEWEST, ring_down(lever)) // 12 + 1)
 
 
-@njit(**STEADY)
+@kernel
 def follow_down(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, how: Numbers, most: int, tip: Tip
 ) -> int:
@@ -174,7 +173,7 @@ def follow_down(
     return SPENT
 
 
-@njit(**STEADY)
+@kernel
 def move_slowly(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, least: float, how: Numbers, most: int, tip: Tip
 ) -> int:
@@ -200,7 +199,7 @@ def move_slowly(
     return SPENT
 
 
-@njit(**STEADY)
+@kernel
 def hold_mean(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
@@ -281,7 +280,7 @@ def hold_mean(
     return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
 
 
-@njit(**STEADY)
+@kernel
 def hold(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
@@ -293,7 +292,7 @@ def hold(
     return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
 
 
-@njit(**STEADY)
+@kernel
 def settle(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, start: np.ndarray, eta: float, most: int,
     row: np.ndarray,
@@ -307,7 +306,7 @@ def settle(
     return hold(law, p, lever, amplitude, eta, most, tip, row)
 
 
-@njit(**STEADY)
+@kernel
 def approach(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, z0: float, step: float, eta: float, most: int,
     row: np.ndarray,
@@ -348,7 +347,7 @@ def approach(
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
 
 
-@njit(**STEADY)
+@kernel
 def carry_to(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
 ) -> int:
@@ -373,7 +372,7 @@ def carry_to(
     return hold_mean(law, p, lever, 0.0, eta, most, tip, row)
 
 
-@njit(**STEADY)
+@kernel
 def carry_on(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
 ) -> int:

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, slope_of
 from phasemap._kernels.orbits.response.orbit import new_room, refine
@@ -22,7 +22,7 @@ from phasemap._kernels.orbits.response.passes import HEIGHT
 ATTRACTED, REPELLED = 0, 1
 
 
-@njit(**OPTIONS)
+@kernel
 def bulges(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, first: int, last: int,
     out: np.ndarray,

@@ -17,9 +17,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 
 # Entries of the loop. Lengths in m, times in tau.
 SETPOINT, KP, KI, KD = 0, 1, 2, 3
@@ -40,13 +39,13 @@ AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
 TIME, SUM_PLACE, SUM_AMPLITUDE, SUM_PHASE, STOPPED, TALLY = 0, 1, 2, 3, 4, 5
 
 
-@njit(**OPTIONS)
+@kernel
 def used(loop: np.ndarray) -> int:
     """How many entries of the state move."""
     return FILTERS + 2 * int(loop[ORDER])
 
 
-@njit(**OPTIONS)
+@kernel
 def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] at the lock-in's output."""
     last = used(loop) - 2
@@ -54,7 +53,7 @@ def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return math.hypot(x, y[last + 1]), math.atan2(x, -y[last + 1]) + loop[TURN]
 
 
-@njit(**OPTIONS)
+@kernel
 def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Rates of what `shown` gives."""
     last = used(loop) - 2
@@ -66,7 +65,7 @@ def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return (x * dx + u * du) / size, (x * du - u * dx) / (size * size)
 
 
-@njit(**OPTIONS)
+@kernel
 def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
     """Where the scanner is sent [m], the rate of I, and whether the scanner is at an end of its range."""
     error = shown(loop, y)[0] - loop[SETPOINT]
@@ -80,7 +79,7 @@ def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
     return min(max(wanted, loop[LOW]), loop[HIGH]), rate, below or above
 
 
-@njit(**OPTIONS)
+@kernel
 def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
     """Let the lock-in's filters run for a time during which a stays: a cascade of equal filters has a closed form."""
     s = loop[RATE] * time
@@ -95,7 +94,7 @@ def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
             y[FILTERS + 2 * j + part] = a + decay * away
 
 
-@njit(**OPTIONS)
+@kernel
 def move_scanner(loop: np.ndarray, y: np.ndarray, to: float, time: float) -> None:
     """Let the scanner run for a time towards a command that stays."""
     if loop[SPRING] == 0.0:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.in_time import COARSE, FALL, average, begin_sums, block_of
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import new_tip, ring_down
-from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 
-@njit(**STEADY)
+@kernel
 def reach_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, eta: float, most: int, orbits: np.ndarray, reach: np.ndarray
 ) -> None:

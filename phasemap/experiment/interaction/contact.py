@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.checks import number
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.jkr import JKR
@@ -24,13 +25,8 @@ class DMT(ContactLaw):
 
     name = "dmt"
 
-    @staticmethod
-    def force(d: float, p: Array) -> float:
-        return p[0] * d * math.sqrt(d) - p[1]
-
-    @staticmethod
-    def slope(d: float, p: Array) -> float:
-        return 1.5 * p[0] * math.sqrt(d)
+    force = staticmethod(hertzian)
+    slope = staticmethod(hertzian_slope)
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
         """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N]."""

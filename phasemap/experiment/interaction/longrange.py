@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from phasemap._kernels.forces import inverse_square, inverse_square_slope
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -25,15 +27,8 @@ class InverseSquare:
         """p[4] = f0 [N], p[5] = 1/d0 [1/m]."""
         return pull, 1 / decay_length
 
-    @staticmethod
-    def force(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        return -p[4] / (s * s)
-
-    @staticmethod
-    def slope(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        return -2.0 * p[4] * p[5] / (s * s * s)
+    force = staticmethod(inverse_square)
+    slope = staticmethod(inverse_square_slope)
 
 
 class Biased:

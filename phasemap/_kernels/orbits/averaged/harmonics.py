@@ -19,10 +19,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import OMEGA, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_force, damping, longrange_force
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
@@ -35,11 +35,10 @@ _DEEP_COS2, _DEEP_SIN2 = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 
 _DEEP_W = _W * np.pi * np.cos(_X * np.pi / 2)
 _ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
 
-_SUMS = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}}  # sums may be taken in any order, so in vectors
 DEEP = -0.6  # below this c the contact integrals need the finer nodes
 
 
-@njit(**OPTIONS)
+@kernel
 def _neck(
     law: Law, p: np.ndarray, reach: float, amplitude: float, c: float, hanging: bool
 ) -> tuple[float, float, float]:
@@ -92,7 +91,7 @@ def _neck(
     return mean, push, loss
 
 
-@njit(**_SUMS)
+@kernel(fastmath=ANY_ORDER)
 def _even(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float, outside: bool
 ) -> tuple[float, float, float]:
@@ -146,7 +145,7 @@ def _even(
     return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
 
 
-@njit(**OPTIONS)
+@kernel
 def harmonics(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
 ) -> tuple[float, float, float]:

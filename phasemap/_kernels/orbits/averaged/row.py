@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import phase_of
 
 
-@njit(**OPTIONS)
+@kernel
 def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row from an averaged orbit, guess = (z0, mean deflection, A, P, S)."""
     stiffness = lever[col.STIFFNESS]
@@ -26,7 +25,7 @@ def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     row[col.STIFFENING] = push / amplitude
 
 
-@njit(**OPTIONS)
+@kernel
 def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
     """Fill `guess` with the averaged orbit nearest to the exact one of `row`, on the same side of free stiffness."""
     best = math.inf

@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import find_contacts, lay, put
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
@@ -54,7 +54,7 @@ ROUNDING = 2e-13  # of the tip offset, in the amplitude: what is rounded where a
 ASIDE = 1e-3  # [rad] by which elements may lie beside the contacts and still be the same ones
 
 
-@njit(**OPTIONS)
+@kernel
 def state_errors(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
 ) -> None:
@@ -78,7 +78,7 @@ def state_errors(
     row[col.ERROR_HEIGHT] = SAFETY * abs(solved[RZ] - head[VALUE, Z0]) + FLOOR_HEIGHT + rounded
 
 
-@njit(**OPTIONS)
+@kernel
 def _same(orbit: Orbit, places: Orbit) -> bool:
     """Whether both have the same elements, at almost the same places."""
     count = int(orbit.head[COUNT, ELEMENTS])
@@ -91,7 +91,7 @@ def _same(orbit: Orbit, places: Orbit) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
     """The orbit on elements cut in two, which lie where those of `places` do."""
     count = int(orbit.head[COUNT, ELEMENTS])

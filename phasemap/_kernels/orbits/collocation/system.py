@@ -20,11 +20,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, STIFFNESS
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import (
-    OPTIONS,
     Law,
     contact_force,
     contact_slope,
@@ -83,13 +82,13 @@ class Orbit(NamedTuple):
     head: np.ndarray
 
 
-@njit(**OPTIONS)
+@kernel
 def new_orbit() -> Orbit:
     """Return an orbit's room."""
     return Orbit(np.zeros((MOST_ELEMENTS + 1, FIELDS, NODES)), np.zeros((HEAD, NODES)))
 
 
-@njit(**OPTIONS)
+@kernel
 def eliminate(m: np.ndarray, n: int) -> bool:
     """Solve for the first n columns in place (Gauss-Jordan, row pivoting); the other columns become solutions."""
     width = m.shape[1]
@@ -114,7 +113,7 @@ def eliminate(m: np.ndarray, n: int) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def into(p: np.ndarray, side: float, d: float) -> float:
     """The depth on this side of the surface that is nearest to d: elements may lie a little beside it.
 
@@ -127,7 +126,7 @@ def into(p: np.ndarray, side: float, d: float) -> float:
     return min(d, 0.0)
 
 
-@njit(**OPTIONS)
+@kernel
 def surface_force(
     law: Law, p: np.ndarray, inverse_k: float, side: float, d: float, v: float
 ) -> tuple[float, float, float]:
@@ -147,7 +146,7 @@ def surface_force(
     return inverse_k * longrange_force(law, d, p), inverse_k * longrange_slope(law, d, p), 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def _pushed(
     law: Law, p: np.ndarray, lever: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float,
     speed: float,
@@ -158,7 +157,7 @@ def _pushed(
     return omega * omega * acceleration + 2.0 * lever[ALPHA0] * omega * u + w + g
 
 
-@njit(**OPTIONS)
+@kernel
 def _element(
     law: Law,
     p: np.ndarray,
@@ -207,13 +206,13 @@ def _element(
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def border_between(p: np.ndarray, before: float, after: float) -> float:
     """The depth [m] at which one side becomes another."""
     return p[RELEASE] if before == NECK and after == OUTSIDE else 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np.ndarray, amplitude: float) -> float:
     """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
 
@@ -232,7 +231,7 @@ def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 
 
-@njit(**OPTIONS)
+@kernel
 def linearise(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: Drift | None
 ) -> bool:
@@ -305,7 +304,7 @@ def linearise(
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
     omega, base, amplitude = lever[OMEGA], lever[BASE], head[VALUE, A]
@@ -314,7 +313,7 @@ def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     return (x * x + y * y) / base - base
 
 
-@njit(**OPTIONS)
+@kernel
 def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> None:
     """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
     omega, alpha0, base = lever[OMEGA], lever[ALPHA0], lever[BASE]
@@ -332,7 +331,7 @@ def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> Non
         row[RM] = (_drive(drift.lever_up, head) - _drive(drift.lever_down, head)) / (2.0 * drift.step)
 
 
-@njit(**OPTIONS)
+@kernel
 def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> bool:
     """Add the drive's equation and what is held, and solve for (w, w', P, S, z0, change of A); True if solvable.
 
@@ -354,7 +353,7 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
     return eliminate(head[SYSTEM : SYSTEM + 6], 6)
 
 
-@njit(**OPTIONS)
+@kernel
 def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     """Leave the derivative along the curve of orbits in the system's last column, with r_z dz0 + r_A dA = 1."""
     head = orbit.head
@@ -366,7 +365,7 @@ def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     return eliminate(head[SYSTEM : SYSTEM + 6], 6)
 
 
-@njit(**OPTIONS)
+@kernel
 def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
     """`close` where m may change too. holds, shape (2, 4): rows (r_z, r_A, r_m, h), r (z0, A, m) = h."""
     head = orbit.head
@@ -378,7 +377,7 @@ def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray
     return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
 
 
-@njit(**OPTIONS)
+@kernel
 def along_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
     """`along` where m may change too: the first row of `holds` stays, the second changes by one."""
     head = orbit.head
@@ -391,7 +390,7 @@ def along_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray
     return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
 
 
-@njit(**OPTIONS)
+@kernel
 def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) -> float:
     """Move the orbit by `share` of the step just solved; return the largest change of the depth [m] over the nodes."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_slope, longrange_slope
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, contact_slope, longrange_slope
 from phasemap._kernels.lever import mismatch
 from phasemap._kernels.orbits.response.apex import crest
 from phasemap._kernels.orbits.response.nodes import (
     COS,
     ENTRY,
     EXIT,
-    FREE,
     IN,
     OUT,
     THETA,
@@ -53,7 +52,7 @@ _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     amplitude = state[AMP]
@@ -63,7 +62,7 @@ def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: 
     return mismatch(lever, amplitude, push, drag)
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and the mean deflection [m] from the number of nodes.
 
@@ -84,7 +83,7 @@ def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
     return 0.1 * rest
 
 
-@njit(**OPTIONS)
+@kernel
 def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
     amplitude, e = state[AMP], state[E]
@@ -101,7 +100,7 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def balance(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool, hold: bool
 ) -> float:
@@ -124,7 +123,7 @@ def balance(
     return h
 
 
-@njit(**OPTIONS)
+@kernel
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
     limit_phase: float, limit_height: float,
@@ -172,7 +171,7 @@ def converge(
     return False
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
@@ -204,14 +203,14 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     return trace > LEAST_TRACE and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
 
 
-@njit(**OPTIONS)
+@kernel
 def closure(lever: np.ndarray, state: np.ndarray) -> float:
     """Energy in less energy out over energy in, which is what the conservative force leaves behind."""
     amplitude = state[AMP]
     return state[WORK] / (math.pi * amplitude * (2.0 * lever[ALPHA0] * lever[OMEGA] * amplitude - state[DRAG]))
 
 
-@njit(**OPTIONS)
+@kernel
 def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state[AMP], lever[STIFFNESS]
@@ -231,7 +230,7 @@ def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state[ERR_PHASE], state[ERR_HEIGHT]
 
 
-@njit(**OPTIONS)
+@kernel
 def deepest(f: np.ndarray, amplitude: float) -> float:
     """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
     touching = f[THETA, EXIT] > f[THETA, ENTRY]
@@ -249,7 +248,7 @@ def deepest(f: np.ndarray, amplitude: float) -> float:
     return most
 
 
-@njit(**OPTIONS)
+@kernel
 def _in_contact(f: np.ndarray, angle: float) -> float:
     """Return w at an angle in contact, by the polynomial through all nodes there."""
     centre, half = 0.5 * (f[THETA, ENTRY] + f[THETA, EXIT]), 0.5 * (f[THETA, EXIT] - f[THETA, ENTRY])

@@ -6,12 +6,11 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -45,32 +44,32 @@ class Tip(NamedTuple):
     periods: np.ndarray
 
 
-@njit(**STEADY)
+@kernel
 def new_tip(z: float, v: float, z0: float) -> Tip:
     """Return a tip out of contact, or as its depth says."""
     return Tip(np.array([z, v, 0.0, z0]), np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
 
 
-@njit(**STEADY)
+@kernel
 def ring_down(lever: np.ndarray) -> int:
     """Periods in which the amplitude of the free lever falls to 1/e, Q / pi at resonance; at least 1."""
     return int(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0])) + 1
 
 
-@njit(**STEADY)
+@kernel
 def amplitude_of(lever: np.ndarray, acc: np.ndarray) -> float:
     """Amplitude [m] that the detector sees in a period: of the first harmonic of z, less that of the lever's base."""
     return math.hypot(acc[0] - lever[col.SHAKER], acc[1])
 
 
-@njit(**STEADY)
+@kernel
 def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods[0] += 1
     return march_period(law, p, lever, tip.u[3], eta, tip.u, tip.acc) >= 0
 
 
-@njit(**STEADY)
+@kernel
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
     u, acc, linear = tip.u, tip.acc, tip.linear
@@ -90,21 +89,21 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) 
     return True
 
 
-@njit(**STEADY)
+@kernel
 def relaxed(linear: np.ndarray, r0: float, r1: float) -> tuple[float, float]:
     """How far (z, z') goes to rest if it now changes by r a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
     scale = 1 / (linear[4] * linear[9] - linear[8] * linear[5])
     return (linear[8] * r1 - linear[9] * r0) * scale, (linear[5] * r0 - linear[4] * r1) * scale
 
 
-@njit(**STEADY)
+@kernel
 def slope_of(linear: np.ndarray) -> float:
     """dA/dz0 after the transient."""
     z, v = relaxed(linear, linear[12], linear[13])
     return linear[14] + linear[6] * z + linear[10] * v
 
 
-@njit(**STEADY)
+@kernel
 def multiplier_of(linear: np.ndarray) -> float:
     """Largest modulus of the Floquet multipliers: the eigenvalues of P'."""
     half = 1 + 0.5 * (linear[4] + linear[9])
@@ -113,7 +112,7 @@ def multiplier_of(linear: np.ndarray) -> float:
     return abs(half) + math.sqrt(apart) if apart > 0 else math.sqrt(product)
 
 
-@njit(**STEADY)
+@kernel
 def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
     """Way of (z, z', z0) to rest; with `hold`, z0 moves by the amplitude's error after the transient, over slope."""
     z, v = relaxed(linear, r0, r1)
@@ -124,7 +123,7 @@ def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -
     return z + z_move * move, v + v_move * move, move
 
 
-@njit(**STEADY)
+@kernel
 def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float, tip: Tip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
 
@@ -176,7 +175,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
     return False
 
 
-@njit(**STEADY)
+@kernel
 def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, tip: Tip) -> bool:
     """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
     end = tip.periods[0] + most
@@ -194,7 +193,7 @@ def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, ti
     return False
 
 
-@njit(**STEADY)
+@kernel
 def hold_periodic(
     law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
@@ -246,7 +245,7 @@ def hold_periodic(
     return col.GOOD
 
 
-@njit(**STEADY)
+@kernel
 def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
 
@@ -265,7 +264,7 @@ def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None
     row[col.CLOSURE] = (supplied - acc[3] - acc[6]) / supplied
 
 
-@njit(**STEADY)
+@kernel
 def fill_orbit(lever: np.ndarray, tip: Tip, row: np.ndarray) -> None:
     """Fill a result row from a tip that `skip` has put to rest."""
     fill(lever, tip.u[3], tip.acc, row)
