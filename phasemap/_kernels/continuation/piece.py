@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
@@ -21,7 +22,7 @@ from phasemap._kernels.continuation.path import (
     reach_on,
     scales,
     solve_on,
-    stand,
+    standing_at,
     unit,
 )
 from phasemap._kernels.continuation.path import row_of as tangent_row
@@ -63,7 +64,7 @@ def record(
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
     if count == len(rows):
         return count
-    p, lever, _ = stand(path, orbit.head[VALUE, M])
+    p, lever = standing_at(path, orbit.head[VALUE, M])
     row = rows[count]
     row[:] = math.nan
     observe(law, p, lever, tables, orbit, row[: col.COLUMNS])
@@ -110,7 +111,7 @@ def turn_between(
         share = f_low / (f_low - f_high)
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
-        point[:] = begun
+        copy(begun, point)
         status, _, orbit, spare = advance(law, path, tables, point, step, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
@@ -125,7 +126,7 @@ def turn_between(
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
             if reached < step:
-                begun[:] = point
+                copy(point, begun)
                 copy_orbit(orbit, base)
                 at, low, high = at + reached, 0.0, high - reached
             f_high *= 0.5 if last == 1 else 1.0
@@ -159,7 +160,7 @@ def visit(
         else:
             made = record(law, path, tables, one, col.WANTED, k, rows, traces, count)
             if made > count and index == AP:
-                p, lever, _ = stand(path, one.head[VALUE, M])
+                p, lever = standing_at(path, one.head[VALUE, M])
                 state_errors(law, p, lever, tables, one, spare, rows[count])
             count = made
     return count, one, spare
@@ -271,7 +272,7 @@ def start_at(
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
     orbit.head[VALUE, M] = m
-    p, lever, _ = stand(path, m)
+    p, lever = standing_at(path, m)
     if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
         return False, orbit, spare
     target = np.array([guess[0], 0.0, 0.0, 0.0])

@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import Fixed
+from phasemap._kernels.continuation.path import Path
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
@@ -16,7 +16,7 @@ from phasemap._kernels.orbits.collocation.system import HOLD_ARC, Orbit
 
 @kernel
 def start_far(
-    law: Law, path: Fixed, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
+    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
 ) -> tuple[int, Orbit, Orbit]:
     """Find the orbit far from the surface, where the lever swings almost freely."""
     p, lever = path.p, path.lever

@@ -7,11 +7,11 @@ tangent and corrects in the plane across it, so that folds are passed like any o
 from __future__ import annotations
 
 import math
-from typing import TypeVar
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
@@ -32,8 +32,7 @@ from phasemap._kernels.continuation.path import (
     TV,
     VP,
     ZP,
-    Fixed,
-    Swept,
+    Path,
     answer,
     control,
     gap_scale,
@@ -41,7 +40,7 @@ from phasemap._kernels.continuation.path import (
     row_of,
     scales,
     solve_on,
-    stand,
+    standing_at,
     tangent_on,
     unit,
 )
@@ -72,8 +71,6 @@ from phasemap._kernels.orbits.collocation.system import (
     new_orbit,
 )
 
-Path = TypeVar("Path", Fixed, Swept)
-
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
@@ -85,14 +82,15 @@ ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
 def copy_orbit(source: Orbit, to: Orbit) -> None:
     """Copy an orbit."""
     count = int(source.head[COUNT, ELEMENTS]) + 1
-    to.elements[:count] = source.elements[:count]
-    to.head[:] = source.head
+    for e in range(count):
+        copy_rows(source.elements[e], to.elements[e])
+    copy_rows(source.head, to.head)
 
 
 @kernel
 def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
-    p, lever, _ = stand(path, orbit.head[VALUE, M])
+    p, lever = standing_at(path, orbit.head[VALUE, M])
     level = int(orbit.head[COUNT, LEVEL])
     if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
         return False
@@ -117,7 +115,7 @@ def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarr
     point[TU], point[TV] = t_u / length, t_v / length
     point[DZ], point[DA], point[DM] = dz / length, da / length, dm / length
     point[DP], point[DS] = right[RP] / length, right[RS] / length
-    lever = stand(path, value[M])[1]
+    lever = standing_at(path, value[M])[1]
     point[VP] = seen_amplitude(lever, value[A], value[P])
     point[DV] = seen_rate(lever, value[A], value[P], point[DA], point[DP])
     return math.isfinite(length)
@@ -157,7 +155,7 @@ def advance(
     before = point.copy()
     reach = reach_on(law, path, orbit)
     coarse = 1e-3 * gap_scale(reach, point[ZP], point[AP])
-    contacts, hysteretic = orbit.head[COUNT, CONTACTS], stand(path, orbit.head[VALUE, M])[0][col.RELEASE] != 0.0
+    contacts, hysteretic = orbit.head[COUNT, CONTACTS], standing_at(path, orbit.head[VALUE, M])[0][col.RELEASE] != 0.0
     row = row_of(path, reach, before)
     while step > SMALLEST_STEP:
         value = orbit.head[VALUE]
@@ -171,7 +169,7 @@ def advance(
             status, steps, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, coarse, 8, True)
             # With a neck the curve ends where a contact is made or kept.
             if status == col.GOOD and not (hysteretic and orbit.head[COUNT, CONTACTS] != contacts):
-                point[:] = before
+                copy(before, point)
                 good = mark(law, path, tables, orbit, point)
                 turn = point[TU] * before[TU] + point[TV] * before[TV]
                 corner = step < CORNER and not hysteretic
@@ -181,7 +179,7 @@ def advance(
                     return col.GOOD, min(step * growth, LARGEST_STEP), orbit, spare
         copy_orbit(saved, orbit)
         step *= 0.4
-    point[:] = before
+    copy(before, point)
     return col.NOT_CONVERGED, step, orbit, spare
 
 
@@ -234,7 +232,7 @@ def advance_watching(
         if instead == 0.0:
             break
         copy_orbit(saved, orbit)
-        point[:] = before
+        copy(before, point)
         status, following, orbit, spare = advance(law, path, tables, point, instead, orbit, spare, saved)
     return status, following, orbit, spare
 
@@ -364,10 +362,10 @@ def cross(
         if status != col.GOOD:
             return False, orbit, spare
         if (between[index] > value) == (high[index] > value):
-            high[:] = between
+            copy(between, high)
         else:
             high[LENGTH] -= between[LENGTH]
-            low[:] = between
+            copy(between, low)
             copy_orbit(orbit, begin_orbit)
         good, orbit, spare = settle_on(law, path, tables, index, value, low, high, orbit, spare, tolerance)
         if good:

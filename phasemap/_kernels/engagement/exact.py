@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
+from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Path, scales
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
@@ -35,7 +35,7 @@ NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on 
 @kernel
 def lower(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,
@@ -89,7 +89,7 @@ def lower(
 @kernel
 def retract(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,
@@ -126,7 +126,7 @@ def retract(
 
 
 @kernel
-def only_offset(path: Fixed, orbit: Orbit, sense: float, point: np.ndarray) -> None:
+def only_offset(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> None:
     """Set the tangent of a point so that `mark` turns it to where the tip offset rises (sense 1) or falls (-1)."""
     of_gap, of_amplitude = scales(path, path.reach, orbit.head[VALUE, Z0], orbit.head[VALUE, A])
     point[:] = 0.0
@@ -136,7 +136,7 @@ def only_offset(path: Fixed, orbit: Orbit, sense: float, point: np.ndarray) -> N
 @kernel
 def joined(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     z0: float,
     orbit: Orbit,
@@ -166,7 +166,7 @@ def joined(
 @kernel
 def tapping(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     z0: float,
@@ -198,7 +198,7 @@ def tapping(
 @kernel
 def engage_landed(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     z0: float,
@@ -243,7 +243,7 @@ def engage_landed(
 @kernel
 def engage(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     level: int,
@@ -283,7 +283,7 @@ def engage(
 @kernel
 def engage_near(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,

@@ -27,6 +27,7 @@ from phasemap._kernels.orbits.collocation.system import (
     A,
     Orbit,
     linearise,
+    no_drift,
 )
 
 HANGING = 1e4  # a multiplier as large belongs to an orbit that hangs on an unstable equilibrium, or grazes
@@ -134,7 +135,7 @@ def held_there(
     status, _, orbit, spare = newton(
         law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[2], 20
     )
-    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, None)
+    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, no_drift())
     return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
 
 

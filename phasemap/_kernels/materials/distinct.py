@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 
 _MIX, _SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
@@ -53,7 +54,7 @@ def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -
             if count == len(known):
                 return count, i
             table[at] = count
-            known[count] = rows[i]
+            copy(rows[i], known[count])
             count += 1
     return count, len(rows)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Fixed, fixed
+from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Path, fixed
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.exact import MOST_POINTS
@@ -29,7 +29,7 @@ FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many
 @kernel
 def collect(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     hold: int,
     value: float,
@@ -88,7 +88,7 @@ def insert(rows: np.ndarray, count: int) -> int:
 @kernel
 def seed(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     guesses: np.ndarray,

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
@@ -200,8 +201,8 @@ def flow_on(
         if error <= 1.0:
             _collect(loop, flow, h, 1.0, tally)
             _collect(loop, flow, h, -1.0, tally)
-            y[:] = trial
-            k[0] = k[STAGES - 1]
+            copy(trial, y)
+            copy(k[STAGES - 1], k[0])
             memory[SHIFT], done = shift, done + h
             if noisy:
                 _shake(lever, loop, h, noise, y)

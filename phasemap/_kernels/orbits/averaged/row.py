@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import phase_of
 
@@ -33,5 +34,5 @@ def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
         apart = abs(candidates[i, 0] - row[col.TIP_OFFSET])
         if (candidates[i, 3] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
             best = apart
-            guess[:5] = candidates[i]
+            copy(candidates[i], guess)
     return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.columns import RELEASE, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_slope, damping
@@ -377,9 +378,9 @@ def lay(
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
     head = orbit.head
     amplitude = source.head[VALUE, A]
-    head[VALUE] = source.head[VALUE]
-    head[COUNT] = source.head[COUNT]
-    head[CONTACT : CONTACT + MOST_CONTACTS + 1] = source.head[CONTACT : CONTACT + MOST_CONTACTS + 1]
+    copy(source.head[VALUE], head[VALUE])
+    copy(source.head[COUNT], head[COUNT])
+    copy_rows(source.head[CONTACT : CONTACT + MOST_CONTACTS + 1], head[CONTACT:])
     contacts = int(head[COUNT, CONTACTS])
     head[COUNT, LEVEL] = level
     head[COUNT, ELEMENTS] = 0

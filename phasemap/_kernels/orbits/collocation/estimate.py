@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import find_contacts, lay, put
@@ -45,6 +46,7 @@ from phasemap._kernels.orbits.collocation.system import (
     W,
     close,
     linearise,
+    no_drift,
 )
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 
@@ -66,9 +68,11 @@ def state_errors(
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = math.nan, math.nan
     head = orbit.head.copy()
     laid = find_contacts(p, tables, orbit) and lay(law, p, lever, tables, spare, orbit, int(head[COUNT, LEVEL]))
-    orbit.head[:] = head
+    copy_rows(head, orbit.head)
     halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
-    if not linearise(law, p, lever, tables, halves, None) or not close(lever, halves, HOLD_AMPLITUDE, np.zeros(4)):
+    if not linearise(law, p, lever, tables, halves, no_drift()) or not close(
+        lever, halves, HOLD_AMPLITUDE, np.zeros(4)
+    ):
         return
     solved, amplitude, omega = halves.head[SYSTEM:, RIGHT], head[VALUE, A], lever[col.OMEGA]
     x = solved[RP] + amplitude * (1.0 - omega * omega)
@@ -101,7 +105,8 @@ def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
     for e in range(count):
         one, following, place = orbit.elements[e], orbit.elements[e + 1], places.elements[e, PLACE]
         w[0], u[0] = one[PLACE, EDGE_W], one[PLACE, EDGE_U]
-        w[1:-1], u[1:-1] = one[W], one[U]
+        copy(one[W], w[1:])
+        copy(one[U], u[1:])
         w[-1], u[-1] = following[PLACE, EDGE_W], following[PLACE, EDGE_U]
         for part in range(2):
             n = HALVES + 2 * int(place[TABLE]) + part

@@ -36,7 +36,6 @@ from phasemap._kernels.orbits.collocation.system import (
     VALUE,
     Z0,
     A,
-    Drift,
     Orbit,
     P,
     S,
@@ -47,6 +46,7 @@ from phasemap._kernels.orbits.collocation.system import (
     close,
     close_swept,
     linearise,
+    no_drift,
     surface_force,
 )
 from phasemap._kernels.orbits.response.apex import crest
@@ -146,7 +146,7 @@ def newton(
     """
     reach, still = reach_of(law, p), stillness(law, p, lever, level)
     for step in range(most):
-        if not linearise(law, p, lever, tables, orbit, None) or not close(lever, orbit, hold, target):
+        if not linearise(law, p, lever, tables, orbit, no_drift()) or not close(lever, orbit, hold, target):
             return col.NOT_CONVERGED, step, orbit, spare
         status, change = take(tables, lever, orbit, tolerance, hold == HOLD_ARC)
         if status != col.PENDING:
@@ -168,7 +168,7 @@ def newton_swept(
     tables: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
-    drift: Drift,
+    drift: np.ndarray,
     holds: np.ndarray,
     level: int,
     tolerance: float,
@@ -255,6 +255,6 @@ def report(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit
 @kernel
 def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
     """Linearise about a converged orbit and fill its row; returns a status."""
-    if not linearise(law, p, lever, tables, orbit, None):
+    if not linearise(law, p, lever, tables, orbit, no_drift()):
         return col.NOT_CONVERGED
     return report(law, p, lever, tables, orbit, row)

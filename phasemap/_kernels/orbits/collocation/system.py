@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, STIFFNESS
+from phasemap._kernels.arrays import copy_rows
+from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, ROW, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import (
     Law,
@@ -31,6 +32,7 @@ from phasemap._kernels.law import (
     damping_slope,
     longrange_force,
     longrange_slope,
+    parameters,
 )
 from phasemap._kernels.quadrature import NODES, T_END1, T_END2, T_M1, T_M2, T_NUMBERS, T_SUM1, T_TOTAL
 
@@ -62,14 +64,10 @@ SEVEN = 7
 WIDTH = 16  # of an element's matrix with its right-hand sides, padded for vector instructions
 
 
-class Drift(NamedTuple):
-    """The law's parameters and the lever a step `step` above and below the present m."""
-
-    p_up: tuple[float, ...]
-    p_down: tuple[float, ...]
-    lever_up: np.ndarray
-    lever_down: np.ndarray
-    step: float
+# Where a parameter m moves, `drift`, shape (2, STANDING), has the law's parameters and the lever at m + SMALL and at
+# m - SMALL; elsewhere it has no rows.
+STANDING = ROW + 5
+SMALL = 1e-5
 
 
 class Orbit(NamedTuple):
@@ -86,6 +84,12 @@ class Orbit(NamedTuple):
 def new_orbit() -> Orbit:
     """Return an orbit's room."""
     return Orbit(np.zeros((MOST_ELEMENTS + 1, FIELDS, NODES)), np.zeros((HEAD, NODES)))
+
+
+@kernel
+def no_drift() -> np.ndarray:
+    """`drift` where no parameter moves."""
+    return np.empty((0, STANDING))
 
 
 @kernel
@@ -148,12 +152,12 @@ def surface_force(
 
 @kernel
 def _pushed(
-    law: Law, p: np.ndarray, lever: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float,
-    speed: float,
-) -> float:  # fmt: skip
+    law: Law, standing: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float, speed: float
+) -> float:
     """omega^2 w'' + 2 alpha0 omega w' + w + g at a node, `speed` the change of z by the angle."""
+    lever = standing[ROW:]
     omega = lever[OMEGA]
-    g = surface_force(law, p, 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
+    g = surface_force(law, parameters(standing), 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
     return omega * omega * acceleration + 2.0 * lever[ALPHA0] * omega * u + w + g
 
 
@@ -165,7 +169,7 @@ def _element(
     tables: np.ndarray,
     one: np.ndarray,
     value: np.ndarray,
-    drift: Drift | None,
+    drift: np.ndarray,
     m: np.ndarray,
 ) -> bool:
     """Fill the LOCAL rows of an element; m is scratch, shape (NODES, WIDTH)."""
@@ -191,13 +195,13 @@ def _element(
         m[j, NODES + RS] = s
         m[j, NODES + RZ] = gd
         m[j, NODES + ONE] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
-        if drift is not None:
+        if len(drift) > 0:
             w, u = one[W, j], one[U, j]
             force = value[P] * c + value[S] * s
             acceleration = (force - viscous * omega * u - w - g) / (omega * omega)
-            up = _pushed(law, drift.p_up, drift.lever_up, side, d, w, u, acceleration, u - amplitude * s)
-            down = _pushed(law, drift.p_down, drift.lever_down, side, d, w, u, acceleration, u - amplitude * s)
-            m[j, NODES + RM] = (down - up) / (2.0 * drift.step)
+            up = _pushed(law, drift[0], side, d, w, u, acceleration, u - amplitude * s)
+            down = _pushed(law, drift[1], side, d, w, u, acceleration, u - amplitude * s)
+            m[j, NODES + RM] = (down - up) / (2.0 * SMALL)
     if not eliminate(m, NODES):
         return False
     for q in range(SEVEN):
@@ -232,9 +236,7 @@ def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np
 
 
 @kernel
-def linearise(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: Drift | None
-) -> bool:
+def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills OPEN and the monodromy matrix."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     elements, head = orbit.elements, orbit.head
@@ -314,10 +316,10 @@ def _drive(lever: np.ndarray, head: np.ndarray) -> float:
 
 
 @kernel
-def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> None:
+def _with_drive(lever: np.ndarray, head: np.ndarray, drift: np.ndarray) -> None:
     """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
     omega, alpha0, base = lever[OMEGA], lever[ALPHA0], lever[BASE]
-    head[SYSTEM : SYSTEM + 4] = head[OPEN : OPEN + 4]
+    copy_rows(head[OPEN : OPEN + 4], head[SYSTEM:])
     head[SYSTEM + 4 : SYSTEM + SEVEN] = 0.0
     row = head[SYSTEM + 4]
     amplitude, push, drag = head[VALUE, A], head[VALUE, P], head[VALUE, S]
@@ -327,8 +329,8 @@ def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> Non
     row[RS] = -2 * y / base
     row[RA] = (2 * x * (1 - omega**2) + 4 * y * alpha0 * omega) / base
     row[RIGHT] = (base * base - x * x - y * y + 2 * x * push - 2 * y * drag) / base
-    if drift is not None:
-        row[RM] = (_drive(drift.lever_up, head) - _drive(drift.lever_down, head)) / (2.0 * drift.step)
+    if len(drift) > 0:
+        row[RM] = (_drive(drift[0][ROW:], head) - _drive(drift[1][ROW:], head)) / (2.0 * SMALL)
 
 
 @kernel
@@ -339,7 +341,7 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
     r_z (new z0 - z0) + r_A (new A - A) = 0.
     """
     head = orbit.head
-    _with_drive(lever, head, None)
+    _with_drive(lever, head, no_drift())
     row = head[SYSTEM + 5]
     if hold == HOLD_AMPLITUDE:
         row[RA] = 1.0
@@ -357,7 +359,7 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
 def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     """Leave the derivative along the curve of orbits in the system's last column, with r_z dz0 + r_A dA = 1."""
     head = orbit.head
-    _with_drive(lever, head, None)
+    _with_drive(lever, head, no_drift())
     head[SYSTEM : SYSTEM + 6, RIGHT] = 0.0
     head[SYSTEM + 5, RZ] = r_z
     head[SYSTEM + 5, RA] = r_a
@@ -366,7 +368,7 @@ def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
 
 
 @kernel
-def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
+def close_swept(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, holds: np.ndarray) -> bool:
     """`close` where m may change too. holds, shape (2, 4): rows (r_z, r_A, r_m, h), r (z0, A, m) = h."""
     head = orbit.head
     _with_drive(lever, head, drift)
@@ -378,7 +380,7 @@ def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray
 
 
 @kernel
-def along_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
+def along_swept(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, holds: np.ndarray) -> bool:
     """`along` where m may change too: the first row of `holds` stays, the second changes by one."""
     head = orbit.head
     _with_drive(lever, head, drift)

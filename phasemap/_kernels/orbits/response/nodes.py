@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ALPHA0, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
@@ -207,7 +208,7 @@ def respond(
 def relay(f: np.ndarray, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
     """Move the nodes to where the contact is now, and w with them."""
     theta, before = f[THETA], f[RE]
-    before[:] = theta
+    copy(theta, before)
     entry, exit_ = 0.0, 0.0
     if touching:
         entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])

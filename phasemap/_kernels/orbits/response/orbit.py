@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
@@ -98,7 +99,7 @@ def _pass_from(
 def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
     f, here, there = room.nodes, room.state, room.other
-    there[:] = here
+    copy(here, there)
     move = STEP * here[AMP]
     there[AMP] += move
     there[E] += move
