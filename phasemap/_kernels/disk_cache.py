@@ -109,7 +109,7 @@ def sources() -> bytes:
 
 @functools.cache
 def folder() -> pathlib.Path | None:
-    """Where compiled code is kept: beside the kernels, else in the user's cache folder, else in one for this process."""
+    """Where compiled code is kept: beside the kernels, else in the user's cache folder; None where neither can be."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     places = [pathlib.Path(named) / "phasemap"] if named else []

@@ -7,10 +7,12 @@ compiled alone, for (d, a row of parameters), and called by its address.
 
 from __future__ import annotations
 
+import ctypes
 import types as python_types
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from llvmlite import ir
 from numba import njit
@@ -110,6 +112,15 @@ def _called(_context: Any, address: Any, d: Any, p: Any) -> Any:
 
     return types.float64(types.int64, types.float64, p), generate
 
+
+def _called_by_python(address: int, d: float, p: Any) -> float:
+    """The same where numba's compiler is off."""
+    kind = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.POINTER(ctypes.c_double))
+    return kind(address)(d, (ctypes.c_double * ROW)(*p[:ROW]))
+
+
+if numba.config.DISABLE_JIT:
+    _called = _called_by_python
 
 _hertzian = kernel(forces.hertzian, inline=True)
 _hertzian_slope = kernel(forces.hertzian_slope, inline=True)

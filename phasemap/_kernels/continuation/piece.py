@@ -18,6 +18,7 @@ from phasemap._kernels.continuation.path import (
     TU,
     TV,
     ZP,
+    Path,
     control,
     reach_on,
     scales,
@@ -26,7 +27,7 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.continuation.path import row_of as tangent_row
-from phasemap._kernels.continuation.step import FIRST_STEP, Path, advance, copy_orbit, cross, mark
+from phasemap._kernels.continuation.step import FIRST_STEP, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.estimate import state_errors

@@ -104,7 +104,8 @@ def seed(
     p, lever = path.p, path.lever
     orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
     target, point = np.zeros(4), np.zeros(POINT)
-    for guess in guesses:
+    for i in range(len(guesses)):
+        guess = guesses[i]
         if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
@@ -159,6 +160,7 @@ def every_orbit(
                 count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
         # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
         guesses = averaged_orbits(law, p, lever, value)
-        guesses[:, 0] += THROWN * value
+        for i in range(len(guesses)):
+            guesses[i, 0] += THROWN * value
         count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]

@@ -70,9 +70,8 @@ def state_errors(
     laid = find_contacts(p, tables, orbit) and lay(law, p, lever, tables, spare, orbit, int(head[COUNT, LEVEL]))
     copy_rows(head, orbit.head)
     halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
-    if not linearise(law, p, lever, tables, halves, no_drift()) or not close(
-        lever, halves, HOLD_AMPLITUDE, np.zeros(4)
-    ):
+    chained = linearise(law, p, lever, tables, halves, no_drift())
+    if not chained or not close(lever, halves, HOLD_AMPLITUDE, np.zeros(4)):
         return
     solved, amplitude, omega = halves.head[SYSTEM:, RIGHT], head[VALUE, A], lever[col.OMEGA]
     x = solved[RP] + amplitude * (1.0 - omega * omega)
