@@ -11,6 +11,7 @@ deep in the chain of calls.
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 import numba
@@ -23,6 +24,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
 from phasemap._kernels.disk_cache import DiskCache
+from phasemap._kernels.first_use import FirstUse
 
 OPTIONS: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """Products and sums may be fused; nothing else is relaxed, for NaN must survive."""
@@ -111,7 +113,16 @@ class _Name(str):
         return self is other
 
 
-class _LinkedCode(JITCodeLibrary):
+class _OurCode(JITCodeLibrary):
+    """Code that is optimised as a whole only."""
+
+    def add_llvm_module(self, ll_module: Any) -> None:
+        """Take in what was lowered, as it is."""
+        ll_module.data_layout = self._codegen._data_layout
+        self._final_module.link_in(ll_module)
+
+
+class _LinkedCode(_OurCode):
     """Code to be linked: neither optimised nor emitted."""
 
     def finalize(self) -> None:
@@ -127,7 +138,7 @@ class _LinkedCode(JITCodeLibrary):
         return whole
 
 
-class _EntryCode(JITCodeLibrary):
+class _EntryCode(_OurCode):
     """Code that is linked with all that it reaches, optimised as a whole, and emitted."""
 
     def finalize(self) -> None:
@@ -170,10 +181,10 @@ def _link(library: Any, module: Any, linkage: str) -> None:
             one.linkage, one.visibility = linkage, "default"
 
 
-class _EntryCompiler(Compiler):
+class _OurCompiler(Compiler):
     """numba's compiler, with a library of our own."""
 
-    library: Any = _EntryCode
+    library: Any
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function."""
@@ -184,15 +195,66 @@ class _EntryCompiler(Compiler):
         return super().compile_extra(func)
 
 
-class _LinkedCompiler(_EntryCompiler):
-    """The same up to LLVM code."""
+class _EntryCompiler(_OurCompiler):
+    """For what Python calls."""
+
+    library = _EntryCode
+    first_use: FirstUse | None = None  # what is going on; numba compiles one function at a time
+
+    def compile_extra(self, func: Any) -> CompileResult:
+        """Compile a function, and say so."""
+        waiting = [one for one in _kernels_of(func) if not one.linked.overloads]
+        with FirstUse(func.__name__.replace("_", " "), len(waiting)) as _EntryCompiler.first_use:
+            # The many small objects of a compiler are collected in vain: a tenth of the time.
+            collects = gc.isenabled()
+            gc.disable()
+            try:
+                return super().compile_extra(func)
+            finally:
+                _EntryCompiler.first_use = None
+                if collects:
+                    gc.enable()
+
+
+class _LinkedCompiler(_OurCompiler):
+    """For what other kernels call: up to LLVM code."""
 
     library = _LinkedCode
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Type and lower a function."""
         self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
-        return super().compile_extra(func)
+        result = super().compile_extra(func)
+        if _EntryCompiler.first_use is not None:
+            _EntryCompiler.first_use.done += 1
+        return result
+
+
+def _kernels_of(function: Any) -> list[_Entry]:
+    """All kernels that a function calls, and those that they call."""
+    found: dict[_Entry, None] = {}
+    open_ = [function]
+    while open_:
+        one = open_.pop()
+        for name in one.__code__.co_names:
+            other = one.__globals__.get(name)
+            if isinstance(other, _Entry) and other not in found:
+                found[other] = None
+                open_.append(other.py_func)
+    return list(found)
+
+
+def compiled_more_than_once() -> dict[str, int]:
+    """Kernels of this process that were typed for several sets of arguments, and for how many.
+
+    `copy` has a right to two: numbers and indices.
+    """
+    kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
+    return {
+        f"{one.__module__}.{one.__name__}": len(one.linked.overloads)
+        for one in kernels
+        if len(one.linked.overloads) > 1 + (one.__name__ == "copy")
+    }
 
 
 def _fits() -> bool:

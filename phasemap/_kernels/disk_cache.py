@@ -3,7 +3,7 @@
 A file is found by its name, which has a digest of everything that its bits depend on: the sources of all kernels, the
 function's own bytecode, the versions of Python, numba and LLVM, and the processor. It begins with a digest of its
 content. What is damaged, or of another version, is not found, and compiled again; what cannot be written is compiled
-again by the next process, after one warning.
+again by the next process, after one sentence on stderr.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import sys
 import tempfile
 import types as python_types
 import uuid
-import warnings
 import zlib
 from typing import Any
 
@@ -69,7 +68,7 @@ class DiskCache(_Cache):
             part.write_bytes(hashlib.sha256(content).digest() + content)
             os.replace(part, path)
         except OSError as error:
-            _say_once(f"Compiled code cannot be kept in {path.parent} ({error.strerror}); the next run compiles again.")
+            _say_once(f"compiled code cannot be kept in {path.parent} ({error.strerror}); the next run compiles again.")
 
     def _path(self, sig: Any, codegen: Any) -> pathlib.Path | None:
         """The file for a signature."""
@@ -107,14 +106,18 @@ def sources() -> bytes:
     return digest.digest()
 
 
+def places() -> list[pathlib.Path]:
+    """Where compiled code may be kept, best first."""
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    beside, of_user = pathlib.Path(__file__).parent / "__pycache__", pathlib.Path(home) / "phasemap"
+    return [pathlib.Path(named) / "phasemap", of_user] if named else [beside, of_user]
+
+
 @functools.cache
 def folder() -> pathlib.Path | None:
     """Where compiled code is kept: beside the kernels, else in the user's cache folder; None where neither can be."""
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    places = [pathlib.Path(named) / "phasemap"] if named else []
-    places += [pathlib.Path(__file__).parent / "__pycache__", pathlib.Path(home) / "phasemap"]
-    for place in places:
+    for place in places():
         try:
             place.mkdir(parents=True, exist_ok=True)
             if stat.S_IMODE(place.stat().st_mode) & 0o002 == 0:  # nobody else may put code there
@@ -122,13 +125,14 @@ def folder() -> pathlib.Path | None:
                 return place
         except OSError:
             continue
-    _say_once("Compiled code cannot be kept: neither beside the package nor in the user's cache folder can be written.")
+    _say_once("compiled code cannot be kept: neither beside the package nor in the user's cache folder can be written.")
     return None
 
 
+@functools.cache
 def _say_once(sentence: str) -> None:
-    """Warn, once a process, by Python's own filter."""
-    warnings.warn(sentence, RuntimeWarning, stacklevel=2)
+    """Say it on stderr, once a process."""
+    print(f"phasemap: {sentence}", file=sys.stderr)
 
 
 def fingerprint(function: Any, seen: set[int] | None = None) -> str:

@@ -180,7 +180,9 @@ def tapping(
     """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
     p, lever = path.p, path.lever
     target = np.zeros(4)
-    for guess in averaged_orbits(law, p, lever, amplitude):
+    guesses = averaged_orbits(law, p, lever, amplitude)
+    for i in range(len(guesses)):  # a row of its own type, were it iterated over
+        guess = guesses[i]
         if guess[3] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
@@ -337,7 +339,9 @@ def engage_near(
             good, found, spare = cross(law, path, tables, AP, amplitude, before, point, found, saved, spare, tolerance)
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     row = np.zeros(col.COLUMNS)
-    for guess in averaged_orbits(law, p, lever, amplitude):
+    guesses = averaged_orbits(law, p, lever, amplitude)
+    for i in range(len(guesses)):  # a row of its own type, were it iterated over
+        guess = guesses[i]
         if guess[3] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
             continue
         status, _, found, spare = newton(law, p, lever, tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)

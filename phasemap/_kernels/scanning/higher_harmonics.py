@@ -36,7 +36,7 @@ def bulges(
         p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
         for orbit in averaged_orbits(law, p, lever, amplitude):
-            guess[:5] = orbit
+            copy(orbit, guess)
             guess[5] = slope_of(law, p, lever, guess)
             if refine(law, p, lever, reach_of(law, p), guess, limits, room.nodes, room.state):
                 side = REPELLED if guess[3] > 0.0 else ATTRACTED
