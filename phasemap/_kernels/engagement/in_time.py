@@ -43,9 +43,8 @@ BANDWIDTH = 0.01
 """Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
 
 PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
-COARSE = 2.0  # steps on the way to the setpoint, over those of a periodic orbit
-NECK = 0.6  # the same through a neck; of order 8, this makes the error 60 times smaller
-LOOSE = 100.0  # the same of the precision
+COARSE, LOOSE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
+NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
@@ -130,6 +129,12 @@ def block_of(lever: np.ndarray) -> int:
 
 
 @njit(**STEADY)
+def pace_of(lever: np.ndarray) -> float:
+    """How far [m] z0 moves in a period where no periodic orbit is followed."""
+    return FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
+
+
+@njit(**STEADY)
 def follow_down(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, how: Numbers, most: int, tip: Tip
 ) -> int:
@@ -182,9 +187,8 @@ def move_slowly(
 
     AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
-    block, from_z0 = block_of(lever), tip.u[3]
+    block, pace, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
-    pace = FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
     sums = begin_sums(lever, tip.acc)
     if tip.periods[0] + block > most or not average(law, p, lever, how[0], block, 0.0, tip, sums):
         return SPENT
@@ -212,8 +216,6 @@ def hold_mean(
     the amplitude jumps across the setpoint, down as the tip comes nearer and up as it goes away, so that a feedback
     hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
     """
-    for j in range(len(row)):
-        row[j] = math.nan
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
     block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
@@ -332,8 +334,6 @@ def approach(
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
     tip = new_tip(free.real, -omega * free.imag, z0)
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
-    for j in range(len(row)):
-        row[j] = math.nan
     least = AWAY * abs(free)
     while True:
         ends = follow_down(law, p, lever, amplitude, step, how, most, tip)
@@ -357,8 +357,7 @@ def carry_to(
     Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
     """
     tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
-    pace = FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
-    count = int(abs(u[3] - z0) / pace)
+    count = int(abs(u[3] - z0) / pace_of(lever))
     if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
     if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(lever, tip.acc)):
@@ -366,8 +365,6 @@ def carry_to(
     u[3] = z0
     how = (fine(p, eta), PRECISE[0] * free_amplitude(lever), PRECISE[1])
     if rest(law, p, lever, how, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
-        for j in range(len(row)):
-            row[j] = math.nan
         fill_orbit(lever, tip, row)
         return col.GOOD
     return hold_mean(law, p, lever, 0.0, eta, most, tip, row)

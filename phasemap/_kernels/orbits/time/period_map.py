@@ -205,8 +205,6 @@ def hold_periodic(
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
-    for j in range(len(row)):
-        row[j] = math.nan
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = STRIDE * amplitude, max(STRIDE * amplitude, TO_RELEASE * snap)
@@ -233,7 +231,7 @@ def hold_periodic(
         if abs(move) > STRIDE * amplitude:
             if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
                 return col.NOT_SETTLED
-            if abs(math.hypot(tip.acc[0], tip.acc[1]) - amplitude - error + slope * move) > EXPECTED * amplitude:
+            if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > EXPECTED * amplitude:
                 for j in range(4):
                     tip.u[j] = before[j]
                 stride = STRIDE * amplitude
@@ -250,9 +248,11 @@ def hold_periodic(
 def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
 
-    In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); energy, what the drive gives is dissipated.
+    What that does not say is NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in energy, what
+    the drive gives is dissipated.
     """
     lag = math.atan2(acc[1], acc[0])
+    row[:] = math.nan
     row[col.TIP_OFFSET] = z0
     row[col.MEAN] = acc[2]
     row[col.PHASE] = math.pi / 2 - lag
