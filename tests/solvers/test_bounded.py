@@ -87,3 +87,10 @@ def test_what_is_not_decided_in_time_says_what_to_do_and_that_helps(solver: str)
 def test_more_periods_than_needed_change_no_bit() -> None:
     usual, more = (pm.solve_pixel(RUBBER, SCOPE, 0.6, accuracy=pm.Accuracy(periods=n)) for n in (100_000, 10**9))
     assert (usual.phase, usual.tip_offset, usual.phase_spread) == (more.phase, more.tip_offset, more.phase_spread)
+
+
+def test_a_tip_that_can_only_be_torn_off_is_not_lifted() -> None:
+    # Adhesion holds this lever up to 265 nm from the surface, where it swings by 35 nm at most: it falls again.
+    scope = pm.Microscope(pm.Cantilever(0.2, 300e3, 150.0), pm.Tip(45e-9), pm.Drive(35e-9), pm.Interaction("jkr", None))
+    pixel = pm.solve_pixel(pm.Material(1e10, 0.25, 0.0034), scope, 0.18, accuracy=pm.Accuracy(periods=200))
+    assert pixel.status is pm.Status.no_stable_orbit
