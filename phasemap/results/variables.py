@@ -159,8 +159,7 @@ def branch_of(rows: Array) -> Array:
 
 def motion_of(rows: Array) -> Array:
     """Motion codes: 0 periodic, 1 irregular, -1 where there is none."""
-    irregular = rows[..., col.SPREAD_AMPLITUDE] > 0
-    return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, irregular).astype(np.int8)
+    return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, col.irregular(rows)).astype(np.int8)
 
 
 def variables_of(control: Control) -> tuple[str, ...]:

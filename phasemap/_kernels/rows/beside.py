@@ -41,11 +41,11 @@ def rows_beside(
             )
             if status == col.GOOD:
                 status, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+            if status != col.GOOD or judge(row) != col.GOOD:
+                continue
             apart = abs(row[col.TIP_OFFSET] - near[col.TIP_OFFSET]) / amplitude
-            apart = max(apart, abs(row[col.PHASE] - near[col.PHASE]))
-            if status == col.GOOD and judge(row) == col.GOOD and apart < SAME:
+            if max(apart, abs(row[col.PHASE] - near[col.PHASE])) < SAME:
                 state_errors(law, p, lever, tables, orbit, spare, row)
-                for j in range(col.COLUMNS):
-                    near[j] = row[j]
+                near[:] = row
                 done[i] = True
                 break

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
@@ -35,8 +36,9 @@ def bulges(
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
-        for orbit in averaged_orbits(law, p, lever, amplitude):
-            copy(orbit, guess)
+        orbits = averaged_orbits(law, p, lever, amplitude)
+        for j in range(len(orbits)):
+            copy(orbits[j], guess)
             guess[5] = slope_of(law, p, lever, guess)
             if refine(law, p, lever, reach_of(law, p), guess, limits, room.nodes, room.state):
                 side = REPELLED if guess[3] > 0.0 else ATTRACTED

@@ -25,6 +25,7 @@ from phasemap._kernels.scanning.loop import (
     KI,
     KP,
     LOW,
+    PATIENCE,
     PLACE,
     RAMP,
     RATE,
@@ -50,6 +51,7 @@ SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 BULGE = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `bulge`
 
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
+LOOK = 0.1  # times in which that amplitude decays, after which it is looked at the tip that comes nearer
 STILL = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 LOOKS = 40  # at whether it has
 LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no feedback any more
@@ -127,7 +129,10 @@ def approach_in_time(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, tip: Any,
     noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status."""
+    """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status.
+
+    That is NOT_SETTLED after a time loop[PATIENCE].
+    """
     p = parameters(row)
     reach, free, omega = reach_of(law, p), free_amplitude(lever), lever[col.OMEGA]
     decay, y = 1.0 / lever[col.ALPHA0], tip.y
@@ -137,10 +142,13 @@ def approach_in_time(
     lowering = loop.copy()
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0
     lowering[LOW], lowering[HIGH] = -math.inf, math.inf
-    tally = np.zeros(TALLY)
+    tally, passed = np.zeros(TALLY), 0.0
     while shown(loop, y)[0] > loop[SETPOINT]:
+        if passed > loop[PATIENCE]:
+            return col.NOT_SETTLED
+        passed += LOOK * decay
         lowering[RAMP] = APPROACH * max(free, y[PLACE] - ground) / decay
-        status = advance(law, row, lever, lowering, ground, 0.0, 0.1 * decay, tip, tally, noise)
+        status = advance(law, row, lever, lowering, ground, 0.0, LOOK * decay, tip, tally, noise)
         if status != col.GOOD:
             return status
         if y[PLACE] - ground < -LOST * free:

@@ -30,7 +30,8 @@ THERMAL = 11  # <z^2> of the free lever [m^2]
 DETECTOR = 12  # n^2 [m^2 per tau]
 CALM = 13  # whether the feedback settled when it engaged (1 or 0)
 SHAKER, TURN = 14, 15  # b [m], and what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
-LOOP = 16
+PATIENCE = 16  # after which an approach is given up
+LOOP = 17
 
 # Entries of the state: a; I, Z, Z'; the filters.
 AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13

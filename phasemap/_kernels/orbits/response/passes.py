@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_slope, longrange_slope
+from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import mismatch
 from phasemap._kernels.orbits.response.apex import crest
 from phasemap._kernels.orbits.response.nodes import (
@@ -41,7 +41,7 @@ MOST_PASSES, MOST_MOVES = 24, 4
 ENOUGH = 0.02  # of the first mismatch in a pass may be left, for the next pass changes it again
 SAFETY = 8.0  # over the error that two changes tell
 FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
-LEAST_TRACE = -0.5  # of the monodromy matrix; a period doubles at -1 - exp(-2 pi/Q)
+DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 CLOSED = 5e-7  # largest energy imbalance
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
 DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
@@ -131,6 +131,7 @@ def converge(
     """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
 
     The error left is taken from the last two changes as if they went on like a geometric series, many times over.
+    Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[4] != 0.0
     touching = state[E] < amplitude
@@ -161,7 +162,8 @@ def converge(
             state[ERR_PHASE] = share * max(phase_change, rest * phase_last) + wrong / lever[BASE] + FLOOR_PHASE
             state[ERR_HEIGHT] = share * max(height_change, rest * height_last) + FLOOR_HEIGHT
             state[ERR_HEIGHT] += wrong * (1.0 + 4.0 / abs(state[SLOPE] * lever[BASE]))
-            if state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
+            closed = hold or abs(closure(lever, state)) < CLOSED
+            if closed and state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
                 return True
             slow += ratio > 0.7
             if slow > 4 or nodes > limit_phase * lever[BASE]:
@@ -175,7 +177,9 @@ def converge(
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there.
+    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there. A period
+    doubles where it is -1 less the determinant, which all damping makes smaller; the trace leaves out that of the
+    contact, which would bring it nearer to zero.
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
@@ -183,7 +187,7 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
-    little = 1e-3 * depth
+    little, decay = 1e-3 * depth, -4.0 * math.pi * a
     for k in range(3 * N):
         # In the order of time: the element before contact runs backwards.
         j = N - 1 - k if k < N else k
@@ -194,13 +198,16 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
         if d < -little if in_contact else d > little:
             return False
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
+        if in_contact and p[8] != 0.0:
+            decay += 2.0 / omega * WEIGHTS[j % N] * f[WEIGHT, j] * damping(law, max(d, 0.0), p)
         kick = WEIGHTS[j % N] * f[WEIGHT, j] * inverse_k * slope / (omega * omega * nu)
         c, s = f[TURN_COS, j], f[TURN_SIN, j]
         one, two = kick * (c * x1 + s * y1), kick * (c * x2 + s * y2)
         x1, y1, x2, y2 = x1 + one * s, y1 - one * c, x2 + two * s, y2 - two * c
     c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
     trace = math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
-    return trace > LEAST_TRACE and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
+    far = trace > -DOUBLING * (1.0 + math.exp(-decay))
+    return far and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
 
 
 @kernel

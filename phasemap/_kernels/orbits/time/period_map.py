@@ -195,22 +195,22 @@ def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, ti
 
 @kernel
 def hold_periodic(
-    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, tip: Tip, row: np.ndarray
-) -> int:
+    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, jumps: int, tip: Tip,
+    row: np.ndarray,
+) -> int:  # fmt: skip
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
     Steps of the tip offset get longer as long as the amplitude goes with it as predicted: a tip that sticks is freed.
+    `jumps` says how often the amplitude has jumped across the setpoint on the way here.
 
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
-    for j in range(len(row)):
-        row[j] = math.nan
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = STRIDE * amplitude, max(STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
-    jumps, before = 0, np.empty(4)
+    before = np.empty(4)
     patience = int(PATIENCE * ring_down(lever))
     while not skip(law, p, lever, how, amplitude, tip):
         if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
@@ -232,7 +232,7 @@ def hold_periodic(
         if abs(move) > STRIDE * amplitude:
             if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
                 return col.NOT_SETTLED
-            if abs(math.hypot(tip.acc[0], tip.acc[1]) - amplitude - error + slope * move) > EXPECTED * amplitude:
+            if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > EXPECTED * amplitude:
                 for j in range(4):
                     tip.u[j] = before[j]
                 stride = STRIDE * amplitude
@@ -249,9 +249,11 @@ def hold_periodic(
 def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
 
-    In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); energy, what the drive gives is dissipated.
+    What that does not say is NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in energy, what
+    the drive gives is dissipated.
     """
     lag = math.atan2(acc[1], acc[0])
+    row[:] = math.nan
     row[col.TIP_OFFSET] = z0
     row[col.MEAN] = acc[2]
     row[col.PHASE] = math.pi / 2 - lag
