@@ -27,7 +27,7 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
     Parameters
     ----------
     tables : dict
-        As `phasemap.scenes.tables.read_tables` gives them; a value that is None is left out.
+        As `phasemap.scenes.tables.read_tables` gives them.
     notes : mapping of str to str, optional
         What to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
     heading : iterable of str
@@ -39,7 +39,7 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
 
     Examples
     --------
-    >>> print(toml_of({"tip": {"radius": 1e-08, "modulus": None}}, {"tip.radius": "given"}, ["A tip."]), end="")
+    >>> print(toml_of({"tip": {"radius": 1e-08}}, {"tip.radius": "given"}, ["A tip."]), end="")
     # A tip.
     <BLANKLINE>
     [tip]
@@ -56,8 +56,7 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
             lines += ["", f"[{'.'.join(map(_key, path))}]" + (f"  # {notes[title]}" if title in notes else "")]
             for key, value in part.items():
                 said = ", ".join(filter(None, [UNITS.get(key, ""), notes.get(f"{title}.{key}", "")]))
-                if value is not None:
-                    lines.append(f"{_key(key)} = {written(value)}" + (f"  # {said}" if said else ""))
+                lines.append(f"{_key(key)} = {written(value)}" + (f"  # {said}" if said else ""))
     return "\n".join(lines) + "\n"
 
 
@@ -72,8 +71,7 @@ def written(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
-        inside = (f"{_key(key)} = {written(one)}" for key, one in value.items() if one is not None)
-        return "{ " + ", ".join(inside) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {written(one)}" for key, one in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(written, value)) + "]"
     if isinstance(value, float) and abs(value) >= 1e6:
