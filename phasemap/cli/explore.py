@@ -16,6 +16,7 @@ EXAMPLES = """examples:
 
 The page is served on this machine only (127.0.0.1), under an address that nobody can guess, until Ctrl-C.
 """
+SWITCH = 5e-4  # seconds that a thread keeps Python to itself, so that no long answer holds up a slider
 GRACE = 0.5  # seconds that an answer which is being made has to end
 
 
@@ -34,8 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def explore(arguments: argparse.Namespace) -> None:
     """Serve the page until Ctrl-C."""
+    import sys
     import threading
 
+    sys.setswitchinterval(SWITCH)
     with ending_at_once("the explorer had not started"):
         from phasemap.explorer.explore import serve
         from phasemap.explorer.subject import subject_of

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ from phasemap.sweeps.sweep import sweep_distance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Picture", "contrast_map", "curves", "image", "picture", "scan"]
+__all__ = ["Picture", "contrast_map", "curves", "image", "map_key", "picture", "scan"]
 
 Check = Callable[[int, int], None]
 """Called while a long answer is made, with what is done and all; raises to stop it."""
@@ -168,6 +169,13 @@ def middle_of(setting: Setting) -> float:
     """The free amplitude [m] in the middle of the map: the subject's, or times a power of 4, so that maps can stay."""
     base = setting.subject.scope.drive.free_amplitude
     return float(base * 4.0 ** round(math.log(setting.scope.drive.free_amplitude / base, 4.0)))
+
+
+def map_key(setting: Setting) -> object:
+    """What the map of the contrast depends on: settings that have the same share it."""
+    scope = setting.scope
+    around = replace(scope, drive=replace(scope.drive, free_amplitude=middle_of(setting)))
+    return around, [(name, setting.materials[name]) for name in setting.pair], setting.exact
 
 
 def _picture(ds: xr.Dataset, about: dict[str, Any]) -> Picture:

@@ -52,7 +52,7 @@ class Explorer:
     @property
     def idle(self) -> threading.Event:
         """Set while no answer is being made."""
-        return self._server.idle
+        return self._server.busy.none
 
     def __enter__(self) -> Explorer:
         return self

@@ -30,6 +30,7 @@ __all__ = ["HOST", "Server"]
 HOST = "127.0.0.1"
 LARGEST = 1 << 16  # bytes of what a page sends
 PATIENCE = 60.0  # seconds after which a silent connection is closed
+LENIENCE = 1.0  # seconds that a long answer waits for one that a slider wants
 PAGE = {
     "": ("index.html", "text/html; charset=utf-8"),
     "page.css": ("page.css", "text/css; charset=utf-8"),
@@ -72,11 +73,10 @@ class Server(ThreadingHTTPServer):
         self.subject = subject
         self.token = secrets.token_urlsafe(18)
         self.closing = False
+        self.busy = Count()
+        self.dragged = Count()
         self._latest: dict[str, object] = {}
-        self._busy = 0
-        self._lock = threading.Lock()
-        self.idle = threading.Event()
-        self.idle.set()
+        self._mapped: object = None
         super().__init__((HOST, port), _Handler)
 
     def server_bind(self) -> None:
@@ -95,20 +95,50 @@ class Server(ThreadingHTTPServer):
         return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
 
     def newest(self, kind: str) -> Callable[[int, int], None]:
-        """What a long answer calls as its progress: it stops where the page wants another one of its kind."""
+        """What a long answer calls as its progress.
+
+        It stops the answer where the page wants another one of its kind, and holds it up while a slider moves.
+        """
         mine = self._latest[kind] = object()
 
         def check(_done: int, _total: int) -> None:
-            if self.closing or self._latest[kind] is not mine:
+            if self.closing or self._latest.get(kind) is not mine:
                 raise Superseded
+            self.dragged.none.wait(LENIENCE)
 
         return check
 
-    def work(self, more: int) -> None:
-        """Count the answers that are being made."""
+    def map_for(self, key: object) -> None:
+        """Stop the map of the contrast that is being made if it is not the one of this key."""
+        if key != self._mapped:
+            self._mapped = key
+            self._latest.pop("contrast", None)
+
+
+class Count:
+    """How many answers are being made.
+
+    Attributes
+    ----------
+    none : threading.Event
+        Set while there are none.
+    """
+
+    def __init__(self) -> None:
+        self._many, self._lock = 0, threading.Lock()
+        self.none = threading.Event()
+        self.none.set()
+
+    def __enter__(self) -> None:
+        self._add(1)
+
+    def __exit__(self, *_: object) -> None:
+        self._add(-1)
+
+    def _add(self, more: int) -> None:
         with self._lock:
-            self._busy += more
-            (self.idle.clear if self._busy else self.idle.set)()
+            self._many += more
+            (self.none.clear if self._many else self.none.set)()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -164,11 +194,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, make: Callable[[], tuple[str, bytes]]) -> None:
         """Send what is made, or say why it cannot be."""
-        self.server.work(1)
         try:
-            kind, content = make()
+            with self.server.busy:
+                kind, content = make()
         except Superseded:
-            self._refuse(409, "Superseded.")
+            self._send(204, JSON, b"")
         except PhasemapError as error:
             self._refuse(422, str(error))
         except Exception as error:
@@ -176,8 +206,6 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(500, f"Something is wrong in phasemap ({type(error).__name__}: {error}). Please report it.")
         else:
             self._send(200, kind, content)
-        finally:
-            self.server.work(-1)
 
     def _refuse(self, code: int, sentence: str) -> None:
         """Say what is wrong, and close: what was sent may not have been read."""
@@ -237,16 +265,23 @@ def _answers() -> dict[str, Callable[[Server, object], tuple[str, bytes]]]:
     from phasemap.explorer.setting import Setting
 
     def picture(server: Server, message: object) -> tuple[str, bytes]:
-        return BINARY, _packed(answers.picture(Setting.of(server.subject, message)))
+        setting = Setting.of(server.subject, message)
+        server.map_for(answers.map_key(setting))
+        with server.dragged:
+            return BINARY, _packed(answers.picture(setting))
 
     def scan(server: Server, message: object) -> tuple[str, bytes]:
         return BINARY, _packed(answers.scan(Setting.of(server.subject, message), server.newest("scan")))
 
     def curves(server: Server, message: object) -> tuple[str, bytes]:
-        return JSON, _json(answers.curves(Setting.of(server.subject, message)))
+        setting = Setting.of(server.subject, message)
+        with server.dragged:
+            return JSON, _json(answers.curves(setting))
 
     def contrast(server: Server, message: object) -> tuple[str, bytes]:
-        return JSON, _json(answers.contrast_map(Setting.of(server.subject, message), server.newest("contrast")))
+        setting = Setting.of(server.subject, message)
+        server.map_for(answers.map_key(setting))
+        return JSON, _json(answers.contrast_map(setting, server.newest("contrast")))
 
     def save(name: str) -> Callable[[Server, object], tuple[str, bytes]]:
         def saved(server: Server, message: object) -> tuple[str, bytes]:

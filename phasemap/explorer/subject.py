@@ -65,9 +65,9 @@ class Subject:
     materials: Mapping[str, Material]
     pixel_size: tuple[float, float]
     options: Mapping[str, Any]
-    sample: Sample
-    scene: Scene | None = None
-    _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False)
+    sample: Sample = field(repr=False)
+    scene: Scene | None = field(default=None, repr=False)
+    _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def viscous(self) -> bool:

@@ -123,8 +123,9 @@ def _of_one_sign(first: Found, second: Found) -> list[str]:
     law = f"Both phases are {sign}, and at one amplitude their size then follows from the energy lost alone"
     if abs(contrast) < LEAST:
         return [
-            f"{second.name} and {first.name} look alike ({abs(contrast):.2g}{DEGREES}), because both lose about as "
-            f"much energy: {energies}.",
+            f"{second.name} and {first.name} look alike ({abs(contrast):.2g}{DEGREES}), because their losses differ by "
+            f"little: {_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact, of "
+            f"{_shown(first.most)} that the drive can give.",
             f"{law}: stiffness and adhesion act only through it.",
         ]
     if (contrast > 0) == ((second.lost > first.lost) == first.stiffens):

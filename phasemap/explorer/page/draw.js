@@ -1,6 +1,6 @@
 // Drawing on canvases: images with colour bars, curves with axes, maps.
 
-const BAR = 62; // pixels beside an image, for its colour bar
+const BAR = 68; // pixels beside an image, for its colour bar
 const INK = "#1c1c1c", QUIET = "#5f6368", GRID = "#e6e8ea", FAILED = [0, 230, 70];
 const FONT = '11.5px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 
@@ -81,7 +81,7 @@ export class Axes {
     }
     if (ylabel) {
       pen.save();
-      pen.translate(right ? box.left + box.width + 53 : box.left - 37, box.top + box.height / 2);
+      pen.translate(right ? box.left + box.width + 62 : box.left - 37, box.top + box.height / 2);
       pen.rotate(-Math.PI / 2);
       pen.textBaseline = "middle";
       pen.fillText(ylabel, 0, 0);
@@ -149,10 +149,24 @@ export class Axes {
 
 /** The limits that are shown: the 0.5 and 99.5 percentiles, with a little room. */
 export function limits(values) {
-  const finite = values.filter(Number.isFinite).sort();
-  if (!finite.length) return [0, 1];
-  let low = finite[Math.floor(0.005 * (finite.length - 1))], high = finite[Math.ceil(0.995 * (finite.length - 1))];
-  if (low === high) [low, high] = [finite[0], finite[finite.length - 1]];
+  let least = Infinity, most = -Infinity, count = 0;
+  for (let i = 0; i < values.length; i++) {
+    const value = values[i];
+    if (value !== value) continue;
+    count++;
+    if (value < least) least = value;
+    if (value > most) most = value;
+  }
+  if (!count) return [0, 1];
+  const bins = new Uint32Array(2048), scale = (bins.length - 1e-6) / (most - least || 1);
+  for (let i = 0; i < values.length; i++) if (values[i] === values[i]) bins[(values[i] - least) * scale | 0]++;
+  const percentile = (share) => {
+    let seen = 0, bin = 0;
+    while (bin < bins.length - 1 && (seen += bins[bin]) < share * count) bin++;
+    return bin;
+  };
+  let low = least + percentile(0.005) / scale, high = least + (percentile(0.995) + 1) / scale;
+  if (high - low < 2 / scale) [low, high] = [least, most]; // a few particles on a flat ground
   const room = high - low > 1e-6 ? 0.04 * (high - low) : 0.5;
   return [low - room, high + room];
 }
@@ -204,7 +218,7 @@ function colourBar(pen, box, [low, high], colours, unit) {
     pen.fillText(shown(value), box.left + box.width + 5, Math.max(box.top + 5, Math.min(box.top + box.height - 5, y(value))));
   }
   pen.save();
-  pen.translate(box.left + box.width + 36, box.top + box.height / 2);
+  pen.translate(box.left + box.width + 45, box.top + box.height / 2);
   pen.rotate(-Math.PI / 2);
   pen.textAlign = "center";
   pen.fillText(unit, 0, 0);

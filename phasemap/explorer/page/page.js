@@ -24,9 +24,9 @@ async function ask(route, message) {
   } catch {
     throw new Refused("The explorer is closed. Start it again with phasemap explore, or pm.explore.");
   }
+  if (answer.status === 204) return null; // another answer is wanted by now
   if (answer.ok) return answer;
   const said = await answer.json().catch(() => ({ error: `The server answers ${answer.status}.` }));
-  if (answer.status === 409) return null;
   throw new Refused(said.error);
 }
 
@@ -106,14 +106,14 @@ function askForMap() {
   const key = JSON.stringify([rest, Math.round(Math.log(free_amplitude / base) / Math.log(4))]);
   if (now.pair[0] === now.pair[1] || key === now.mapKey) { drawMap(); return; }
   $("map-figure").classList.add("waiting");
-  $("map-state").textContent = "";
+  $("map-state").textContent = $("advice").textContent = "";
   clearTimeout(mapTimer);
   mapTimer = setTimeout(async () => {
     $("map-state").textContent = "is being solved …";
     now.mapKey = key;
     try {
       const answer = await ask("contrast", setting());
-      if (!answer || now.mapKey !== key) return;
+      if (!answer || now.mapKey !== key) { if (now.mapKey === key) now.mapKey = ""; return; }
       now.map = await answer.json();
       $("map-figure").classList.remove("waiting");
       $("map-state").textContent = `${about.materials[now.pair[1]]} less ${about.materials[now.pair[0]]}`;
