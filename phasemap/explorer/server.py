@@ -13,6 +13,7 @@ import os
 import secrets
 import socketserver
 import struct
+import sys
 import threading
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -83,6 +84,11 @@ class Server(ThreadingHTTPServer):
         """Bind, without looking up a name for the address as `HTTPServer` does."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, self.server_address[1]
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that goes away in the middle is no error."""
+        if not isinstance(sys.exception(), ConnectionError):
+            log.exception("the explorer lost a connection")
 
     @property
     def url(self) -> str:

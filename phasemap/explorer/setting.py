@@ -72,8 +72,8 @@ class Setting:
         check_keys("the message", message, KEYS)
         assert isinstance(message, dict)
         scope = subject.scope
-        drive = {key: message[key] for key in ("free_amplitude", "frequency") if key in message}
-        radius = {"radius": message["radius"]} if "radius" in message else {}
+        drive = {key: _real(message[key]) for key in ("free_amplitude", "frequency") if key in message}
+        radius = {"radius": _real(message["radius"])} if "radius" in message else {}
         exact = message.get("exact", False)
         if not isinstance(exact, bool):
             raise InputError("exact", exact, "true or false")
@@ -148,6 +148,11 @@ def _without_none(table: Mapping[str, Any]) -> Table:
     }
 
 
+def _real(value: object) -> Any:
+    """A whole number as a float, as JSON does not tell them apart; all else as it is, to be checked."""
+    return float(value) if type(value) is int else value
+
+
 def _materials(subject: Subject, given: object) -> dict[str, Material]:
     """The materials with the values that the page gives."""
     names = list(subject.materials)
@@ -159,9 +164,8 @@ def _materials(subject: Subject, given: object) -> dict[str, Material]:
     made = {}
     for name, values in zip(names, given, strict=True):
         check_keys(name, values, ("modulus", "adhesion", loss))
-        for key, value in values.items():
-            number(f"{name} {key}", value, "1")  # None is no value here
-        made[name] = construct(name, values, lambda base=subject.materials[name], **new: replace(base, **new))
+        real = {key: number(f"{name} {key}", value, "1") for key, value in values.items()}  # None is no value here
+        made[name] = construct(name, real, lambda base=subject.materials[name], **new: replace(base, **new))
     return made
 
 

@@ -94,10 +94,12 @@ class Subject:
         """The sample as this tip meets it: another one only where the scene asks for a tip of finite size."""
         if self.scene is None or not self.scene.config["surface"].get("dilate") or tip == self.scope.tip:
             return self.sample
-        if tip not in self._dilated:
+        sample = self._dilated.get(tip)
+        if sample is None:
+            sample = _sample_of(self.scene, tuple(self.materials), tip)
             self._dilated.clear()  # the last one is enough while a slider moves
-            self._dilated[tip] = _sample_of(self.scene, tuple(self.materials), tip)
-        return self._dilated[tip]
+            self._dilated[tip] = sample
+        return sample
 
 
 def subject_of(

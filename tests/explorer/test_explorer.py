@@ -184,9 +184,11 @@ def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Pa
     rest = rest[rest.index("[materials") :]
     surface = '[surface]\nkind = "labels"\nlabels = "map.npy"\npixel_size = 4e-9\nmaterials = ["stiff", "compliant"]\n'
     (folder / "scene.toml").write_text(head + surface + rest)
-    moved = Setting.of(subject_of(folder / "scene.toml"), {"setpoint": 0.55, "materials": [{}, {"adhesion": 0.02}]})
+    moved = Setting.of(
+        subject_of(folder / "scene.toml"), {"setpoint": 0.55, "materials": [{"modulus": 2000000000}, {}]}
+    )
     file = SAVED["scene"](moved, always)
-    assert file.name == "scene_explored.toml"
+    assert file.name == "scene_explored.toml" and b"modulus = 2.0e9" in file.content
     (tmp_path / file.name).write_bytes(file.content)
     xr.testing.assert_equal(load_scene(tmp_path / file.name).simulate(), answers.image(moved))
 

@@ -166,6 +166,18 @@ def test_what_makes_no_sense_is_refused(explorer: Explorer, code: int, name: str
     assert ask(explorer, "start")[0] == 200  # and the next one is answered
 
 
+def test_a_browser_that_goes_away_in_the_middle_is_no_error(
+    explorer: Explorer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    url = urlsplit(explorer.url)
+    for _ in range(5):
+        with socket.create_connection((HOST, url.port or 0)) as gone:
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close is a reset
+            gone.sendall(f"GET {url.path}start HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode())
+    assert ask(explorer, "start")[0] == 200
+    assert capfd.readouterr() == ("", "")
+
+
 def test_an_error_of_ours_is_an_answer_too(explorer: Explorer, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise ZeroDivisionError("by nothing")

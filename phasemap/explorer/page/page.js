@@ -47,6 +47,7 @@ class Asker {
       } while (this.again);
     } catch (error) {
       complain(error.message);
+      document.body.classList.add("stale"); // what is shown is not what the sliders say
     } finally {
       clearTimeout(late);
       this.busy = false;
@@ -57,6 +58,8 @@ class Asker {
 function complain(sentence) {
   $("problem").textContent = sentence;
   $("problem").hidden = !sentence;
+  $("state").hidden = Boolean(sentence);
+  if (!sentence) document.body.classList.remove("stale");
 }
 
 const say = (sentence) => { $("state").textContent = sentence; };
