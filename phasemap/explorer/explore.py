@@ -67,7 +67,8 @@ class Explorer:
         """The page in a frame."""
         if self._server.closing:
             return "<p>This explorer is closed.</p>"
-        return f'<iframe src="{html.escape(self.url)}" width="100%" height="{HEIGHT}" frameborder="0"></iframe>'
+        more = f'width="100%" height="{HEIGHT}" style="border: 0" allow="clipboard-write"'
+        return f'<iframe src="{html.escape(self.url)}" {more}></iframe>'
 
 
 def explore(

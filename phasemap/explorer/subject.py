@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from string import ascii_uppercase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -177,7 +178,7 @@ def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any])
         raise InputError("surface", Word("without a material in some pixels"), "a material in every pixel")
     loss = "viscosity" if surface.viscosity is not None else "damping"
     materials = {
-        f"material {i}": Material(modulus, adhesion, **{loss: value}, poisson_ratio=ratio)
+        f"material {ascii_uppercase[i]}": Material(modulus, adhesion, **{loss: value}, poisson_ratio=ratio)
         for i, (modulus, adhesion, value, ratio) in enumerate(rows.tolist())
     }
     sample = Sample(labels, surface.topography)

@@ -19,6 +19,7 @@ __all__ = ["Found", "lines_of"]
 
 ELECTRONVOLT = 1.602176634e-19  # J
 LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
+SHARE = 0.2  # of the contrast that the losses may leave open
 DEGREES = "°"
 
 
@@ -78,7 +79,16 @@ class Found(NamedTuple):
     @property
     def lossless(self) -> float:
         """The phase [degree] that a material without loss would have on the same side."""
-        return math.copysign(math.degrees(math.acos(max(-1.0, min(1.0, self.air / self.most)))), self.tip_phase)
+        return self._balanced(self.air)
+
+    @property
+    def explained(self) -> float:
+        """The phase [degree] that the losses give, if higher harmonics lose nothing."""
+        return self._balanced(self.air + self.lost)
+
+    def _balanced(self, energy: float) -> float:
+        """The phase [degree] at which the drive gives this energy [J per cycle]."""
+        return math.copysign(math.degrees(math.acos(max(-1.0, min(1.0, energy / self.most)))), self.tip_phase)
 
 
 def lines_of(first: Found, second: Found) -> list[str]:
@@ -117,8 +127,14 @@ def lines_of(first: Found, second: Found) -> list[str]:
 
 def _of_one_sign(first: Found, second: Found) -> list[str]:
     """Both phases are positive, or both negative."""
-    contrast = second.phase - first.phase
+    contrast, explained = second.phase - first.phase, second.explained - first.explained
     energies = f"{_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact"
+    if abs(explained - contrast) > max(LEAST, SHARE * abs(contrast)):
+        return [
+            f"{_compared(first, second)}.",
+            f"The losses ({energies}) would make it {_signed(explained, '.2g')}{DEGREES}: the rest is that higher "
+            "harmonics lose energy in air too, which tells on so soft or damped a lever.",
+        ]
     sign = "positive" if first.stiffens else "negative"
     law = f"Both phases are {sign}, and at one amplitude their size then follows from the energy lost alone"
     if abs(contrast) < LEAST:
@@ -127,11 +143,6 @@ def _of_one_sign(first: Found, second: Found) -> list[str]:
             f"little: {_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact, of "
             f"{_shown(first.most)} that the drive can give.",
             f"{law}: stiffness and adhesion act only through it.",
-        ]
-    if (contrast > 0) == ((second.lost > first.lost) == first.stiffens):
-        return [
-            f"{_compared(first, second)}.",
-            f"The losses do not explain it ({energies}): on so soft a lever higher harmonics lose energy in air too.",
         ]
     more = "more" if second.lost > first.lost else "less"
     towards = "darker" if first.stiffens else "brighter"

@@ -82,7 +82,7 @@ def test_a_lossier_material_is_darker_where_both_are_repulsive_and_the_reason_is
     assert hard.regime == soft.regime == "repulsive" and soft.lost > hard.lost and soft.phase < hard.phase
     first, second = lines_of(hard, soft)
     assert first.startswith(
-        f"material 1 is {hard.phase - soft.phase:.3g}° darker than material 0, because it loses more"
+        f"material B is {hard.phase - soft.phase:.3g}° darker than material A, because it loses more"
     )
     assert "loss pulls the phase towards 0, which is darker here" in second
 
@@ -95,6 +95,15 @@ def test_where_the_regimes_differ_they_and_not_the_losses_are_the_reason() -> No
     assert "darker than matrix, because matrix is repulsive and rubber attractive" in first
     # Lossless materials would show +- arccos(setpoint) at resonance.
     assert f"the contrast would be −{2 * math.degrees(math.acos(0.7)):.3g}°" in second
+
+
+def test_losses_are_no_reason_where_they_do_not_give_the_phases() -> None:
+    hard, soft = shown(step())
+    assert hard.explained == pytest.approx(hard.phase, abs=0.2)
+    assert lines_of(hard, soft)[0].split(",")[1].startswith(" because it loses")
+    odd = soft._replace(phase=hard.phase + 1.0, tip_phase=hard.phase + 1.0)
+    first, second = lines_of(hard, odd)
+    assert first == "stiff is 1° brighter than compliant." and "higher harmonics" in second
 
 
 def test_equal_materials_look_alike() -> None:
@@ -111,7 +120,7 @@ def test_a_material_without_an_orbit_says_what_helps() -> None:
     stuck = pm.Microscope(pm.Cantilever(0.1, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(2e-9))
     found = shown(Setting.of(subject_of(surface_of(pm.Material(0.0)), stuck, 0.7), {}))
     assert math.isnan(found[0].phase) and found[0].advice
-    assert lines_of(found[0], found[0]) == [f"material 0 has no orbit here. {found[0].advice}"]
+    assert lines_of(found[0], found[0]) == [f"material A has no orbit here. {found[0].advice}"]
 
 
 def test_a_bistable_material_has_both_branches_on_its_curve_and_is_said_to_be_bistable() -> None:
@@ -119,7 +128,7 @@ def test_a_bistable_material_has_both_branches_on_its_curve_and_is_said_to_be_bi
     (found,) = shown(Setting.of(subject, {}))
     assert found.bistable
     assert "the controller can hold this setpoint in the repulsive regime too" in lines_of(found, found)[1]
-    curve = answers.curves(Setting.of(subject, {}))["material 0"]
+    curve = answers.curves(Setting.of(subject, {}))["material A"]
     assert 0 in curve["stable"] and len(curve["jump_distance"]) == 2
     assert min(curve["phase"]) < -10 and max(curve["phase"]) > 10
 
