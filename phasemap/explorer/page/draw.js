@@ -293,7 +293,9 @@ export function profile(canvas, values, [rows, columns], dx, row, [low, high], l
 export function curve(canvas, materials, quantity, label) {
   const { pen, width, height } = paper(canvas);
   const box = { left: 46, top: 6, width: width - 56, height: height - 44 };
-  const every = materials.flatMap(({ data }) => data[quantity].filter((value) => value !== null));
+  const which = quantity === "amplitude" ? 0 : 1;
+  const points = materials.filter(({ data }) => data.point).map(({ data }) => data.point[1 + which]);
+  const every = points.concat(...materials.map(({ data }) => data[quantity].filter((value) => value !== null)));
   const left = Math.min(...materials.map(({ data }) => data.range[0])), right = Math.max(...materials.map(({ data }) => data.range[1]));
   let [low, high] = [Math.min(0, ...every), Math.max(0, ...every)];
   const room = 0.06 * (high - low || 1);
@@ -309,14 +311,13 @@ export function curve(canvas, materials, quantity, label) {
       axes.line(data.distance.slice(start, stop), data[quantity].slice(start, stop), colour, ...style);
       start = i;
     }
-    const which = quantity === "amplitude" ? 0 : 1;
     data.jump_distance.forEach((x, i) => {
       const [from, to] = [data.jumps[0][which][i], data.jumps[1][which][i]];
       if (x !== null && from !== null && to !== null) axes.jump(x, from, to, colour);
     });
   }
   for (const { data, colour } of materials) {
-    if (data.point) axes.ring(data.point[0], data.point[quantity === "amplitude" ? 1 : 2], colour);
+    if (data.point) axes.ring(data.point[0], data.point[1 + which], colour);
   }
 }
 
@@ -325,6 +326,12 @@ export function period(canvas, materials) {
   const { pen, width, height } = paper(canvas);
   const there = materials.filter(({ data }) => data.period);
   const tall = (height - 60) / 2;
+  if (!there.length) {
+    pen.fillStyle = QUIET;
+    pen.textAlign = "center";
+    pen.fillText("The tip is on no periodic orbit here.", width / 2, height / 2);
+    return;
+  }
   [["deflection", "deflection (nm)"], ["force", "force (nN)"]].forEach(([name, label], i) => {
     const box = { left: 46, top: 6 + i * (tall + 14), width: width - 60, height: tall };
     const every = there.flatMap(({ data }) => data.period[name].filter((value) => value !== null));
@@ -337,11 +344,6 @@ export function period(canvas, materials) {
       const xs = Array.from({ length: count + 1 }, (_, k) => (360 * k) / count);
       if (name === "deflection") axes.line([0, 360], [data.period.surface, data.period.surface], colour, 1, [4, 3]);
       axes.line(xs, [...values, values[0]], colour, 1.6);
-    }
-    if (!there.length) {
-      pen.fillStyle = QUIET;
-      pen.textAlign = "center";
-      pen.fillText("no periodic orbit", box.left + box.width / 2, box.top + tall / 2);
     }
   });
 }

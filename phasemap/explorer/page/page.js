@@ -4,7 +4,7 @@
 import * as draw from "./draw.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a4b2a", "#555555"];
-const EV = 1.602176634e-19, PATIENT = 2500, SETTLED = 350; // J, ms
+const EV = 1.602176634e-19, SLOW = 600, PATIENT = 4000, SETTLED = 350; // J, ms
 const $ = (id) => document.getElementById(id);
 const round = (value, digits) => Number(value.toPrecision(digits));
 const number = (value, digits) => (value === null ? "–" : String(round(value, digits)).replace("-", "−"));
@@ -37,7 +37,10 @@ class Asker {
   async run() {
     if (this.busy) { this.again = true; return; }
     this.busy = true;
-    const late = setTimeout(() => say("the solvers are being compiled; the first time this takes a minute or two …"), PATIENT);
+    const waits = [
+      setTimeout(() => say("solving …"), SLOW),
+      setTimeout(() => say("no result yet; a first run compiles the solvers, which takes a minute or two …"), PATIENT),
+    ];
     try {
       do {
         this.again = false;
@@ -49,7 +52,7 @@ class Asker {
       complain(error.message);
       document.body.classList.add("stale"); // what is shown is not what the sliders say
     } finally {
-      clearTimeout(late);
+      waits.forEach(clearTimeout);
       this.busy = false;
     }
   }
@@ -152,7 +155,7 @@ function drawImages() {
     draw.histogram($(`${name}-histogram`), values, range, colours, label);
     draw.profile($(`${name}-profile`), values, shown.shape, shown.pixel[1], now.row, range, label);
   }
-  const notes = [...shown.failed];
+  const notes = shown.materials ? [] : [...shown.failed]; // the words say it of each material
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
   if (about.control) notes.push(shown.materials ? "Shown is each pixel engaged anew from far." : "Shown is the trace as the scene takes it, until a slider moves.");
   $("note").textContent = notes.join(" ");
