@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.material import Material
 from phasemap.explorer.setting import Setting
@@ -40,7 +41,7 @@ Check = Callable[[int, int], None]
 VARIABLES = (
     "height", "phase", "tip_offset", "indentation", "dissipation", "virial", "branch", "motion", "status", "solver",
 )  # fmt: skip
-POINTS, SAMPLES = 64, 192  # of a curve, and of a period
+POINTS, SAMPLES = 48, 192  # of a curve, and of a period
 DEEPEST, HIGHEST = 0.15, 1.12  # tip offsets of a curve, over the free amplitude
 BEYOND = 6e-9  # m above the free amplitude from where the tip is attracted
 SETPOINTS = np.linspace(0.3, 0.96, 18)
@@ -130,9 +131,16 @@ def curves(setting: Setting) -> dict[str, Any]:
     -------
     dict
         For each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable, piece), the
-        jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a period.
+        jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a period. None for one
+        that the law of contact cannot have.
     """
-    return {name: _curve(setting, setting.materials[name]) for name in dict.fromkeys(setting.pair)}
+    found: dict[str, Any] = {}
+    for name in dict.fromkeys(setting.pair):
+        try:
+            found[name] = _curve(setting, setting.materials[name])
+        except InputError:  # a material that the law of contact cannot have; the picture says so
+            found[name] = None
+    return found
 
 
 def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:

@@ -158,6 +158,12 @@ def test_the_map_has_the_contrast_of_the_image_and_is_shared_by_settings_that_di
         assert answers.map_key(other) != answers.map_key(setting)
 
 
+def test_a_material_that_the_law_cannot_have_has_no_curve() -> None:
+    necks = replace(SCOPE, interaction=pm.Interaction("jkr", decay_length=None))
+    subject = subject_of(surface_of(pm.Material(0.0, adhesion=0.1), HARD), necks)
+    assert answers.curves(Setting.of(subject, {"pair": [0, 0]})) == {"material A": None}
+
+
 @pytest.mark.parametrize(
     ("message", "said"),
     [

@@ -5,6 +5,12 @@ import * as draw from "./draw.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a4b2a", "#555555"];
 const EV = 1.602176634e-19, SLOW = 600, PATIENT = 4000, SETTLED = 350; // J, ms
+const SOLVERS = {
+  averaging: "First-order averaging, within the accuracy",
+  corrected: "Averaging corrected by the lever's response to the force: the exact orbit, within the error that is estimated",
+  orbit: "The exact periodic orbit",
+  march: "The equation of motion, integrated in time",
+};
 const $ = (id) => document.getElementById(id);
 const round = (value, digits) => Number(value.toPrecision(digits));
 const number = (value, digits) => (value === null ? "–" : String(round(value, digits)).replace("-", "−"));
@@ -172,6 +178,7 @@ function drawWords() {
       number(found.indentation === null ? null : Math.max(found.indentation, 0) * 1e9, 3), found.solver,
     ].map((text) => Object.assign(document.createElement("td"), { textContent: text }));
     cells[0].prepend(dot(i));
+    cells.at(-1).title = SOLVERS[found.solver] ?? "";
     const row = document.createElement("tr");
     row.append(...cells);
     return [row];
@@ -182,7 +189,7 @@ function drawWords() {
 const ofPair = () => [...new Set(now.pair)].map((i) => ({ data: now.curves[about.materials[i]], colour: COLOURS[i] })).filter(({ data }) => data);
 
 function drawCurves() {
-  if (!now.curves) return;
+  if (!now.curves || !ofPair().length) return;
   draw.curve($("amplitude-curve"), ofPair(), "amplitude", "amplitude (nm)");
   draw.curve($("phase-curve"), ofPair(), "phase", "phase (°)");
   draw.period($("period"), ofPair());
