@@ -155,7 +155,8 @@ def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
     Returns
     -------
     dict
-        Axes, contrast [degree] by rows of equal amplitude, points where it is 0, and a sentence on where to work.
+        Axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence and
+        the point, None where there is none.
     """
     first, second = setting.pair
     amplitudes = AMPLITUDES * middle_of(setting)
@@ -169,7 +170,7 @@ def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
         "contrast": _numbers(ds["contrast"].values, 2),
         "zeros": [ds["inversion_setpoint"].values.tolist(), (ds["inversion_free_amplitude"].values * 1e9).tolist()],
         "recommendation": ds.attrs["recommendation"],
-        "best": [ds.attrs["best_setpoint"], ds.attrs["best_free_amplitude"]],
+        "best": _numbers(np.array([ds.attrs["best_setpoint"], ds.attrs["best_free_amplitude"] * 1e9]), 6),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 import zipfile
 from dataclasses import replace
@@ -153,6 +154,7 @@ def test_the_map_has_the_contrast_of_the_image_and_is_shared_by_settings_that_di
     middle = len(answers.AMPLITUDES) // 2
     assert mapped["amplitudes"][middle] == pytest.approx(setting.scope.drive.free_amplitude * 1e9)
     assert mapped["contrast"][middle][9] == pytest.approx(second.phase - first.phase, abs=0.02)
+    assert 0 < mapped["best"][0] < 1 and mapped["recommendation"].startswith("setpoint ")
     assert answers.map_key(step(setpoint=0.9, free_amplitude=45e-9)) == answers.map_key(setting)
     for other in (step(radius=12e-9), step(exact=True), step(materials=[{"damping": 0.1}, {}])):
         assert answers.map_key(other) != answers.map_key(setting)
@@ -162,6 +164,13 @@ def test_a_material_that_the_law_cannot_have_has_no_curve() -> None:
     necks = replace(SCOPE, interaction=pm.Interaction("jkr", decay_length=None))
     subject = subject_of(surface_of(pm.Material(0.0, adhesion=0.1), HARD), necks)
     assert answers.curves(Setting.of(subject, {"pair": [0, 0]})) == {"material A": None}
+
+
+def test_a_map_on_which_nothing_holds_recommends_no_point() -> None:
+    subject = subject_of(surface_of(pm.Material(0.0), pm.Material(0.0, damping=0.1)), SCOPE)
+    mapped = answers.contrast_map(Setting.of(subject, {}), always)
+    assert mapped["best"] == [None, None] and mapped["contrast"][0][0] is None
+    json.dumps(mapped, allow_nan=False)
 
 
 @pytest.mark.parametrize(

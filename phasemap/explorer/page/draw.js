@@ -130,6 +130,19 @@ export class Axes {
     pen.stroke();
   }
 
+  /** The point that is recommended. */
+  diamond(x, y) {
+    const { pen } = this, [left, top] = [this.x(x), this.y(y)];
+    pen.beginPath();
+    for (const [dx, dy] of [[0, -6], [6, 0], [0, 6], [-6, 0]]) pen.lineTo(left + dx, top + dy);
+    pen.closePath();
+    pen.fillStyle = "#ffd400";
+    pen.fill();
+    pen.lineWidth = 1.2;
+    pen.strokeStyle = INK;
+    pen.stroke();
+  }
+
   /** An arrow straight from one height to another. */
   jump(x, from, to, colour) {
     const { pen } = this;
@@ -374,6 +387,7 @@ export function contrast(canvas, data, colours, point) {
   colourBar(pen, { left: box.left + box.width + 6, top: box.top, width: 11, height: box.height }, [-reach, reach], colours, "contrast (°)");
   pen.fillStyle = INK;
   data.zeros[0].forEach((x, i) => pen.fillRect(axes.x(x) - 1, axes.y(data.zeros[1][i]) - 1, 2.5, 2.5));
+  if (data.best[0] !== null) axes.diamond(...data.best);
   if (point) axes.ring(Math.max(xlim[0], Math.min(xlim[1], point[0])), Math.max(ylim[0], Math.min(ylim[1], point[1])), INK, 5.5);
   return axes;
 }

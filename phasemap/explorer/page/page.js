@@ -129,7 +129,7 @@ function askForMap() {
       now.map = await answer.json();
       $("map-figure").classList.remove("waiting");
       $("map-state").textContent = `${about.materials[now.pair[1]]} less ${about.materials[now.pair[0]]}`;
-      $("advice").textContent = `Where to work: ${now.map.recommendation}`;
+      $("advice").textContent = `Where to work (◆): ${now.map.recommendation}`;
       drawMap();
     } catch (error) {
       now.mapKey = "";
