@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
+    from phasemap.explorer.explore import explore
     from phasemap.imaging.simulation import simulate
     from phasemap.inference.curves.fit import Fit, fit_distance, fit_frequency
     from phasemap.inference.images.images import invert
@@ -53,6 +54,7 @@ _NAMES = {
     "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
     "experiment.realism": ("Realism", "TipChange"),
     "experiment.surface": ("Surface",),
+    "explorer.explore": ("explore",),
     "imaging.simulation": ("simulate",),
     "inference.curves.fit": ("Fit", "fit_distance", "fit_frequency"),
     "inference.images.images": ("invert",),
@@ -78,10 +80,10 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
     "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration",
-    "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export", "fit_distance",
-    "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble", "load_scene",
-    "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel",
-    "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "explore", "export",
+    "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble",
+    "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate",
+    "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
-from phasemap.cli import check, compare, contrast, invert, sweep
+from phasemap.cli import check, compare, contrast, explore, invert, sweep
 from phasemap.cli import measured as cli_measured
 from phasemap.cli import run as cli_run
 from phasemap.cli.console import plain_warnings
@@ -30,6 +30,7 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
   phasemap plot blend.nc
+  phasemap explore samples/blend.toml
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
   phasemap compare measured.nid blend.nc --plot page.png
@@ -192,6 +193,9 @@ def _parser() -> argparse.ArgumentParser:
         "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
     )
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
+
+    about = "open a page with a slider for every knob, and see at once what it does"
+    explore.add_arguments(command("explore", explore.explore, about, explore.EXAMPLES))
 
     sweep.add_arguments(
         command(

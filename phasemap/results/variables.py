@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -188,12 +189,7 @@ def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES)
 
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
     """Global attributes that say where a Dataset comes from."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        release = version("afm-phasemap")
-    except PackageNotFoundError:
-        release = "not installed"
+    release = _release()
     scope = configuration.get("microscope")
     detected = {} if scope is None else {"detected": DETECTED[scope["drive"]["excitation"]]}
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -205,6 +201,17 @@ def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
         **detected,
         "history": f"{now} {action} by phasemap {release}",
     }
+
+
+@cache
+def _release() -> str:
+    """The version of this package; to look it up takes longer than to solve a pixel."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("afm-phasemap")
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def describe(thing: Any) -> Any:

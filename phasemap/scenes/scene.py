@@ -59,6 +59,8 @@ class Scene:
         The file that ``[output]`` names, relative to the scene's folder.
     config : mapping
         Every table with its defaults filled in, and the SHA-256 of every file that was read.
+    source : Path or None
+        The file that the scene was read from.
 
     Examples
     --------
@@ -72,6 +74,7 @@ class Scene:
     options: Mapping[str, Any]
     output: Path | None
     config: Mapping[str, Any]
+    source: Path | None = None
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON.
@@ -189,7 +192,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     tables = read_tables(path, overrides)
     if "ensemble" in tables:
         raise InputError("[ensemble]", Word("there"), "no such table in a single scene", "Use load_ensemble.")
-    return scene_from_tables(tables, Path(path).parent)
+    return dataclasses.replace(scene_from_tables(tables, Path(path).parent), source=Path(path))
 
 
 def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = None) -> Scene:

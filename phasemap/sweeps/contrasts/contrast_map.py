@@ -65,7 +65,8 @@ def contrast(
     names : sequence of str
         Of the two materials.
     progress : callable, optional
-        Called as ``progress(done, total)`` from the calling thread, in points of the map.
+        Called as ``progress(done, total)`` from the calling thread, in points of the map; with all of them done while
+        jumps and inversions are sought between them.
     threads : int, optional
         All cores by default. The numbers do not depend on it.
 
@@ -138,8 +139,14 @@ def contrast(
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
     pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy), workers_of(threads)
     engaged, regime = _solve(pair, rising, workers, progress)
+    points = regime[0].size
+
+    def sought(_done: int, _total: int) -> None:
+        if progress is not None:
+            progress(points, points)
+
     jumps, inversions = borders(
-        pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers
+        pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
     found = record(rising, labels, engaged, regime, jumps, inversions)
     choice = choose(rising, labels, engaged, regime, jumps)
