@@ -1,0 +1,26 @@
+"""The site's sources: numbered equations and what cites them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+THEORY = {path.stem: path.read_text() for path in sorted((ROOT / "docs" / "theory").glob("*.md"))}
+LABELS = {page: re.findall(r"^\$\$ \((\S+)\)$", text, re.MULTILINE) for page, text in THEORY.items()}
+CITED = r"theory,\s+Eqs?\.\s+((?:\([a-z-]+-\d+\)(?:,\s+|\s+and\s+)?)+)"
+
+
+def test_equations_are_numbered_by_their_page_in_order() -> None:
+    for page, labels in LABELS.items():
+        assert labels == [f"{page}-{n}" for n in range(1, len(labels) + 1)]
+
+
+def test_every_equation_that_the_code_cites_is_in_the_theory() -> None:
+    known = {label for labels in LABELS.values() for label in labels}
+    cited: Counter[str] = Counter()
+    for path in sorted((ROOT / "phasemap").rglob("*.py")):
+        for found in re.findall(CITED, path.read_text()):
+            cited.update(re.findall(r"\(([a-z-]+-\d+)\)", found))
+    assert set(cited) <= known
