@@ -13,7 +13,8 @@ import gallery  # noqa: E402
 
 import phasemap  # noqa: E402
 
-sys.modules["phasemap.generate"] = phasemap.generate  # its public name, which Sphinx would import
+for name in ("generate", "interaction"):
+    sys.modules[f"phasemap.{name}"] = getattr(phasemap, name)  # by their public names, which Sphinx imports
 
 project = "phasemap"
 author = "phasemap authors"
@@ -31,7 +32,15 @@ extensions = [
     "gallery",
     "tables",
 ]
-exclude_patterns = ["_build", "gallery/*.py", "gallery/*.ipynb", "gallery/sg_execution_times.rst", "generated"]
+templates_path = ["_templates"]
+exclude_patterns = [
+    "_build",
+    "_templates",
+    "gallery/*.py",
+    "gallery/*.ipynb",
+    "gallery/sg_execution_times.rst",
+    "generated",
+]
 html_theme = "pydata_sphinx_theme"
 html_title = "phasemap"
 html_static_path = ["_static"]

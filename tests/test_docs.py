@@ -1,10 +1,13 @@
-"""The site's sources: numbered equations and what cites them."""
+"""The site's sources: numbered equations and what cites them, and the list of public names."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from pathlib import Path
+from types import ModuleType
+
+import phasemap
 
 ROOT = Path(__file__).parent.parent
 THEORY = {path.stem: path.read_text() for path in sorted((ROOT / "docs" / "theory").glob("*.md"))}
@@ -24,3 +27,13 @@ def test_every_equation_that_the_code_cites_is_in_the_theory() -> None:
         for found in re.findall(CITED, path.read_text()):
             cited.update(re.findall(r"\(([a-z-]+-\d+)\)", found))
     assert set(cited) <= known
+
+
+def test_the_reference_has_every_public_name() -> None:
+    names = []
+    for name in phasemap.__all__:
+        thing = getattr(phasemap, name)
+        names += [f"{name}.{one}" for one in thing.__all__] if isinstance(thing, ModuleType) else [name]
+    listed = re.findall(r"^   (\w[\w.]*)$", (ROOT / "docs" / "reference" / "names.rst").read_text(), re.MULTILINE)
+    again = {"interaction.ContactLaw", "interaction.Interaction"}  # public at the top too
+    assert Counter(listed) == Counter(set(names) - again)
