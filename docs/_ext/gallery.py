@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import re
 import shutil
 import warnings
@@ -28,13 +29,17 @@ def picture(_block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str
 
 def tidy(_conf: dict[str, Any], script: str, when: str) -> None:
     """Run each script as the tests do, warnings being errors, and leave nothing of it behind."""
+    name = Path(script).stem
     if when == "before":
         mpl.use("agg")
         warnings.simplefilter("error")
+        builtins.__file__ = str(EXAMPLES / f"{name}.py")  # which the gallery withholds
         return
     warnings.resetwarnings()
-    for left in EXAMPLES.glob(f"{Path(script).stem}.*"):
-        if left.suffix != ".py":
+    for left in EXAMPLES.glob(f"{name}.*"):
+        if left.is_dir():
+            shutil.rmtree(left)
+        elif left.suffix != ".py":
             left.unlink()
 
 
@@ -54,7 +59,6 @@ CONFIGURATION = {
     "backreferences_dir": "generated/backreferences",
     "doc_module": ("phasemap",),
     "filename_pattern": r".*",
-    "ignore_pattern": r"[\\/]paper\.py$",  # parameters only
     "image_scrapers": (picture,),
     "reset_modules": (tidy,),
     "reset_modules_order": "both",

@@ -76,7 +76,7 @@ class MaugisDugdale(ContactLaw):
     """A constant stress sigma0 = w/h0 up to a gap h0 around the contact.
 
     D. Maugis 1992, J. Colloid Interface Sci. 150, 243. With lambda = 2 sigma0 (R/(pi w K^2))^(1/3), m = c/a,
-    A = a/(pi w R^2/K)^(1/3) and D = d/(pi^2 w^2 R/K^2)^(1/3):
+    A = a/(pi w R^2/K)^(1/3) and D = d/(pi^2 w^2 R/K^2)^(1/3)::
 
         (lambda A^2/2) [sqrt(m^2-1) + (m^2-2) atan sqrt(m^2-1)]
             + (4/3) lambda^2 A [sqrt(m^2-1) atan sqrt(m^2-1) - m + 1] = 1,
