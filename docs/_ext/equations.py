@@ -6,6 +6,7 @@ An equation is numbered by its label, "(averaging-3)", so that what cites it goe
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,17 @@ def by_label(app: Sphinx, doctree: nodes.document) -> None:
             domain.equations[label] = (app.env.docname, label)
 
 
+def cited(_app: Sphinx, _what: str, _name: str, _thing: Any, _options: Any, lines: list[str]) -> None:
+    """Link what a docstring cites as "theory, Eq. (averaging-3)"."""
+    label = r"\(([a-z-]+-\d+)\)"
+    text = re.sub(
+        rf"(theory,\s+)Eqs?\.\s+((?:{label}(?:,\s+|\s+and\s+)?)+)",
+        lambda found: found[1] + re.sub(label, r":eq:`\1`", found[2]),
+        "\n".join(lines),
+    )
+    lines[:] = text.split("\n")
+
+
 def with_script(app: Sphinx, error: Exception | None) -> None:
     """Put MathJax beside the pages, so that they need no network."""
     found = importlib.util.find_spec(PACKAGE)
@@ -40,5 +52,6 @@ def with_script(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Say to Sphinx what is here."""
     app.connect("doctree-read", by_label)
+    app.connect("autodoc-process-docstring", cited)
     app.connect("build-finished", with_script)
     return {"parallel_read_safe": False}

@@ -161,7 +161,7 @@ def _answer_swept(path: Swept) -> int:
 
 
 def scales(path: Any, reach: float, z0: float, amplitude: float) -> Any:
-    """Natural lengths of the two coordinates: of z0 - A and A, or of m and of A or z0."""
+    """Natural lengths of the two coordinates: theory, Eqs. (continuation-1) and (continuation-5)."""
 
 
 def _scales_fixed(path: Fixed, reach: float, z0: float, amplitude: float) -> tuple[float, float]:

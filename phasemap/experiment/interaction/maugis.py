@@ -83,9 +83,10 @@ class MaugisDugdale(ContactLaw):
         D = A^2 - (4/3) lambda A sqrt(m^2-1),
         F = pi w R (A^3 - lambda A^2 [sqrt(m^2-1) + m^2 atan sqrt(m^2-1)]).
 
-    DMT for lambda -> 0, JKR for lambda -> infinity. The branch is that of the largest a; the neck breaks at its fold,
-    or, for lambda < 0.938, where a reaches 0. Stiff materials (lambda < 0.1) would gain energy in the neck beside a
-    long-range force of the same range, which there is the same attraction over again: they have no neck then.
+    This is theory, Eq. (model-9). DMT for lambda -> 0, JKR for lambda -> infinity. The branch is that of the largest a;
+    the neck breaks at its fold, or, for lambda < 0.938, where a reaches 0. Stiff materials (lambda < 0.1) would gain
+    energy in the neck beside a long-range force of the same range, which there is the same attraction over again: they
+    have no neck then.
 
     Parameters
     ----------

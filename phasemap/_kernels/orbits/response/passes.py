@@ -65,7 +65,7 @@ def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: 
 
 @njit(**FREE)
 def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
-    """Estimated error of P, S and the mean deflection [m] from the number of nodes.
+    """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
     integral.
@@ -131,7 +131,8 @@ def converge(
 ) -> bool:  # fmt: skip
     """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
 
-    The error left is taken from the last two changes as if they went on like a geometric series, many times over.
+    The error left is taken from the last two changes as if they went on like a geometric series, many times over:
+    theory, Eq. (errors-1).
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[4] != 0.0
     touching = state[E] < amplitude
@@ -176,7 +177,8 @@ def converge(
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there.
+    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there: theory,
+    Eq. (stability-6).
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
