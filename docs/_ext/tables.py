@@ -1,11 +1,14 @@
-"""Tables of the file format, written from the tables that the package itself writes files by."""
+"""Tables of results and scenes, written from what the package itself writes and reads files by."""
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from numpydoc.docscrape import NumpyDocString
 from sphinx.application import Sphinx
 
 
@@ -14,6 +17,32 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     heads = list(heads)
     lines = [heads, ["---"] * len(heads), *([str(cell).replace("|", r"\|") for cell in row] for row in rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def keys(thing: type) -> str:
+    """The keys of a scene's table: the fields of a class, with their defaults and what its docstring says of them."""
+    said = {one.name: " ".join(one.desc) for one in NumpyDocString(inspect.getdoc(thing) or "")["Parameters"]}
+    rows = []
+    for field in dataclasses.fields(thing):
+        default = "none" if field.default is None else f"`{field.default}`"
+        given = "" if field.default is dataclasses.MISSING else default
+        rows.append((f"`{field.name}`", given, said[field.name]))
+    return table(("key", "default", "what it is"), rows)
+
+
+def scenes() -> dict[str, str]:
+    """Tables of the keys of a scene."""
+    import phasemap as pm
+    from phasemap.scenes import surface
+
+    tables: dict[str, type] = {
+        "cantilever": pm.Cantilever, "tip": pm.Tip, "drive": pm.Drive, "interaction": pm.Interaction,
+        "materials": pm.Material, "accuracy": pm.Accuracy, "raster": pm.Raster, "feedback": pm.Feedback,
+        "realism": pm.Realism, "tip_change": pm.TipChange,
+    }  # fmt: skip
+    written = {f"scene_{name}": keys(thing) for name, thing in tables.items()}
+    _, _, of_surface = (inspect.getdoc(surface) or "").partition("\n\n")
+    return {**written, "scene_surface": of_surface + "\n"}
 
 
 def write(app: Sphinx) -> None:
@@ -46,6 +75,7 @@ def write(app: Sphinx) -> None:
         "flags": flags(),
         "statuses": table(("code", "status", "what it means, and what helps"),
                           [(one.code, f"`{one.name}`", one.value) for one in Status]),
+        **scenes(),
         "in_time": table(("attribute", "text"), [(f"`{name}`", text) for name, text in IN_TIME.items()]),
     }  # fmt: skip
     folder = Path(app.srcdir) / "generated"
