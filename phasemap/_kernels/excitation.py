@@ -2,7 +2,8 @@
 
 With z = Re(Z exp(i omega tau)), Z = -i A exp(i phase), and a base that moves by b cos(omega tau), b = lever[SHAKER], it
 sees Z - b; b is 0 where the drive's force acts on the tip itself. Orbits obey u0 sin(phase) = P + A (1 - omega^2) and
-u0 cos(phase) = 2 alpha0 omega A - S. The same for arrays is in `phasemap.experiment.excitation`.
+u0 cos(phase) = 2 alpha0 omega A - S (theory, Eqs. (model-5) and (averaging-3)). The same for arrays is in
+`phasemap.experiment.excitation`.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from phasemap._kernels.law import Law, contact_force, longrange_force, longrange
 
 @kernel
 def free_amplitude(lever: np.ndarray) -> float:
-    """Amplitude [m] of the free lever at the drive frequency."""
+    """Amplitude [m] of the free lever at the drive frequency: theory, Eq. (model-2)."""
     omega = lever[col.OMEGA]
     return lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
 
@@ -36,7 +36,7 @@ def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
 
 @kernel
 def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
-    """Drive needed over drive given, squared, less one: zero on an orbit."""
+    """Drive needed over drive given, squared, less one: zero on an orbit. See theory, Eq. (averaging-4)."""
     omega = lever[OMEGA]
     x = push + amplitude * (1.0 - omega * omega)
     y = 2.0 * lever[ALPHA0] * omega * amplitude - drag
@@ -45,7 +45,7 @@ def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> f
 
 @kernel
 def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
-    """Phase [rad] from (z0, mean deflection, A, P, S)."""
+    """Phase [rad] from (z0, mean deflection, A, P, S): theory, Eq. (averaging-5)."""
     omega = lever[col.OMEGA]
     return math.atan2(
         guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
@@ -54,7 +54,7 @@ def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
 
 @kernel
 def reach_of(law: Law, p: np.ndarray) -> float:
-    """Distance [m] over which the long-range force falls: d0 of an inverse square; 0 without such a force."""
+    """Distance [m] over which the long-range force falls, theory, Eq. (model-13): 0 without such a force."""
     if p[4] == 0.0:
         return 0.0
     return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))

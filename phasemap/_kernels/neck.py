@@ -17,6 +17,7 @@ _X, _W = gauss(24)
 def loop_energy(law: Law, p: np.ndarray) -> float:
     """Energy [J] lost between contact at d = 0 and release: the integral of F_longrange - F_contact over the neck.
 
+    See theory, Eq. (model-11).
     In x, with d = d_r (1 - x^2), the root of a contact force at release is smooth; the long-range force is, over reach,
     a power of exp(x) where the gap is reach (exp(x) - 1).
     """

@@ -71,7 +71,7 @@ def check_setpoint(setpoint: object) -> float:
 
 
 def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
-    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (Wang 1999, below Eq. 2).
+    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (theory, Eq. (model-6)).
 
     Examples
     --------

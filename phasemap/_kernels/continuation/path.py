@@ -153,7 +153,7 @@ def answer(path: Path) -> int:
 
 @kernel
 def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float, float]:
-    """Natural lengths of the two coordinates: of z0 - A and A, or of m and of A or z0."""
+    """Natural lengths of the two coordinates: theory, Eqs. (continuation-1) and (continuation-5)."""
     gap = gap_scale(reach, z0, amplitude)
     if path.kind == FIXED:
         return gap, 0.2 * amplitude

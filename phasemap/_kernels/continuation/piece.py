@@ -99,6 +99,8 @@ def turn_between(
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
 
+    See theory, Eq. (continuation-4).
+
     There x is stationary and exact to rounding; the other coordinate is as exact as s. `start` is the orbit of
     `before`; where a step from there fails, for a long one round a sharp turn may, the shorter one that did not is the
     next to start from.

@@ -1,7 +1,8 @@
 """A curve of periodic orbits, followed through its folds.
 
 Pseudo-arclength continuation in the plane of the two numbers that move on a `path`: each step predicts along the
-tangent and corrects in the plane across it, so that folds are passed like any other point.
+tangent and corrects in the plane across it, so that folds are passed like any other point: theory,
+Eq. (continuation-2).
 """
 
 from __future__ import annotations
@@ -127,7 +128,7 @@ def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) 
 
     Where the amplitude is free, dz0 (or dm) and det(1 - monodromy) change sign together along one curve, at folds.
     Where only one does, the step has landed on a neighbouring piece that runs the other way. At a fold itself both are
-    nothing but rounding.
+    nothing but rounding. See theory, Eq. (continuation-3).
     """
     slope = control(path) + RATE
     if answer(path) != AP or abs(point[slope]) < AT_FOLD * scales(path, reach, point[ZP], point[AP])[0]:

@@ -3,9 +3,9 @@
 At fixed drive the averaged orbits form a curve, followed here from far in the plane of the harmonic orbit's gap
 b = z0 - A0 - A and of its amplitude. Quasi-static engagement follows the curve while z0 falls. Where z0 would rise
 (a fold) the state jumps to the first later piece of the curve that z0 reaches again while falling. So the visited part
-of the curve is where z0 is lower than ever before, and the controller stops at the first visited crossing of the
-setpoint; a crossing that lies inside the jump counts if the tip lands beyond it, since the controller then retracts
-to it.
+of the curve is where z0 is lower than ever before (theory, Eq. (engagement-1)), and the controller stops at the first
+visited crossing of the setpoint; a crossing that lies inside the jump counts if the tip lands beyond it, since the
+controller then retracts to it.
 """
 
 from __future__ import annotations

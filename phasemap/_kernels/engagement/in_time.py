@@ -5,7 +5,8 @@ itself every period, the periodic orbit is followed by Newton's method on the ma
 contact with hysteresis that is just touched, a period that doubles, or a tip that sticks for some periods leaves no
 such orbit. There the tip offset falls slowly, from period to period, and what counts is what a lock-in shows: the mean
 phasor of the first harmonic. Where its modulus comes to the setpoint an integral controller holds it there, as an
-instrument does, and averages over time are the result, with their spread behind a lock-in of stated bandwidth.
+instrument does, and averages over time are the result, with their spread behind a lock-in of stated bandwidth: theory,
+Eqs. (irregular-2), (irregular-3) and (irregular-4).
 """
 
 from __future__ import annotations
@@ -213,10 +214,10 @@ def hold_mean(
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
-    the one that would hold the setpoint. Averaging ends when the standard error of groups is small; twice that is the
-    error stated. NOT_SETTLED if it is still large when `most` periods were marched, or will be. NO_STABLE_ORBIT where
-    the amplitude jumps across the setpoint, down as the tip comes nearer and up as it goes away, so that a feedback
-    hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, theory,
+    Eq. (irregular-5); twice that is the error stated. NOT_SETTLED if it is still large when `most` periods were
+    marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes nearer and
+    up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
     """
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])

@@ -1,5 +1,7 @@
 """On which side of its resonance the lever comes to the setpoint, without following the curve of averaged orbits.
 
+Below, (1) is X^2 + Y^2 = u0^2, and (2) and (3) are theory, Eqs. (engagement-3) and (engagement-4).
+
 With r = A/A_free, s = 1 - omega^2, and the free lever's (x, y) = (s, 2 alpha0 omega) A_free/u0, x^2 + y^2 = 1, an orbit
 of the averaged equations has
 

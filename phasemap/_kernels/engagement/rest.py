@@ -51,7 +51,7 @@ def pressed_in(law: Law, p: np.ndarray, lever: np.ndarray, orbit: Orbit) -> bool
 
 @kernel
 def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float:
-    """Deepest depth [m] at which the lever rests in contact; NaN if it does at none."""
+    """Deepest depth [m] at which the lever rests in contact, theory, Eq. (engagement-5); NaN if it does at none."""
     inverse_k = 1.0 / lever[col.STIFFNESS]
     high = 2.0 * (abs(z0) + pulled(law, p, lever)) + 1e-12
     while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:

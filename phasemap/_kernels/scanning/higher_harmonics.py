@@ -3,7 +3,8 @@
 First-order averaging has the phase at a given amplitude within hundredths of a degree, but the tip offset off by some
 percent of the indentation: a short push excites harmonics n >= 2 as well, whose deflections P/(n^2 - 1) add up to 3/4 P
 at the time of contact and to less if that is longer. So an orbit with first harmonic P lies higher than its average by
-kappa P, and kappa, which hardly depends on P, is taken from the exact orbits at the setpoint.
+kappa P, and kappa, which hardly depends on P, is taken from the exact orbits at the setpoint: theory,
+Eqs. (averaging-11) and (slow-flow-2).
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The feedback loop: lock-in, controller and scanner, and the noise that enters there.
 
-Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z = Re(a exp(i omega tau)):
+See theory, Eq. (slow-flow-3). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
+Re(a exp(i omega tau)):
 
 * lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
   phase = 90 degrees + arg(x - b) + `TURN`: what the base moves, b, is constant, and passes the filters as it is;

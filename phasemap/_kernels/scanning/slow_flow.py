@@ -4,9 +4,10 @@ With z = Re(a exp(i omega tau)) and the first harmonic P, S of the surface's par
 
     2 (alpha0 + i omega) a' = u0 - (1 - omega^2 + 2 i alpha0 omega) a - (P - i S) a/|a|
 
-(Wang 1999, Eqs. 5-8, before they are set to rest; the free lever's own terms are exact). The mean deflection follows
-at once. What limits the steps is the lock-in, which decays fast, so that the pair of orders 3 and 2 of Bogacki and
-Shampine (Appl. Math. Lett. 2 (1989) 321) takes the least work. Steps end where the surface has a corner.
+(theory, Eq. (slow-flow-1); Wang 1999, Eqs. 5-8, before they are set to rest; the free lever's own terms are exact). The
+mean deflection follows at once. What limits the steps is the lock-in, which decays fast, so that the pair of orders 3
+and 2 of Bogacki and Shampine (Appl. Math. Lett. 2 (1989) 321) takes the least work. Steps end where the surface has a
+corner.
 """
 
 from __future__ import annotations
@@ -158,7 +159,7 @@ def _error(loop: np.ndarray, flow: Flow, h: float) -> float:
 
 @kernel
 def _shake(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
-    """What a time h of noise adds to a and to the first filter."""
+    """What a time h of noise adds to a and to the first filter: theory, Eq. (slow-flow-4)."""
     alpha0, rate = lever[col.ALPHA0], loop[RATE]
     thermal = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * alpha0 * h))
     detector = math.sqrt(-0.5 * loop[DETECTOR] * rate * math.expm1(-2.0 * rate * h))

@@ -21,7 +21,7 @@ __all__ = ["DMT", "JKR", "LAWS", "ContactLaw", "Hertz", "LinearSpring", "MaugisD
 
 
 class DMT(ContactLaw):
-    """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2)."""
+    """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2): theory, Eq. (model-7)."""
 
     name = "dmt"
 

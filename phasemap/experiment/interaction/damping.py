@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 class PowerLawDamping:
     """alpha_s = alpha1 (d/R)^n (Wang 1999, Eq. 4).
 
-    n = 1/2 is Kelvin-Voigt Hertz contact, F = -eta sqrt(R d) d', with eta = 2 alpha1 k / (R omega_c).
+    n = 1/2 is Kelvin-Voigt Hertz contact, F = -eta sqrt(R d) d', with eta = 2 alpha1 k / (R omega_c): theory,
+    Eqs. (model-15) and (model-16).
     """
 
     name = "power law"

@@ -5,8 +5,9 @@ The orbit is taken as z = A0 + A cos(theta). With c = (z0 - A0)/A the depth is d
 
     (P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2
 
-is one scalar equation for c. (The paper replaces omega_e^2 - omega^2 by (1 + omega)(omega_e - omega), equal at first
-order; here the free lever is kept exact.) The integrals use Gauss nodes that know the exponents of the integrand:
+is one scalar equation for c: theory, Eqs. (averaging-4), (averaging-7) and (averaging-8). (The paper replaces omega_e^2
+- omega^2 by (1 + omega)(omega_e - omega), equal at first order; here the free lever is kept exact.) The integrals use
+Gauss nodes that know the exponents of the integrand (theory, Eq. (averaging-10)):
 
 * contact: sin(theta/2) = sin(theta0/2) sin(psi), so that d = A (1 - c) cos(psi)^2 and half-integer powers are smooth;
 * outside: u = tan(theta/2) = u0 + delta x / (1 - x), delta the distance to the pole of the long-range force;
@@ -45,7 +46,7 @@ def _neck(
     """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
 
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
-    A tip that hangs is never released, and has no way in.
+    See theory, Eq. (averaging-9). A tip that hangs is never released, and has no way in.
     """
     length = -p[10] / amplitude
     start = math.sqrt((1.0 - c) / (1.0 + c)) if c > -1.0 else math.inf

@@ -2,7 +2,7 @@
 
 On elements of half the length the error of Gauss collocation is 2^16 times smaller where it counts, in P, S and z0:
 what the step changes there is the error of the orbit: that of the elements, of the last step, and of elements that lie
-beside the contacts, for the halves are laid where the contacts are.
+beside the contacts, for the halves are laid where the contacts are: theory, Eq. (errors-4).
 
 The step itself leaves the square of what its start is wrong by. Between its nodes the orbit is a polynomial of xi, not
 of the angle (see `tables`): carried over by that polynomial it is about as exact as at the nodes.

@@ -188,7 +188,7 @@ def newton_swept(
 
 @kernel
 def floquet(transfer: np.ndarray) -> float:
-    """Return the largest modulus of the multipliers."""
+    """Return the largest modulus of the multipliers: theory, Eq. (stability-3)."""
     half = 0.5 * (transfer[0] + transfer[3])
     product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
     root = half * half - product
@@ -199,7 +199,7 @@ def floquet(transfer: np.ndarray) -> float:
 
 @kernel
 def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
-    """Fill a result row from a converged orbit."""
+    """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
     omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]

@@ -5,7 +5,8 @@ With the time origin at the first harmonic, z = A cos(theta) + w(theta), theta =
     omega^2 w'' + 2 alpha0 omega w' + w + g(d, zdot) = P cos(theta) + S sin(theta),     g = F/k + 2 alpha_s zdot,
 
 where (P, S) are the first harmonic of g, so that w has none; the drive closes the system,
-(P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2. Unknown are w, P, S and z0 (or A). The equation is
+(P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2 (theory, Eqs. (collocation-1), (collocation-2) and
+(averaging-4)). Unknown are w, P, S and z0 (or A). The equation is
 linearised about the present orbit, each element is solved for w'' at its Gauss nodes as an affine function of the
 state at its start and of (P, S, z0), and the elements are chained round the period. The product of their transfer
 matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
@@ -172,7 +173,7 @@ def _element(
     drift: np.ndarray,
     m: np.ndarray,
 ) -> bool:
-    """Fill the LOCAL rows of an element; m is scratch, shape (NODES, WIDTH)."""
+    """Fill the LOCAL rows of an element, theory, Eq. (collocation-4); m is scratch, shape (NODES, WIDTH)."""
     omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
     viscous = 2.0 * lever[ALPHA0]
     z0, amplitude = value[Z0], value[A]
@@ -220,7 +221,8 @@ def border_between(p: np.ndarray, before: float, after: float) -> float:
 def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np.ndarray, amplitude: float) -> float:
     """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
 
-    A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long.
+    A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long: theory,
+    Eq. (collocation-5).
     """
     omega, after = lever[OMEGA], one[PLACE, SIDE]
     border = border_between(p, before, after)

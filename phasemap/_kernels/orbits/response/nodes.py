@@ -7,7 +7,8 @@ omega and nu = Im lambda the sum over all harmonics is
 
     G(theta - phi) = Im[exp(lambda (theta - phi)) (E + H(theta - phi))] / (omega^2 nu),   E = 1/(exp(-2 pi lambda) - 1),
 
-H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi). In air w is some
+H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi): theory,
+Eqs. (response-4), (response-5) and (response-6). In air w is some
 hundredths of the indentation, and the passes w -> -G g converge fast; each also moves e to where the drive is the one
 given (`mismatch`; averaging is the pass with w = 0). This file has one pass; `corrected` repeats it.
 """

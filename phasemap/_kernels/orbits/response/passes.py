@@ -64,7 +64,7 @@ def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: 
 
 @kernel(fastmath=ANY_ORDER)
 def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
-    """Estimated error of P, S and the mean deflection [m] from the number of nodes.
+    """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
     integral.
@@ -130,7 +130,8 @@ def converge(
 ) -> bool:  # fmt: skip
     """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
 
-    The error left is taken from the last two changes as if they went on like a geometric series, many times over.
+    The error left is taken from the last two changes as if they went on like a geometric series, many times over:
+    theory, Eq. (errors-1).
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[4] != 0.0
@@ -177,8 +178,8 @@ def converge(
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there. A period
-    doubles where it is -1 less the determinant, which all damping makes smaller; the trace leaves out that of the
+    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there: theory,
+    Eq. (stability-6). A period doubles where it is -1 less the determinant, which all damping makes smaller; the trace leaves out that of the
     contact, which would bring it nearer to zero.
     """
     amplitude, e = state[AMP], state[E]

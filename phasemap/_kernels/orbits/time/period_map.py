@@ -1,4 +1,7 @@
-"""Periodic orbits in time: Newton's method on the map of one period of the drive, by differences of marched periods."""
+"""Periodic orbits in time: Newton's method on the map of one period of the drive, by differences of marched periods.
+
+See theory, Eqs. (time-3) and (time-4).
+"""
 
 from __future__ import annotations
 
