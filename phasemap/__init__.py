@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
+    from phasemap.results.channels import channels
     from phasemap.results.status import Status
     from phasemap.results.variables import phase_lag
     from phasemap.scenes.ensemble import load_ensemble
@@ -60,6 +61,7 @@ _NAMES = {
     "inference.images.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
+    "results.channels": ("channels",),
     "results.status": ("Status",),
     "results.variables": ("phase_lag",),
     "scenes.ensemble": ("load_ensemble",),
@@ -78,10 +80,10 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
     "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration",
-    "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export", "fit_distance",
-    "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble", "load_scene",
-    "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel",
-    "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare", "contrast", "export",
+    "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble",
+    "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate",
+    "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -18,6 +18,8 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.materials.survey import Place, Survey
+from phasemap.results.variables import OF_ADHESION
+from phasemap.solvers.adhesion import bare_rows, with_adhesion
 from phasemap.solvers.problem import Work, properties, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
@@ -116,10 +118,17 @@ class Job:
         """Variables of distinct materials, one entry a material."""
 
         def solve(some: Array, later: Progress | None) -> Values:
-            found = run(self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later)
-            return values_of(self.names, *found)
+            rows, *codes = run(self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later)
+            return values_of(self.names, self.widened(rows, some), *codes)
 
         return self.in_chunks(materials, solve, progress)
+
+    def widened(self, rows: Array, materials: Array) -> Array:
+        """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides."""
+        if not set(OF_ADHESION) & set(self.names):
+            return rows
+        stiffness = self.properties(materials)[0]
+        return with_adhesion(rows, self.work(materials), bare_rows(stiffness, self.scope))
 
     def in_chunks(
         self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None

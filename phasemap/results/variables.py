@@ -23,6 +23,7 @@ Array = np.ndarray
 T = TypeVar("T", float, Array, "xr.DataArray")
 
 CONVENTIONS = "CF-1.11"
+ADHESION_VIRIAL, ADHESION_LOSS = col.FULL, col.FULL + 1  # as in `phasemap._kernels.rows.adhesion`, not loaded here
 SOLVER_NAMES = ("averaging", "orbit", "march", "interpolated", "corrected")  # in the order of their codes
 
 
@@ -70,6 +71,10 @@ FLOATS: dict[str, Variable] = {
     "indentation": Variable("largest indentation, negative without contact", "m", _column(col.INDENTATION)),
     "dissipation": Variable("energy dissipated in the surface per cycle", "J", _column(col.DISSIPATION)),
     "virial": Variable("virial of the tip-surface force, positive attractive", "J", _column(col.VIRIAL)),
+    "adhesion_virial": Variable(
+        "virial of the attraction alone, in the first harmonic, positive attractive", "J", _column(ADHESION_VIRIAL)
+    ),
+    "adhesion_loss": Variable("energy that necks of the contact take per cycle", "J", _column(ADHESION_LOSS)),
     "error_phase": Variable("estimated error of the phase", "degree", _column(col.ERROR_PHASE, 180 / np.pi)),
     "error_height": Variable("estimated error of the height", "m", _column(col.ERROR_HEIGHT)),
     "energy_closure": Variable("energy in less energy out, over energy in", "1", _column(col.CLOSURE)),
@@ -91,6 +96,7 @@ DESCRIPTIONS = {
     "phase_spread": LOCK_IN,
     "error_phase": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
     "error_height": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
+    "adhesion_virial": "of the force less that of the same contact without adhesion and bias; of periodic orbits",
     "energy_closure": "of the first harmonic alone where the solver is averaging or interpolated",
 }
 IN_TIME = {
@@ -108,8 +114,10 @@ FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
 IMAGE_VARIABLES = (
     "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
     "branch", "status", "solver", "error_phase", "error_height", "energy_closure", "amplitude_spread", "phase_spread",
-    "motion",
+    "motion", "adhesion_virial", "adhesion_loss",
 )  # fmt: skip
+OF_ADHESION = ("adhesion_virial", "adhesion_loss")
+"""What `phasemap.solvers.adhesion` widens result rows by."""
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
 """Of a scan in time."""
 

@@ -219,7 +219,8 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     >>> scene_from_tables(read_tables("samples/step.toml"), Path("samples")).surface.shape
     (128, 256)
     """
-    from phasemap.results.variables import check_variables, describe, variables_of
+    from phasemap.results.channels import split
+    from phasemap.results.variables import describe
     from phasemap.scenes.surface import build_surface, dilate
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
@@ -236,7 +237,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         raise InputError("[output] file", file, "a file name")
     if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
-    construct("[output]", {"variables": variables}, check_variables, known=variables_of(control))
+    construct("[output]", {"variables": variables}, split, control=control)
     materials = _materials(tables)
     files: dict[str, str] = {}
     if surface is None:

@@ -10,6 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
 
@@ -30,7 +31,7 @@ class Work:
     rows : ndarray, shape (n, 12)
         Their parameters, one row a pixel.
     lever : ndarray, shape (5,)
-        See `lever_of`.
+        See `phasemap.experiment.lever.lever_of`.
     amplitudes : ndarray, shape (n,)
         Setpoint amplitude of each pixel [m], as the detector sees it.
     """
@@ -118,16 +119,6 @@ def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     return Work(scope.interaction.token(), rows, lever_of(scope), amplitudes)
-
-
-def lever_of(scope: Microscope) -> Array:
-    """The lever as the kernels know it, shape (5,).
-
-    omega [1], alpha0 [1], stiffness [N/m], amplitude of the drive [m], and that of the base [m]: the drive's, or 0.
-    """
-    lever, drive = scope.cantilever, scope.base_amplitude
-    base = drive if scope.drive.excitation == "base" else 0.0
-    return np.array([scope.frequency_ratio, lever.damping, lever.stiffness, drive, base])
 
 
 def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array) -> Work:

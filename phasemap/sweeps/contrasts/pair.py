@@ -9,12 +9,13 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.orbit import Orbit
-from phasemap.solvers.problem import Work, lever_of, work_of_material
+from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
