@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -206,3 +207,13 @@ def test_a_tip_that_does_not_touch_has_no_corrected_loss_tangent() -> None:
     assert image.indentation.item() < 0
     found = pm.channels(image)
     assert np.isnan(found.loss_tangent_corrected.item()) and found.loss_tangent.item() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_channels_are_drawn_and_exported_by_name(tmp_path: Path) -> None:
+    image = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=["loss_tangent", "dissipation"])
+    figure = pm.plot.plot(image, variables=["dissipation", "loss_tangent"])
+    said = {axes.get_xlabel() for axes in figure.axes}
+    assert said >= {"dissipation (aJ)", "loss tangent"}
+    with pytest.raises(pm.InputError, match="an image with phase"):
+        pm.plot.plot(image, variables=["phase"])
+    assert pm.export(pm.channels(pm.simulate(SURFACE, SCOPE, 0.6, "averaging")), tmp_path / "channels.gwy").exists()
