@@ -217,3 +217,15 @@ def test_channels_are_drawn_and_exported_by_name(tmp_path: Path) -> None:
     with pytest.raises(pm.InputError, match="an image with phase"):
         pm.plot.plot(image, variables=["phase"])
     assert pm.export(pm.channels(pm.simulate(SURFACE, SCOPE, 0.6, "averaging")), tmp_path / "channels.gwy").exists()
+
+
+def test_a_map_of_the_contrast_has_the_channels_of_images() -> None:
+    soft, hard = pm.Material(0.2e9, 0.06, viscosity=20.0), pm.Material(1e9, 0.06, viscosity=20.0)
+    names = ["loss_tangent_corrected", "dissipation_ev"]
+    found = pm.contrast(hard, soft, SCOPE, [0.6, 0.7], solver="averaging", variables=names)
+    image = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=names)
+    for name in names:
+        np.testing.assert_allclose(found[name][:, 0], image[name][0, :2], rtol=1e-9)
+        np.testing.assert_array_equal(found[f"{name}_contrast"], found[name][1] - found[name][0])
+    with pytest.raises(pm.InputError, match="variables is 'phase'"):
+        pm.contrast(hard, soft, SCOPE, [0.6, 0.7], variables=["phase"])
