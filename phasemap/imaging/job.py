@@ -14,13 +14,14 @@ from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.materials.survey import Place, Survey
 from phasemap.results.variables import OF_ADHESION
 from phasemap.solvers.adhesion import bare_rows, with_adhesion
-from phasemap.solvers.problem import Work, properties, work_of
+from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
@@ -107,7 +108,7 @@ class Job:
             self.progress(self.place.row * nx + done, ny * nx)
 
     def properties(self, materials: Array) -> tuple[Array, Array, Array]:
-        """See `phasemap.solvers.problem.properties`."""
+        """See `phasemap.experiment.properties.properties`."""
         return properties(materials, self.surface.viscosity is not None, self.scope)
 
     def work(self, materials: Array) -> Work:

@@ -221,7 +221,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     """
     from phasemap.results.channels import split
     from phasemap.results.variables import describe
-    from phasemap.scenes.surface import build_surface, dilate
+    from phasemap.scenes.surface import build_surface, dilate, seen
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     setpoint, scan = _scan(_table(tables, "scan"))
@@ -243,6 +243,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     if surface is None:
         surface, files = build_surface(_table(tables, "surface"), materials, folder)
         surface = dilate(tables["surface"], surface, microscope.tip)
+        surface = seen(tables["surface"], surface, microscope, setpoint)
     realism = _realism(_table(tables, "realism"), control, surface.shape[0])
     config = {
         "scan": scan,

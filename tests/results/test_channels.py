@@ -13,9 +13,10 @@ from cases import Case, load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.solvers.adhesion import bare_rows, with_adhesion
-from phasemap.solvers.problem import Work, material_row, properties, work_of_material
+from phasemap.solvers.problem import Work, material_row, work_of_material
 
 CASES = load("channels")
 AIR, STICKY = CASES[0], CASES[1:9]  # without adhesion; with, in air: six of the table, two of JKR, one off resonance

@@ -13,8 +13,9 @@ from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import contact_stiffness, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
-from phasemap.solvers.problem import contact_stiffness, material_row, properties
+from phasemap.solvers.problem import material_row
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
