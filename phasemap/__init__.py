@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from phasemap.experiment.control import Engage, Feedback, Raster
     from phasemap.experiment.interaction import ContactLaw, Interaction
     from phasemap.experiment.material import Material
-    from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+    from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
     from phasemap.imaging.simulation import simulate
@@ -51,7 +51,7 @@ _NAMES = {
     "experiment.control": ("Engage", "Feedback", "Raster"),
     "experiment.interaction": ("ContactLaw", "Interaction"),
     "experiment.material": ("Material",),
-    "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
+    "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Mode", "Tip"),
     "experiment.realism": ("Realism", "TipChange"),
     "experiment.surface": ("Surface",),
     "imaging.simulation": ("simulate",),
@@ -79,11 +79,12 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
-    "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration",
-    "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare", "contrast", "export",
-    "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble",
-    "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate",
-    "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "Raster", "Realism",
+    "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare", "contrast",
+    "export", "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level",
+    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity",
+    "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

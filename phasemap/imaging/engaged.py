@@ -22,6 +22,7 @@ from phasemap.imaging.interpolation.oracle import FUNCTIONS
 from phasemap.imaging.job import Job, Painter, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
+from phasemap.results.variables import OF_ADHESION, OF_FORCES
 from phasemap.solvers.energy import close
 
 Array = NDArray[np.float64]
@@ -159,8 +160,8 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
         close(rows.T, lever)
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
-        wide = job.widened(rows.T, materials)
-        canvas.put(part, values_of(job.names, wide, status, np.full(last - first, col.INTERPOLATED, np.int8)))
+        used = np.full(last - first, col.INTERPOLATED, np.int8)
+        canvas.put(part, values_of(job.names, job.widened(rows.T, used, materials), status, used))
         painted.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:
@@ -188,7 +189,8 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "height": (col.TIP_OFFSET,), "phase": (col.PHASE,), "tip_offset": (col.TIP_OFFSET,),
         "mean_deflection": (col.MEAN,), "indentation": (col.INDENTATION,), "dissipation": (col.DISSIPATION,),
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
-        "adhesion_virial": (col.INDENTATION,), "adhesion_loss": (col.INDENTATION,),
+        **dict.fromkeys(OF_ADHESION, (col.INDENTATION,)),
+        **dict.fromkeys(OF_FORCES, (col.INDENTATION, col.TIP_OFFSET, col.MEAN)),
     }  # fmt: skip
     return sorted({column for name in names for column in needed.get(name, ())})
 

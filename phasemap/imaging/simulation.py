@@ -76,8 +76,10 @@ def simulate(
     realism : Realism, optional
         What a real microscope adds: noise, drift, offsets of lines, a change of the tip, quantisation; none by default.
     variables : iterable of str, optional
-        Which variables to return, all below by default; `status` always comes along. Also channels that are derived
-        from them, by the names of `phasemap.channels`: "loss_tangent", "dissipation_ev" and others.
+        Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
+        to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
+        `phasemap.channels`: "loss_tangent", "dissipation_ev" and more. What a second mode shows comes by default where
+        the drive has one.
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
@@ -141,7 +143,7 @@ def simulate(
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
-    stay, derived = split(variables, control)
+    stay, derived = split(variables, control, scope.drive.second is not None)
     names = inputs_of(stay, derived, control)
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)

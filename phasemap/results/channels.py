@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import DETECTED
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.io.metadata import of_simulation, off_resonance, phase_of_free
 from phasemap.results.quantities import CHANNELS, Channel, motion_of
-from phasemap.results.variables import check_variables, describe, provenance, variables_of
+from phasemap.results.variables import all_variables_of, check_variables, describe, provenance, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,14 +66,21 @@ def channels(
     Returns
     -------
     xarray.Dataset
-        With the dims of `image`:
+        With the dims of `image`, and of those what the image has what it takes for:
 
         * ``dissipation`` [J], ``dissipation_ev`` [eV], both per cycle, and ``dissipated_power`` [W];
         * ``virial`` [J], positive for attraction;
         * ``loss_tangent`` [1], by the instrument's formula, tan d = E_dis / (2 pi V), V the virial of repulsion: of the
           tip's motion even where the detector sees the deflection of a lever whose base is driven;
         * ``loss_tangent_corrected`` [1]: the same without the virial of the attraction and the energy of necks; only of
-          simulated images, which know these. NaN where there is no contact to speak of.
+          simulated images, which know these. NaN where there is no contact to speak of;
+        * of a second mode (``Drive(second=Mode(...))``), where a simulated image has ``mean_gradient``,
+          ``mean_damping``, ``sideband_stiffness`` and ``sideband_loss``: ``mode2_frequency_shift`` [Hz] of AM-FM,
+          ``mode2_amplitude`` [m] and ``mode2_phase`` [degree] of AM-AM, ``effective_stiffness_1`` and
+          ``effective_stiffness_2`` [N/m], and what the instrument makes of them by the formula for a paraboloid on
+          Hertz contact, ``bimodal_modulus`` E* [Pa] and ``bimodal_indentation`` [m]. The second mode is taken to move
+          much less than the tip indents; ``mode2_over_depth`` [1] is how much it does: up to 0.1 the modulus is good
+          to 1 %, at 0.2 it is 2 % too large.
 
         The first four are the orbit's own where the image has ``dissipation`` and ``virial``, and else follow from
         amplitude and phase (of the first harmonic alone); the attribute ``derived_from`` of each says which. With
@@ -101,10 +109,10 @@ def channels(
     """
     if "phase" not in getattr(image, "data_vars", ()):
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
-    wanted = _chosen(names, image)
     if sign not in (1, -1) or isinstance(sign, bool):
         raise InputError("sign", sign, "1 or -1")
     lever, said = _lever(image, scope)
+    wanted = _chosen(names, image, lever.drive.second is not None)
     phase, amplitude = _phase(image, lever, said, phase_zero, sign), _amplitude(image, lever, said, setpoint)
     spread = _spread(image, uncertainty)
     data = dict(_derive(wanted, image, lever, amplitude, phase, spread))
@@ -119,11 +127,12 @@ def channels(
     return found
 
 
-def _chosen(names: Iterable[str] | None, image: xr.Dataset) -> list[Channel]:
+def _chosen(names: Iterable[str] | None, image: xr.Dataset, second: bool) -> list[Channel]:
     """The channels asked for, or all that the image has."""
+    known = {name: channel for name, channel in CHANNELS.items() if second or not channel.bimodal}
     if names is None:
-        return [channel for channel in CHANNELS.values() if all(name in image for name in channel.needs)]
-    chosen = [CHANNELS[name] for name in check_variables(names, tuple(CHANNELS)) if name in CHANNELS]
+        return [channel for channel in known.values() if all(name in image for name in channel.needs)]
+    chosen = [known[name] for name in check_variables(names, tuple(known))]
     for channel in chosen:
         if missing := [name for name in channel.needs if name not in image]:
             allowed = "a channel of which the image has what it needs"
@@ -145,7 +154,19 @@ def _lever(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dic
     excitation = "base" if said.get("detected") == DETECTED["base"] else "direct"
     free *= off_resonance(frequency / resonance, quality, excitation == "base")
     lever = Cantilever(stiffness, resonance, quality)
-    return Microscope(lever, Tip(radius=1e-8), Drive(free, frequency, excitation)), said  # any tip: none is asked for
+    radius, second = _of_configuration(image)
+    return Microscope(lever, Tip(radius), Drive(free, frequency, excitation, second)), said
+
+
+def _of_configuration(image: xr.Dataset) -> tuple[float, Mode | None]:
+    """Radius of the tip [m] and second mode of a simulated image; of others any radius, for none is asked for."""
+    try:
+        stored = json.loads(image.attrs["configuration"])["microscope"]
+        second = stored["drive"].get("second")
+        mode = None if second is None else Mode(**{name: value for name, value in second.items() if name != "kind"})
+        return float(stored["tip"]["radius"]), mode
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
+        return 1e-8, None  # the attribute may be there and be somebody else's
 
 
 def _phase(
@@ -258,17 +279,30 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
     return scope
 
 
-def split(variables: object, control: Control) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def split(variables: object, control: Control, second: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Variables asked for, as those of an image under this control and channels that are to be derived from it.
+
+    Parameters
+    ----------
+    variables : iterable of str or None
+    control : Control
+    second : bool
+        Whether the drive has a second mode, of which all channels come by default.
 
     Raises
     ------
     InputError
         If a name is unknown, or the channel of images at rest only.
     """
-    known = variables_of(control)
-    more = tuple(name for name, channel in CHANNELS.items() if name not in known and set(channel.needs) <= set(known))
-    names = check_variables(variables, known if variables is None else (*known, *more))
+    known = all_variables_of(control)
+    more = tuple(
+        name
+        for name, channel in CHANNELS.items()
+        if name not in known and set(channel.needs) <= set(known) and (second or not channel.bimodal)
+    )
+    if variables is None:
+        return variables_of(control), tuple(name for name in more if CHANNELS[name].bimodal)
+    names = check_variables(variables, (*known, *more))
     return tuple(name for name in names if name in known), tuple(name for name in names if name in more)
 
 
@@ -279,7 +313,7 @@ def inputs_of(names: tuple[str, ...], derived: tuple[str, ...], control: Control
     needed = {"phase", "amplitude", *names}
     for name in derived:
         needed |= {*CHANNELS[name].needs, CHANNELS[name].of_orbit}
-    return tuple(name for name in variables_of(control) if name in needed)
+    return tuple(name for name in all_variables_of(control) if name in needed)
 
 
 def with_channels(
@@ -289,5 +323,5 @@ def with_channels(
     if not derived:
         return image
     found = channels(image, derived, scope=scope)
-    extra = [name for name in variables_of(control) if name in image and name not in names]
+    extra = [name for name in all_variables_of(control) if name in image and name not in names]
     return image.drop_vars(extra).assign({name: found[name] for name in derived})

@@ -13,9 +13,11 @@ from cases import Case, load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
-from phasemap.solvers.adhesion import bare_rows, with_adhesion
+from phasemap.results.variables import FLOATS
+from phasemap.solvers.integrals import bare_rows, with_adhesion, with_forces
 from phasemap.solvers.problem import Work, material_row, work_of_material
 
 CASES = load("channels")
@@ -55,7 +57,7 @@ def energies_of(case: Case) -> tuple[float, float]:
     work: Work = work_of_material(material, scope, 1e-9)
     bare = bare_rows(properties(*material_row(material), scope)[0], scope)
     wide = with_adhesion(row_of(case), work, bare)
-    return float(wide[0, -2]), float(wide[0, -1])
+    return float(wide[0, ADHESION_VIRIAL]), float(wide[0, ADHESION_LOSS])
 
 
 def channel(name: str, case: Case, **orbit: float) -> float:
@@ -230,3 +232,38 @@ def test_a_map_of_the_contrast_has_the_channels_of_images() -> None:
         np.testing.assert_array_equal(found[f"{name}_contrast"], found[name][1] - found[name][0])
     with pytest.raises(pm.InputError, match="variables is 'phase'"):
         pm.contrast(hard, soft, SCOPE, [0.6, 0.7], variables=["phase"])
+
+
+@pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
+def test_harmonics_and_mean_slopes_are_those_of_the_orbit(case: Case) -> None:
+    work = work_of_material(material_of(case), scope_of(case), 1e-9)
+    row = row_of(case)
+    row[0, col.TIP_OFFSET], row[0, col.MEAN] = case["tip_offset"], -case["mean_force"] / case["stiffness"]
+    wide = with_forces(row, work, np.array([col.ORBIT], np.int8), scope_of(case))[0]
+    neck = case["law"] == "jkr"
+    # Harmonic about the deepest point with a neck; else what the passes leave, less in a liquid, where they go on.
+    allowed = 0.01 if neck else 1e-3 if case["quality_factor"] < 20 else 5e-3
+    for n, (real, imaginary) in zip(range(2, 7), case["harmonics"], strict=True):
+        size, phase = (float(FLOATS[name].value(wide)) for name in (f"amplitude_{n}", f"phase_{n}"))
+        wave = complex(real, imaginary)
+        # Of a sixth harmonic that nearly vanishes, what is left of the second is what counts.
+        first = abs(complex(*case["harmonics"][0]))
+        assert size == pytest.approx(abs(wave), rel=allowed, abs=3e-4 * first)
+        if abs(wave) > 0.1 * first:
+            assert phase == pytest.approx(np.degrees(np.angle(wave)), abs=1.0 if neck else 0.1)
+    assert wide[DRAG] == pytest.approx(case["damping"], rel=allowed)
+    if not neck:
+        assert wide[GRADIENT] == pytest.approx(case["gradient"], rel=allowed)
+
+
+def test_higher_harmonics_are_images_where_asked() -> None:
+    names = ["amplitude_2", "phase_2", "amplitude_6", "phase"]
+    image = pm.simulate(SURFACE, SCOPE, 0.6, variables=names)
+    assert set(image.data_vars) == {*names, "status"} and "amplitude_2" not in pm.simulate(SURFACE, SCOPE, 0.6)
+    wave = complex(*CASES[1]["harmonics"][0])
+    assert image.amplitude_2.values[0, 0] == pytest.approx(abs(wave), rel=2e-3)
+    assert image.phase_2.values[0, 0] == pytest.approx(np.degrees(np.angle(wave)), abs=0.05)
+    averaged = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=names)
+    assert averaged.amplitude_2.values[0, 0] == pytest.approx(abs(wave), rel=0.02)
+    with pytest.raises(pm.InputError, match="variables is 'amplitude_2'"):
+        pm.simulate(SURFACE, SCOPE, 0.6, control=pm.Feedback(line_rate=1.0), variables=names)

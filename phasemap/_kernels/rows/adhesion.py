@@ -10,11 +10,7 @@ from numba import njit
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force, parameters
 from phasemap._kernels.orbits.around import COS, DEPTH, MOST, RATE, ROWS, TOUCHES, WEIGHT, harmonic, moves
-
-# Columns that follow those of a full row; a row with all of them has WIDE.
-ADHESION_VIRIAL = col.FULL  # -<F_att A cos> [J], F_att the force less that of the same contact without adhesion or bias
-ADHESION_LOSS = col.FULL + 1  # what F_att takes in a cycle [J]: the energy of necks
-WIDE = col.FULL + 2
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL
 
 
 @njit(**OPTIONS)

@@ -12,7 +12,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
-from phasemap.solvers.adhesion import bare_rows, with_adhesion
+from phasemap.solvers.integrals import bare_rows, with_adhesion
 from phasemap.solvers.problem import material_row
 from phasemap.sweeps.contrasts.dataset import DIMS
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair

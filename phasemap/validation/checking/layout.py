@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap.experiment.surface_variables import centres
 from phasemap.results.quantities import CHANNELS
-from phasemap.results.variables import FLAGS, FLOATS, variables_of
+from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
 from phasemap.validation.checking.claims import Claims
 from phasemap.validation.checking.result import FAILS, HOLDS, Claim
 
@@ -34,7 +34,7 @@ def _dims(claims: Claims) -> tuple[str, ...]:
 
 def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
     """Say what is not as agreed."""
-    dims, known = _dims(claims), variables_of(claims.control)
+    dims, known = _dims(claims), all_variables_of(claims.control)
     sizes = dict(zip(("y", "x"), claims.shape, strict=True), direction=len(claims.control.directions))
     for dim in dims:
         if image.sizes.get(dim) != sizes[dim]:
