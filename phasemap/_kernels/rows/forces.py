@@ -24,7 +24,7 @@ from phasemap._kernels.orbits.response import nodes as free
 from phasemap._kernels.orbits.response.passes import STATE
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES, WIDE
 
-TURNS = 32  # harmonics of the force's slope that are looked at
+TURNS = 20  # harmonics of the force's slope that are looked at
 
 
 @njit(**OPTIONS)
