@@ -105,7 +105,7 @@ def channels(
     >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
     >>> found = pm.channels(pm.simulate(surface, scope, setpoint=0.6))
     >>> round(float(found.loss_tangent[0, 0]), 4), round(float(found.loss_tangent_corrected[0, 0]), 4)
-    (0.0231, 0.0166)
+    (0.0231, 0.0167)
     """
     if "phase" not in getattr(image, "data_vars", ()):
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
