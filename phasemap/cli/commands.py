@@ -186,7 +186,9 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: FILE.png"
     )
     what = plot.add_mutually_exclusive_group()
-    what.add_argument("--quantities", metavar="A,B", help="of a sweep, such as phase,dissipation; a panel each")
+    what.add_argument(
+        "--quantities", metavar="A,B", help="of a sweep or an image, such as phase,dissipation; a panel each"
+    )
     what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
     what.add_argument("--trace", metavar="AT", type=float, help="of a sweep with --samples: one period at this value")
     plot.add_argument(
@@ -280,6 +282,7 @@ def _plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
     from phasemap.io.netcdf import check_target, load, load_sample
     from phasemap.plot import curve, plot, trace
+    from phasemap.plot.sweep import is_sweep
 
     output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
@@ -287,10 +290,11 @@ def _plot(arguments: argparse.Namespace) -> None:
     with _as_written_by_phasemap(arguments.file):
         if arguments.trace is not None:
             trace(ds, arguments.trace, output, arguments.overwrite)
-        elif arguments.quantities is not None:
+        elif arguments.quantities is not None and is_sweep(ds):
             curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
         else:
-            plot(ds, output, arguments.overwrite, mark_irregular=arguments.mark_irregular)
+            wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
+            plot(ds, output, arguments.overwrite, variables=wanted, mark_irregular=arguments.mark_irregular)
     print(f"written to  {output}")
 
 

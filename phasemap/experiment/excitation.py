@@ -29,7 +29,7 @@ def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     Parameters
     ----------
     lever : ndarray, shape (..., 5)
-        As of `phasemap.solvers.problem.lever_of`.
+        As of `phasemap.experiment.lever.lever_of`.
     amplitude, phase : array_like
         Of z [m, rad].
 

@@ -10,6 +10,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
+DETECTIONS = ("fm", "am")
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,45 @@ class Tip:
 
 
 @dataclass(frozen=True)
+class Mode:
+    """A second eigenmode of the lever, driven together with the first, and so little that it only feels its way.
+
+    Parameters
+    ----------
+    stiffness : float
+        k2 [N/m], > 0.
+    frequency : float
+        Free resonance frequency f2 [Hz], > 0.
+    quality_factor : float
+        Q2 [1], > 0.5.
+    free_amplitude : float
+        Of the second mode, free [m], > 0.
+    detection : {"fm", "am"}
+        "fm": a phase-locked loop holds the phase at resonance and shows the shift of the frequency, another loop holds
+        the amplitude (AM-FM). "am": driven at f2, it shows amplitude and phase (AM-AM).
+
+    Examples
+    --------
+    >>> Mode(stiffness=1600.0, frequency=1.88e6, quality_factor=600.0, free_amplitude=0.1e-9).detection
+    'fm'
+    """
+
+    stiffness: float
+    frequency: float
+    quality_factor: float
+    free_amplitude: float
+    detection: str = "fm"
+
+    def __post_init__(self) -> None:
+        number("stiffness of the second mode", self.stiffness, "N/m", above=0)
+        number("frequency of the second mode", self.frequency, "Hz", above=0)
+        number("quality_factor of the second mode", self.quality_factor, "1", above=0.5)
+        number("free_amplitude of the second mode", self.free_amplitude, "m", above=0)
+        if self.detection not in DETECTIONS:
+            raise InputError("detection", self.detection, " or ".join(map(repr, DETECTIONS)))
+
+
+@dataclass(frozen=True)
 class Drive:
     """What makes the lever swing.
 
@@ -92,6 +132,9 @@ class Drive:
         shaker under the lever, which moves its base by u0: the detector sees the deflection, position less base.
         Setpoint, amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase
         is 0 for the free lever at resonance. The difference is of the order 1/Q.
+    second : Mode, optional
+        A second mode driven at its own frequency, by a force on the tip. It is taken to move by much less than the
+        indentation, so that the orbit is that of the first mode alone: `phasemap.channels` says what it shows.
 
     Examples
     --------
@@ -102,11 +145,14 @@ class Drive:
     free_amplitude: float
     frequency: float | None = None
     excitation: str = "direct"
+    second: Mode | None = None
 
     def __post_init__(self) -> None:
         number("free_amplitude", self.free_amplitude, "m", above=0)
         if self.excitation not in EXCITATIONS:
             raise InputError("excitation", self.excitation, " or ".join(map(repr, EXCITATIONS)))
+        if self.second is not None and not isinstance(self.second, Mode):
+            raise InputError("second", self.second, "a Mode, or None")
         if self.frequency is not None:
             number("drive frequency", self.frequency, "Hz", above=0)
 

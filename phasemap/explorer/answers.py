@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.material import Material
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import Found, lines_of
@@ -23,9 +24,8 @@ from phasemap.plot.figure import describe_failures
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS
 from phasemap.scenes.scene import scene_from_tables
-from phasemap.solvers.energy import lost_in_air, supplied
 from phasemap.solvers.pixel import solve_pixel
-from phasemap.solvers.problem import lever_of, make_work
+from phasemap.solvers.problem import make_work
 from phasemap.sweeps.contrasts.contrast_map import contrast
 from phasemap.sweeps.contrasts.pair import BISTABLE, regimes
 from phasemap.sweeps.sweep import sweep_distance

@@ -23,7 +23,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.scenes.tables import Table, check_choice, check_keys, construct, read_tables
 
@@ -222,8 +222,9 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     >>> scene_from_tables(read_tables("samples/step.toml"), Path("samples")).surface.shape
     (128, 256)
     """
-    from phasemap.results.variables import check_variables, describe, variables_of
-    from phasemap.scenes.surface import build_surface, dilate
+    from phasemap.results.channels import split
+    from phasemap.results.variables import describe
+    from phasemap.scenes.surface import build_surface, dilate, seen
 
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     setpoint, scan = _scan(_table(tables, "scan"))
@@ -239,12 +240,13 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         raise InputError("[output] file", file, "a file name")
     if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
-    construct("[output]", {"variables": variables}, check_variables, known=variables_of(control))
+    construct("[output]", {"variables": variables}, split, control=control, second=microscope.drive.second is not None)
     materials = _materials(tables)
     files: dict[str, str] = {}
     if surface is None:
         surface, files = build_surface(_table(tables, "surface"), materials, folder)
         surface = dilate(tables["surface"], surface, microscope.tip)
+        surface = seen(tables["surface"], surface, microscope, setpoint)
     realism = _realism(_table(tables, "realism"), control, surface.shape[0])
     config = {
         "scan": scan,
@@ -328,7 +330,10 @@ def _microscope(tables: Table) -> Microscope:
             "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
             stacklevel=2,
         )
-    return Microscope(lever, tip, _object(tables, "drive", Drive), _object(tables, "interaction", Interaction))
+    drive = _table(tables, "drive")
+    if drive.get("second") is not None:
+        drive = {**drive, "second": _from_table("[drive.second]", drive["second"], Mode)}
+    return Microscope(lever, tip, _from_table("[drive]", drive, Drive), _object(tables, "interaction", Interaction))
 
 
 def _realism(table: Table, control: Control, lines: int) -> Realism:

@@ -15,8 +15,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap.experiment.excitation import of_tip, show
+from phasemap.experiment.lever import lever_of
 from phasemap.scenes.scene import load_scene
-from phasemap.solvers.problem import lever_of, work_of_material
+from phasemap.solvers.problem import work_of_material
 
 CASES = load("excitation")
 IN_LIQUID = [case for case in CASES if case["quality_factor"] < 20]

@@ -16,9 +16,11 @@ from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import describe, provenance
+from phasemap.results.quantities import CHANNELS
+from phasemap.results.variables import check_variables, describe, provenance
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
+from phasemap.sweeps.contrasts.channels import derived
 from phasemap.sweeps.contrasts.dataset import DIMS, record
 from phasemap.sweeps.contrasts.edges import borders
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
@@ -42,6 +44,7 @@ def contrast(
     accuracy: Accuracy | None = None,
     *,
     names: Sequence[str] = ("first", "second"),
+    variables: Sequence[str] = (),
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> xr.Dataset:
@@ -64,6 +67,8 @@ def contrast(
         As in `phasemap.simulate`.
     names : sequence of str
         Of the two materials.
+    variables : sequence of str
+        Derived channels to map too, by the names of `phasemap.channels`.
     progress : callable, optional
         Called as ``progress(done, total)`` from the calling thread, in points of the map; with all of them done while
         jumps and inversions are sought between them.
@@ -79,6 +84,7 @@ def contrast(
         * `phase`, `phase_spread` [degree], `height`, `indentation` [m], `branch`, `motion`, `status` and `solver` of
           each material after engaging from far;
         * `contrast` [degree] and `height_contrast` [m], second less first;
+        * each of `variables` of each material, and second less first under its name with `_contrast`;
         * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
           either, whether or not engaging from far leads there.
 
@@ -127,7 +133,7 @@ def contrast(
     accuracy = Accuracy() if accuracy is None else accuracy
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
-    labels = _check_names(names)
+    labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
     drive = scope.drive
     axes = (
         _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "Hz"),
@@ -149,6 +155,7 @@ def contrast(
         pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
     found = record(rising, labels, engaged, regime, jumps, inversions)
+    found = found.assign(derived(wanted, pair, (first, second), labels, rising, engaged))
     choice = choose(rising, labels, engaged, regime, jumps)
     best = dict.fromkeys([f"best_{name}" for name in (*DIMS, "contrast")], np.nan)
     if choice.place is not None:

@@ -179,8 +179,8 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
     The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there: theory,
-    Eq. (stability-6). A period doubles where it is -1 less the determinant, which all damping makes smaller; the trace leaves out that of the
-    contact, which would bring it nearer to zero.
+    Eq. (stability-6). A period doubles where it is -1 less the determinant, which all damping makes smaller; the trace
+    leaves out that of the contact, which would bring it nearer to zero.
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
