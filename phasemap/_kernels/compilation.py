@@ -144,7 +144,7 @@ class _EntryCode(_OurCode):
     def finalize(self) -> None:
         """Link, optimise and emit."""
         self._raise_if_finalized()
-        _link(self, self._final_module, "internal")
+        _link(self, self._final_module, "private")  # LLVM finds even an "internal" name from other modules
         self._optimize_final_module()
         self._final_module.verify()
         self._finalize_final_module()
