@@ -244,6 +244,12 @@ def _kernels_of(function: Any) -> list[_Entry]:
     return list(found)
 
 
+def compiled() -> int:
+    """How many functions were typed in this process, as entries or to be linked."""
+    kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
+    return sum(len(one.linked.overloads) + sum(one._cache_misses.values()) for one in kernels)
+
+
 def compiled_more_than_once() -> dict[str, int]:
     """Kernels of this process that were typed for several sets of arguments, and for how many.
 
