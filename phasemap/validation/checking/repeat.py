@@ -105,5 +105,6 @@ def _largest(picture: Picture, pixels: Pixels, again: dict[str, Any]) -> dict[st
         largest[f"{name}_spread"] = MEAN * spread(picture, pixels, again, name)
     amplitude = RELATIVE * picture.claims.amplitude + picture.coarse("amplitude")
     largest["amplitude"] = amplitude + largest["amplitude_spread"]
+    largest["adhesion_virial"], largest["adhesion_loss"] = largest["virial"], largest["dissipation"]
     largest["energy_closure"] = np.full(len(pixels), CLOSES)
     return largest
