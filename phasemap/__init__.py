@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
+    from phasemap._shared.plausible import PlausibilityWarning, strict_units
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
+    "_shared.plausible": ("PlausibilityWarning", "strict_units"),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
@@ -77,11 +79,12 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
-    "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "Raster", "Realism", "Registration",
-    "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export", "fit_distance",
-    "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble", "load_scene",
-    "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel",
-    "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster", "Realism",
+    "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export",
+    "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble",
+    "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate",
+    "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
+from phasemap._shared.quantities import is_number
 from phasemap.cli import check, compare, contrast, invert, sweep
 from phasemap.cli import measured as cli_measured
 from phasemap.cli import run as cli_run
@@ -118,7 +119,7 @@ def _called(arguments: argparse.Namespace) -> int:
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:
     """Whether a word that stands behind an option belongs to the words before it."""
     if "axis" in arguments:
-        return not word.startswith("-") or sweep.is_number(word)
+        return not word.startswith("-") or is_number(word)
     return "overrides" in arguments and "=" in word and not word.startswith("-")
 
 
@@ -187,7 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     what = plot.add_mutually_exclusive_group()
     what.add_argument("--quantities", metavar="A,B", help="of a sweep, such as phase,dissipation; a panel each")
     what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
-    what.add_argument("--trace", metavar="AT", type=float, help="of a sweep with --samples: one period at this value")
+    what.add_argument("--trace", metavar="AT", help="of a sweep with --samples: one period at this value")
     plot.add_argument(
         "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
     )

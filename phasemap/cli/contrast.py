@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli.console import patience
+from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
     from phasemap.scenes.scene import Setup
 
 SETPOINTS = "0.3:0.95:40"
+VALUES = {"--setpoints": "1", "--free-amplitudes": "m", "--frequencies": "Hz"}
+EXAMPLE = {"--setpoints": SETPOINTS, "--free-amplitudes": "10nm:60nm:26", "--frequencies": "299kHz:301kHz:21"}
 AXES = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
-EXAMPLES = """Values are START:STOP:N in SI units, N values from START to STOP, or one number.
+EXAMPLES = """Values are START:STOP:N in SI units or with one (10nm:60nm:26), N values between, or one number.
 
 examples:
   phasemap contrast samples/blend.toml --materials ps,ldpe --plot contrast.png
@@ -117,16 +120,9 @@ def _values(option: str, text: str | None) -> Any:
 
     if text is None:
         return None
-    try:
-        numbers = [float(part) for part in text.split(":")]
-        if len(numbers) == 1:
-            return numbers[0]
-        start, stop, count = numbers
-        if count == int(count) and count >= 2:
-            return np.linspace(start, stop, int(count))
-    except (ValueError, OverflowError):
-        pass
-    raise InputError(option, text, "START:STOP:N with N of at least 2, such as 0.3:0.95:40, or one number")
+    allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
+    found = numbers_in(option, text, VALUES[option], allowed)
+    return found[0] if len(found) == 1 else np.linspace(found[0], found[1], int(found[2]))
 
 
 def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: bool) -> xr.Dataset:

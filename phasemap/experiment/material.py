@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
+
+MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what anybody works with [Pa, J/m2, Pa s]
 
 
 @dataclass(frozen=True)
@@ -36,23 +38,17 @@ class Material:
     0.35
     """
 
-    modulus: float
-    adhesion: float = 0.0
-    damping: float = 0.0
-    viscosity: float | None = None
-    poisson_ratio: float = 0.35
+    modulus: Number[float] = Number("Pa", minimum=0, usual=MODULUS)
+    adhesion: Number[float] = Number("J/m2", 0.0, minimum=0, usual=ADHESION)
+    damping: Number[float] = Number("1", 0.0, minimum=0)
+    viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)
+    poisson_ratio: Number[float] = Number("1", 0.35, above=-1, maximum=0.5)
 
     def __post_init__(self) -> None:
-        number("modulus", self.modulus, "Pa", minimum=0)
-        number("adhesion", self.adhesion, "J/m2", minimum=0)
-        number("damping", self.damping, "1", minimum=0)
-        number("poisson_ratio", self.poisson_ratio, "1", above=-1, maximum=0.5)
-        if self.viscosity is not None:
-            number("viscosity", self.viscosity, "Pa s", minimum=0)
-            if self.damping:
-                raise InputError(
-                    "viscosity",
-                    self.viscosity,
-                    "either damping or viscosity, not both",
-                    f"damping is {self.damping:g}.",
-                )
+        if self.viscosity is not None and self.damping:
+            raise InputError(
+                "viscosity",
+                self.viscosity,
+                "either damping or viscosity, not both",
+                f"damping is {self.damping:g}.",
+            )

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
+from phasemap._shared.plausible import question
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
+FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what anybody works with [Hz, m, m]
 
 
 @dataclass(frozen=True)
@@ -31,14 +34,9 @@ class Cantilever:
     0.0006002400960384153
     """
 
-    stiffness: float
-    resonance_frequency: float
-    quality_factor: float
-
-    def __post_init__(self) -> None:
-        number("stiffness", self.stiffness, "N/m", above=0)
-        number("resonance_frequency", self.resonance_frequency, "Hz", above=0)
-        number("quality_factor", self.quality_factor, "1", above=0.5)
+    stiffness: Number[float] = Number("N/m", above=0, usual=(1e-3, 1e3))
+    resonance_frequency: Number[float] = Number("Hz", above=0, usual=FREQUENCY)
+    quality_factor: Number[float] = Number("1", above=0.5, usual=(0.5, 1e6))
 
     @property
     def damping(self) -> float:
@@ -65,16 +63,9 @@ class Tip:
     True
     """
 
-    radius: float
-    modulus: float | None = None
-    poisson_ratio: float = 0.3
-
-    def __post_init__(self) -> None:
-        number("tip radius", self.radius, "m", above=0)
-        number("tip radius", self.radius, "m", maximum=1.0)  # so that powers of it are finite
-        if self.modulus is not None:
-            number("tip modulus", self.modulus, "Pa", above=0)
-        number("tip poisson_ratio", self.poisson_ratio, "1", above=-1, maximum=0.5)
+    radius: Number[float] = Number("m", said="tip radius", above=0, maximum=1.0, usual=RADIUS)  # its powers are finite
+    modulus: Number[float | None] = Number("Pa", None, said="tip modulus", above=0, usual=(1e6, 2e12))
+    poisson_ratio: Number[float] = Number("1", 0.3, said="tip poisson_ratio", above=-1, maximum=0.5)
 
 
 @dataclass(frozen=True)
@@ -99,16 +90,15 @@ class Drive:
     True
     """
 
-    free_amplitude: float
-    frequency: float | None = None
+    free_amplitude: Number[float] = Number("m", above=0, usual=AMPLITUDE, asks=False)
+    frequency: Number[float | None] = Number("Hz", None, said="drive frequency", above=0, usual=FREQUENCY)
     excitation: str = "direct"
 
     def __post_init__(self) -> None:
-        number("free_amplitude", self.free_amplitude, "m", above=0)
         if self.excitation not in EXCITATIONS:
             raise InputError("excitation", self.excitation, " or ".join(map(repr, EXCITATIONS)))
-        if self.frequency is not None:
-            number("drive frequency", self.frequency, "Hz", above=0)
+        if self.frequency is None:  # else a Microscope knows how far from resonance the lever is driven
+            question("free_amplitude", self.free_amplitude, "m", AMPLITUDE)
 
 
 @dataclass(frozen=True)
@@ -138,6 +128,8 @@ class Microscope:
 
     def __post_init__(self) -> None:
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
+        if self.drive.frequency is not None:
+            question("free amplitude at the drive frequency", self.free_amplitude, "m", AMPLITUDE)
 
     @property
     def frequency_ratio(self) -> float:

@@ -18,6 +18,8 @@ from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
 from phasemap._shared.dask_arrays import chunks_of, is_lazy, lazy_map
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
+from phasemap._shared.plausible import question, unquestioned
+from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
@@ -124,9 +126,9 @@ class Surface:
             "topography": topography,
         }
         maps = {
-            name: lazy_map(name, value) if is_lazy(value) else _as_map(name, value, allow_nan and name != "topography")
+            name: found
             for name, value in given.items()
-            if value is not None
+            if (found := _made(name, value, allow_nan and name != "topography")) is not None
         }
         for name in ("modulus", "adhesion", "poisson_ratio"):
             if name not in maps:
@@ -198,16 +200,11 @@ class Surface:
         rows, inverse = _read_only(table[used][first]), _read_only(renumber[index])
         columns = [column[0] if (column == column[0]).all() else _read_only(column[inverse]) for column in rows.T]
         damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
-        surface = cls(
-            columns[0],
-            columns[1],
-            damping,
-            viscosity,
-            columns[3],
-            topography,
-            pixel_size=pixel_size,
-            shape=label_map.shape,
-        )
+        sides, relief = pixel_pair(pixel_size), _made("topography", topography, False)
+        with unquestioned():  # each Material was looked at when it was made
+            surface = cls(
+                columns[0], columns[1], damping, viscosity, columns[3], relief, pixel_size=sides, shape=label_map.shape
+            )  # fmt: skip
         object.__setattr__(surface, "_unique", (rows, inverse))
         return surface
 
@@ -294,9 +291,9 @@ class Surface:
 
         Examples
         --------
-        >>> y, x = Surface(modulus=1e9, pixel_size=(2.0, 1.0), shape=(1, 3)).coords()
-        >>> y.tolist(), x.tolist()
-        ([1.0], [0.5, 1.5, 2.5])
+        >>> y, x = Surface(modulus=1e9, pixel_size=(4e-9, 2e-9), shape=(1, 2)).coords()
+        >>> y, x.round(12)
+        (array([2.e-09]), array([1.e-09, 3.e-09]))
         """
         y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
         return y, x
@@ -326,7 +323,8 @@ class Surface:
         if not self.lazy:
             return self
         maps = {name: np.asarray(value) if is_lazy(value := getattr(self, name)) else value for name in QUANTITIES}
-        return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
+        with unquestioned():
+            return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
 
     def _refuse_lazy(self) -> None:
         """Refuse what looks at all pixels at once."""
@@ -490,6 +488,26 @@ def _looked_up(labels: NDArray[Any], names: list[int], column: FloatArray) -> Fl
     return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
 
 
+def _made(name: str, value: Any, allow_nan: bool) -> Any:
+    """What the user gave as a map that a surface keeps; None stays None."""
+    found = _in_si(name, value)
+    if found is None:
+        return None
+    return lazy_map(name, found) if is_lazy(found) else _as_map(name, found, allow_nan)
+
+
+def _in_si(name: str, value: Any) -> Any:
+    """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
+    if hasattr(value, "dims") and hasattr(value, "attrs"):
+        return variable_in_si(value, name)
+    unit = QUANTITIES[name].unit
+    try:
+        return array_in_si(value, unit)
+    except NotThatUnit:
+        shown = value if isinstance(value, str) else "with another unit"
+        raise InputError(name, shown, f"one number or a 2-D map, in {unit} or each {with_unit(unit)}") from None
+
+
 def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
     quantity = QUANTITIES[name]
@@ -497,7 +515,9 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
         value = _unmasked(name, value)
     given = as_array(name, value, "one number or a 2-D map")
     if given.ndim == 0:
-        return _read_only(np.array(number(name, given.item(), quantity.unit, **quantity.bounds)))
+        one = number(name, given.item(), quantity.unit, **quantity.bounds)
+        question(name, one, quantity.unit, quantity.usual)
+        return _read_only(np.array(one))
     if given.ndim != 2 or not given.size:
         raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
     if given.dtype.kind not in "fiu":
@@ -514,6 +534,8 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
             bad &= ~np.isnan(full)
         if bad.any():
             _raise_for_pixel(name, full, bad)
+    ends = (low, high) if low <= high else (np.fmin.reduce(full, None), np.fmax.reduce(full, None))
+    question(name, float(max(ends, key=abs)), quantity.unit, quantity.usual)
     bits = full.view(np.int64)
     if not low < high and (bits == bits[0, 0]).all():
         return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)

@@ -3,8 +3,8 @@
 The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scenes.surface`), ``[materials.NAME]``,
 ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind, and what goes with it),
 ``[accuracy]``, ``[realism]`` and ``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one
-(`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units; nothing
-unknown is passed over.
+(`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units or as text
+with a unit ("40 nm"); nothing unknown is passed over.
 """
 
 from __future__ import annotations

@@ -27,10 +27,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._shared.checks import number
+from phasemap._shared.checks import number, numbers
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
+from phasemap._shared.plausible import question
+from phasemap._shared.quantities import is_number
 from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
@@ -46,6 +48,8 @@ __all__ = ["build_surface", "dilate"]
 LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
+SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
+HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 DILATION = ("dilate", "half_angle")  # keys of `dilate`; the makers of surfaces pass them over
 
 
@@ -255,6 +259,8 @@ def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> 
     from phasemap.scenes.tables import check_choice, check_keys, construct
 
     if isinstance(value, str):
+        if Path(value).suffix.lower() not in SUFFIXES and is_number(value):
+            return value
         return _read_array(key, files.find(key, value), key)
     if not isinstance(value, dict):
         return value
@@ -349,7 +355,9 @@ def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndar
         raise InputError("[surface] heights", given, f"a list of {len(labels)} heights in m, one for each material")
     heights = np.zeros(of_pixels.shape)
     for label, height in zip(labels, given, strict=True):
-        heights[of_pixels == label] = number("[surface] heights", height, "m")
+        found = number("[surface] heights", height, "m")
+        question("[surface] heights", found, "m", HEIGHTS)
+        heights[of_pixels == label] = found
     return heights
 
 
@@ -359,7 +367,7 @@ def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
 
     from phasemap.experiment.surface import as_array
 
-    relief = as_array("[surface] topography", given, "one number or a 2-D map")
+    relief = as_array("[surface] topography", numbers("[surface] topography", given, "m"), "one number or a 2-D map")
     if relief.dtype.kind not in "fiu" or relief.shape not in ((), shape):
         found = f"{relief.dtype.name} of shape {relief.shape}"
         raise InputError(

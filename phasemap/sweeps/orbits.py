@@ -57,14 +57,16 @@ def orbits(
     if setpoint is not None and scope.drive.excitation != "direct":
         from phasemap.sweeps.follow import at_seen
 
-        rows, complete = at_seen(material, scope, check_setpoint(setpoint) * scope.free_amplitude)
+        setpoint = check_setpoint(setpoint)
+        rows, complete = at_seen(material, scope, setpoint * scope.free_amplitude)
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
     elif setpoint is not None:
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.every_orbit import every_orbit
 
-        amplitude = check_setpoint(setpoint) * scope.free_amplitude
+        setpoint = check_setpoint(setpoint)
+        amplitude = setpoint * scope.free_amplitude
         work = work_of_material(material, scope, amplitude)
         status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
         rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD
@@ -72,7 +74,8 @@ def orbits(
         from phasemap.sweeps.follow import at_offset
 
         assert tip_offset is not None
-        rows, complete = at_offset(material, scope, number("tip_offset", tip_offset, "m"))
+        tip_offset = number("tip_offset", tip_offset, "m")
+        rows, complete = at_offset(material, scope, tip_offset)
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip

@@ -198,8 +198,16 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["sweep", STEP, "distance"], "several materials: choose one with --material: compliant, stiff."),
         (["sweep", STEP, "distance", *STIFF[:-1], "stif"], "'stif'; allowed: one of compliant, stiff. Did you mean"),
         (["sweep", STEP, "modulos"], "AXIS is 'modulos'; allowed: one of distance, setpoint, frequency, modulus"),
-        (["sweep", STEP, "distance", *STIFF, "20e-9"], "START STOP is '20e-9'; allowed: both of them or none."),
-        (["sweep", STEP, "distance", *STIFF, "20nm", "0"], "START or STOP is '20nm'; allowed: a number in SI units"),
+        (["sweep", STEP, "distance", *STIFF, "20e-9"], "START STOP is '20e-9'; allowed: both of them or none, or"),
+        (
+            ["sweep", STEP, "distance", *STIFF, "20kHz", "0"],
+            "START or STOP is '20kHz'; allowed: a number in SI units, or",
+        ),
+        (
+            ["sweep", STEP, "distance", *STIFF, "2nm:1nm:1"],
+            "START:STOP:N is '2nm:1nm:1'; allowed: a number in SI units",
+        ),
+        (["sweep", STEP, "frequency", *STIFF, "--tip-offset", "5V"], "argument --tip-offset: '5V' is no number in m"),
         (["sweep", STEP, "distance", *STIFF, "1e-9", "1e-9"], "allowed: two different finite numbers"),
         (["sweep", STEP, "distance", *STIFF, "--log", "20e-9", "-1e-9"], "two numbers above 0, for --log"),
         (["sweep", STEP, "distance", *STIFF, "--setpoint", "0.5"], "--setpoint does not go with distance"),
@@ -249,7 +257,7 @@ def swept(tmp_path: Path, *arguments: str) -> xr.Dataset:
 
 def test_a_sweep_is_what_python_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "sweep.png"
-    ds = swept(tmp_path, "distance", "20e-9", "8e-9", GENTLE, "--samples", "16", "--plot", str(picture))
+    ds = swept(tmp_path, "distance", "20 nm:8 nm:12", GENTLE, "--samples", "16", "--plot", str(picture))
     setup = phasemap.scenes.scene.load_setup(STEP, [GENTLE])
     python = phasemap.sweep_distance(
         setup.materials["stiff"], setup.microscope, np.linspace(20e-9, 8e-9, 12), samples=16
@@ -297,7 +305,7 @@ def test_a_frequency_sweep_stays_where_the_tip_is_engaged(tmp_path: Path) -> Non
     setup = phasemap.scenes.scene.load_setup(STEP)
     pixel = phasemap.solve_pixel(setup.materials["stiff"], setup.microscope, 0.7)
     assert configuration["tip_offset"] == pytest.approx(pixel.tip_offset, abs=1e-12)
-    configuration = json.loads(swept(tmp_path, "frequency", "--tip-offset", "35e-9").attrs["configuration"])
+    configuration = json.loads(swept(tmp_path, "frequency", "--tip-offset", "35 nm").attrs["configuration"])
     assert configuration["tip_offset"] == 35e-9
 
 
@@ -312,7 +320,7 @@ def test_a_parameter_sweep_holds_the_setpoint_or_the_tip_offset(tmp_path: Path) 
 
 
 def test_numbers_below_zero_and_words_in_any_order_are_understood(tmp_path: Path) -> None:
-    ds = swept(tmp_path, "distance", "-1e-9", "tip.radius=20e-9", "--quiet", "5e-9")
+    ds = swept(tmp_path, "distance", "-1nm", "tip.radius=20nm", "--quiet", "5e-9")
     assert ds["tip_offset"].values[[0, -1]] == pytest.approx([-1e-9, 5e-9])
     assert json.loads(ds.attrs["configuration"])["microscope"]["tip"]["radius"] == 20e-9
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from phasemap._kernels.columns import BIAS, RELEASE
-from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.damping import PowerLawDamping
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare
@@ -59,9 +59,9 @@ class Interaction:
     """
 
     contact: str | ContactLaw = "dmt"
-    decay_length: float | None = 0.3e-9
-    damping_exponent: float = 0.5
-    bias: float = 0.0
+    decay_length: Number[float | None] = Number("m", 0.3e-9, optional=True, above=0, usual=(0.02e-9, 5e-9))
+    damping_exponent: Number[float] = Number("1", 0.5, minimum=0, maximum=100)
+    bias: Number[float] = Number("V", 0.0, minimum=-1e100, maximum=1e100, usual=(1e-6, 100.0))  # it can be squared
 
     def __post_init__(self) -> None:
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
@@ -70,12 +70,6 @@ class Interaction:
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)
-        if self.decay_length is not None:
-            number("decay_length", self.decay_length, "m", above=0)
-        number("damping_exponent", self.damping_exponent, "1", minimum=0)
-        number("damping_exponent", self.damping_exponent, "1", maximum=100)
-        number("bias", self.bias, "V")
-        number("bias", self.bias, "V", minimum=-1e100, maximum=1e100)  # which can be squared
         self.law.beside(self.decay_length)
 
     @property

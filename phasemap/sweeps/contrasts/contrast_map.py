@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._shared.checks import number
+from phasemap._shared.checks import number, numbers
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import unquestioned
 from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import describe, provenance
+from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
 from phasemap.sweeps.contrasts.dataset import DIMS, record
@@ -128,9 +130,11 @@ def contrast(
         raise InputError("accuracy", accuracy, "an Accuracy")
     labels = _check_names(names)
     drive = scope.drive
+    frequencies = numbers("frequencies", frequencies, "Hz")
+    free_amplitudes = numbers("free_amplitudes", free_amplitudes, "m")
     axes = (
-        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "Hz"),
-        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "m"),
+        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "frequency"),
+        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "free_amplitude"),
         check_axis("setpoints", setpoints, "1"),
     )
     for setpoint in axes[2]:
@@ -150,11 +154,12 @@ def contrast(
     falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
     given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
     found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
-    held = replace(
-        drive,
-        free_amplitude=float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
-        frequency=drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
-    )
+    with unquestioned():
+        held = replace(
+            drive,
+            free_amplitude=float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
+            frequency=drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
+        )
     configuration = {
         "microscope": describe(replace(scope, drive=held)), "first": describe(first), "second": describe(second),
         "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
@@ -166,11 +171,15 @@ def contrast(
     return found
 
 
-def _axis(name: str, values: Any, default: float, unit: str) -> Array:
+def _axis(name: str, values: Any, default: float, parameter: str) -> Array:
     """The values of an axis of the map, one where a number or nothing was given."""
-    if np.ndim(values) == 0:
-        return np.array([number(name, default if values is None else values, unit, above=0)])
-    return check_axis(name, values, unit, above=0)
+    field = NUMBERS[parameter]
+    if np.ndim(values):
+        return check_axis(name, values, field.unit, above=0, usual=field.usual)
+    one = number(name, default if values is None else values, field.unit, above=0)
+    if values is not None:
+        field.look_at(one)
+    return np.array([one])
 
 
 def _check_names(names: object) -> tuple[str, str]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -84,7 +85,8 @@ class Pair:
         setpoints : ndarray, shape (n,)
             Amplitudes over the free amplitude at the drive frequency.
         """
-        drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
+        with unquestioned():
+            drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
         scope = replace(self.scope, drive=drive)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.free_amplitude, 2))

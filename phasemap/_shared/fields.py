@@ -1,0 +1,97 @@
+"""Numbers as fields of value objects: what they measure, what is allowed and what is usual, said beside each field."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+from phasemap._shared.checks import number
+from phasemap._shared.plausible import Usual, question
+
+if TYPE_CHECKING:
+    from phasemap._shared.quantities import Scalar
+
+__all__ = ["Number", "number_of"]
+
+T = TypeVar("T", bound=float | None)
+_REQUIRED: Any = object()
+
+
+class Number(Generic[T]):
+    """A field of a dataclass that takes a number in SI units, text with a unit or a quantity, and keeps a float.
+
+    Parameters
+    ----------
+    unit : str
+        As in `phasemap._shared.quantities.KINDS`.
+    default : float, optional
+        A field without one has to be given; None is allowed where it is the default, or with `optional`.
+    said : str, optional
+        What it is called where its own name says too little.
+    optional : bool
+        Whether None is allowed.
+    usual : (float, float), optional
+        The least and the most that anybody works with, zero aside [unit].
+    asks : bool
+        Whether the field warns of a value outside; False where its owner does, which knows what else decides.
+    **bounds : float
+        minimum, above, maximum, below: what is allowed, as for `phasemap._shared.checks.number`.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Ball:
+    ...     radius: Number[float] = Number("m", above=0)
+    >>> Ball("40 nm") == Ball(radius=40e-9)
+    True
+    >>> Ball("40 kHz")
+    Traceback (most recent call last):
+    ...
+    phasemap.InputError: radius is '40 kHz'; allowed: a finite number above 0 m, or a length such as '40 nm'.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        default: float | None = _REQUIRED,
+        *,
+        said: str | None = None,
+        optional: bool = False,
+        usual: Usual | None = None,
+        asks: bool = True,
+        **bounds: float,
+    ) -> None:
+        self.unit, self.usual, self._asks = unit, usual, asks
+        self._optional, self._said, self._bounds = optional or default is None, said, bounds
+        self._default: Any = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name, self._said = name, self._said or name
+
+    def __get__(self, instance: object, owner: type | None = None) -> T:
+        if instance is not None:
+            return cast(T, instance.__dict__[self._name])
+        if self._default is _REQUIRED:
+            raise AttributeError(self._name)  # by which a dataclass knows that there is no default
+        return cast(T, self._default)
+
+    def __set__(self, instance: object, value: T | Scalar) -> None:
+        instance.__dict__[self._name] = None if value is None and self._optional else self._checked(value)
+
+    def look_at(self, value: float) -> None:
+        """Warn of a value outside all practice."""
+        if self.usual is not None:
+            question(str(self._said), value, self.unit, self.usual)
+
+    def _checked(self, value: object) -> float:
+        found = number(str(self._said), value, self.unit, **self._bounds)
+        if self._asks:
+            self.look_at(found)
+        return found
+
+
+def number_of(cls: type, name: str) -> Number[Any]:
+    """What a class says of one of its fields that are numbers."""
+    found = vars(cls)[name]
+    assert isinstance(found, Number)
+    return found
