@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -135,6 +136,27 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
             maximum = HIGHEST
     allowed = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
     raise InputError(name, value, f"a whole number {allowed}")
+
+
+def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
+    """Refuse what is not one of the choices.
+
+    Parameters
+    ----------
+    name : str
+        The table and key.
+    value : object
+        The value met.
+    choices : iterable of str
+
+    Raises
+    ------
+    InputError
+    """
+    choices = list(choices)
+    if value not in choices:
+        near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
+        raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")
 
 
 def shape_pair(value: object) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.units import PREFIXES, UDUNITS, WRITTEN, say
 
-__all__ = ["PlausibilityWarning", "question", "strict_units", "unquestioned"]
+__all__ = ["PlausibilityWarning", "once", "question", "strict_units", "unquestioned"]
 
 Usual = tuple[float, float]
 
@@ -28,6 +28,8 @@ TYPED = (1e-2, 1e6)  # the numbers that people type where they think of a unit w
 ROUNDING = 1e-9
 
 _MANNER: ContextVar[str] = ContextVar("phasemap_plausibility", default="warn")
+
+_TOLD: ContextVar[set[str] | None] = ContextVar("phasemap_plausibility_told", default=None)
 
 
 class PlausibilityWarning(UserWarning):
@@ -65,6 +67,16 @@ def strict_units() -> Iterator[None]:
 
 
 @contextmanager
+def once() -> Iterator[None]:
+    """Say a name only once, whatever numbers it has: in a command, or in an ensemble with many of them."""
+    token = _TOLD.set(set())
+    try:
+        yield
+    finally:
+        _TOLD.reset(token)
+
+
+@contextmanager
 def unquestioned() -> Iterator[None]:
     """Take any number without a word: it is ours, or it was looked at already."""
     with _in_manner("pass"):
@@ -94,6 +106,11 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
     size, manner = abs(value), _MANNER.get()
     if manner == "pass" or size == 0 or size != size or low * (1 - ROUNDING) <= size <= high * (1 + ROUNDING):
         return
+    told = _TOLD.get()
+    if manner == "warn" and told is not None:
+        if name in told:
+            return
+        told.add(name)
     units = UDUNITS.get(unit, unit)
     text = WRITTEN.get(units, units)
     given, range_ = (

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
+from phasemap._shared.plausible import once, strict_units
 from phasemap._shared.quantities import is_number
 from phasemap.cli import check, compare, contrast, invert, sweep
 from phasemap.cli import measured as cli_measured
@@ -92,7 +93,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
         arguments.overrides += rest
-    with interrupted_once(), plain_warnings():
+    asking = strict_units() if getattr(arguments, "strict_units", False) else once()
+    with interrupted_once(), plain_warnings(), asking:
         code = _called(arguments)
         if still_busy():
             sys.stdout.flush()
@@ -244,6 +246,11 @@ def _parser() -> argparse.ArgumentParser:
 
     validate = command("validate", cli_run.validate, "check a scene and say what would be simulated")
     cli_run.add_scene(validate)
+
+    for name in ("run", "sweep", "contrast", "invert", "scene", "validate"):
+        commands.choices[name].add_argument(
+            "--strict-units", action="store_true", help="numbers outside all practice are errors, not warnings"
+        )
 
     bench = command("bench", _bench, "measure time against error of every solver, and of general tools", BENCH_EXAMPLES)
     bench.add_argument("--quick", action="store_true", help="few cases, in under a minute")

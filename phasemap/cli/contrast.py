@@ -164,6 +164,7 @@ def summary(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap.plot.figure import describe_failures, describe_flags, describe_irregular
+    from phasemap.results.validity import describe_validity
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]
@@ -183,5 +184,6 @@ def summary(found: xr.Dataset) -> list[str]:
     if not len(zeros) and not len(jumps):
         lines.append("inverts     nowhere")
     lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
+    lines += [f"beyond      {line}" for line in describe_validity(found, "points")]
     lines += [f"failed      {line}" for line in describe_failures(found, "points") or ["none"]]
     return [*lines, f"recommended {found.attrs['recommendation']}"]

@@ -166,6 +166,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
 
     from phasemap.plot import describe_failures, describe_flags
     from phasemap.plot.images import describe_irregular
+    from phasemap.results.validity import describe_validity
 
     _print_scene(scene, image.attrs["modelled"])
     if "gain_margin" in image.attrs:
@@ -178,5 +179,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
     for line in describe_irregular(image):
         print(f"motion      {line}")
+    for line in describe_validity(image):
+        print(f"beyond      {line}")
     for line in describe_failures(image) or ["none"]:
         print(f"failed      {line}")

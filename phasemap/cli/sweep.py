@@ -253,6 +253,7 @@ def summary(found: xr.Dataset) -> list[str]:
     from phasemap._shared.units import readable
     from phasemap.plot.figure import describe_failures, describe_irregular
     from phasemap.plot.titles import titles
+    from phasemap.results.validity import describe_validity
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs
@@ -280,6 +281,7 @@ def summary(found: xr.Dataset) -> list[str]:
         word = directions[int(found["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
     lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
+    lines += [f"beyond      {line}" for line in describe_validity(found, "points")]
     for line in describe_failures(found, "points") or ["none"]:
         lines.append(f"failed      {line}")
     return lines

@@ -26,8 +26,9 @@ from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import paint_part, painter_of, plan_image
 from phasemap.results.status import Status
+from phasemap.results.validity import FORCES
 from phasemap.results.variables import IN_TIME, check_variables, describe, provenance, variables_of
-from phasemap.solvers.problem import Work, check_setpoint, make_work
+from phasemap.solvers.problem import Work, check_setpoint, make_work, properties
 from phasemap.solvers.solver import by_name
 
 if TYPE_CHECKING:
@@ -163,6 +164,7 @@ def simulate(
         if strict:
             _refuse_failures(canvas.status.reshape(-1, *surface.shape))
         image = canvas.image().assign_attrs(
+            dict(zip(FORCES, _forces(surface, scope), strict=True)),
             modelled="; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None)),
             distinct_materials=found.count,
             seconds=round(time.perf_counter() - started, 6),
@@ -206,11 +208,23 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     return names
 
 
-def _largest(surface: Surface, scope: Microscope) -> Work:
-    """Work of one pixel, with the largest of every property; a term is zero there if no pixel has it."""
+def _largest_material(surface: Surface) -> Array:
+    """One row, with the largest of every property; a term is zero there if no pixel has it."""
     maps = (surface.modulus, surface.adhesion, surface.damping, surface.viscosity, surface.poisson_ratio)
     largest = np.array([[np.fmax.reduce(values, None) for values in maps if values is not None]])
-    return make_work(np.nan_to_num(largest), surface.viscosity is not None, scope, scope.free_amplitude)
+    return np.asarray(np.nan_to_num(largest))
+
+
+def _largest(surface: Surface, scope: Microscope) -> Work:
+    """Work of `_largest_material`."""
+    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.free_amplitude)
+
+
+def _forces(surface: Surface, scope: Microscope) -> tuple[float, float]:
+    """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
+    stiffness, adhesion, _ = properties(_largest_material(surface), surface.viscosity is not None, scope)
+    pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
+    return float(pull[0]), scope.cantilever.stiffness * scope.free_amplitude
 
 
 def _refuse_failures(status: Array) -> None:

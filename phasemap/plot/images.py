@@ -26,6 +26,7 @@ from phasemap.plot.materials import inversion, is_inversion
 from phasemap.plot.period import trace
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
+from phasemap.results.validity import describe_validity
 
 if TYPE_CHECKING:
     import numpy as np
@@ -133,6 +134,7 @@ def plot(
     if "amplitude_error" in ds:
         scales["amplitude_error"] = _error_scale(ds["amplitude_error"].values)
     notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
+    notes += [(f"△ {line}", "0.25") for line in describe_validity(ds)]
     notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
     width = MARGIN + len(scales) * (PANEL + BAR_GAP + BAR + BAR_LABELS)
     notes = [(part, colour) for line, colour in notes for part in textwrap.wrap(line, int(LETTERS * width))]

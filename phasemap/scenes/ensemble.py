@@ -34,6 +34,7 @@ from typing import Any
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.plausible import once
 from phasemap._shared.units import UDUNITS
 from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import make_samples
@@ -121,6 +122,10 @@ class Ensemble:
         InputError, FileError
             As in `phasemap.load_scene`, with the number of the sample; or if the images of two samples differ in size.
         """
+        with once():
+            self._check(every_surface)
+
+    def _check(self, every_surface: bool) -> None:
         first = self.scene(0)
         same_surface = not any(key.startswith("surface.") for key in self.keys) or not every_surface
         for sample in range(1, len(self)):
