@@ -19,6 +19,7 @@ from phasemap._shared.plausible import once, strict_units
 from phasemap._shared.quantities import is_number
 from phasemap.cli import check, compare, contrast, invert, sweep
 from phasemap.cli import measured as cli_measured
+from phasemap.cli import presets as cli_presets
 from phasemap.cli import run as cli_run
 from phasemap.cli.console import plain_warnings
 
@@ -39,6 +40,7 @@ EXAMPLES = """examples:
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap export blend.nc blend.gwy
   phasemap check blend.nc
+  phasemap presets PS
   phasemap validate samples/particles.toml
   phasemap bench --quick
 """
@@ -243,6 +245,9 @@ def _parser() -> argparse.ArgumentParser:
 
     about = "solve a sample of an image's pixels again, and say whether what it says of itself holds"
     check.add_arguments(command("check", check.check, about, check.EXAMPLES), _positive)
+
+    about = "list usual materials and levers, or one of them with its sources"
+    cli_presets.add_arguments(command("presets", cli_presets.presets, about, cli_presets.EXAMPLES))
 
     validate = command("validate", cli_run.validate, "check a scene and say what would be simulated")
     cli_run.add_scene(validate)

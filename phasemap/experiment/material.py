@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
@@ -43,6 +44,37 @@ class Material:
     damping: Number[float] = Number("1", 0.0, minimum=0)
     viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)
     poisson_ratio: Number[float] = Number("1", 0.35, above=-1, maximum=0.5)
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Material:
+        """A usual material.
+
+        Parameters
+        ----------
+        name : str
+            As ``phasemap presets`` lists them: "PS", "PMMA", "mica" and more.
+        **changes : float, str or quantity
+            Arguments that are to be other ones.
+
+        Returns
+        -------
+        Material
+            Modulus and Poisson's ratio are those of the bulk. Adhesion and damping are estimates, for they depend on
+            the tip, the lever and the humidity: begin with them, and fit.
+
+        Raises
+        ------
+        InputError
+            If there is no such preset, or a change is out of range.
+
+        Examples
+        --------
+        >>> Material.preset("PS").modulus, Material.preset("PS", adhesion="30 mJ/m^2").adhesion
+        (2800000000.0, 0.03)
+        """
+        from phasemap.experiment.presets import combined, preset_of
+
+        return cls(**combined(preset_of("materials", name).values, changes))
 
     def __post_init__(self) -> None:
         if self.viscosity is not None and self.damping:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
@@ -37,6 +38,36 @@ class Cantilever:
     stiffness: Number[float] = Number("N/m", above=0, usual=(1e-3, 1e3))
     resonance_frequency: Number[float] = Number("Hz", above=0, usual=FREQUENCY)
     quality_factor: Number[float] = Number("1", above=0.5, usual=(0.5, 1e6))
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Cantilever:
+        """A commercial lever, with the nominal values of its data sheet.
+
+        Parameters
+        ----------
+        name : str
+            As ``phasemap presets`` lists them: "PPP-NCHR", "Multi75Al-G" and more.
+        **changes : float, str or quantity
+            Arguments that are to be other ones, such as what was measured of the lever at hand.
+
+        Returns
+        -------
+        Cantilever
+            The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two.
+
+        Raises
+        ------
+        InputError
+            If there is no such preset, or a change is out of range.
+
+        Examples
+        --------
+        >>> Cantilever.preset("PPP-NCHR", resonance_frequency="312 kHz")
+        Cantilever(stiffness=42.0, resonance_frequency=312000.0, quality_factor=450.0)
+        """
+        from phasemap.experiment.presets import combined, preset_of
+
+        return cls(**combined(preset_of("levers", name).values, changes))
 
     @property
     def damping(self) -> float:

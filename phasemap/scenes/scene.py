@@ -4,7 +4,8 @@ The tables are ``[scan]`` (setpoint, solver, strict_units), ``[surface]`` (see `
 ``[materials.NAME]``, ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind, and more),
 ``[accuracy]``, ``[realism]`` and ``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one
 (`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units or as text
-with a unit ("40 nm"); nothing unknown is passed over.
+with a unit ("40 nm"); nothing unknown is passed over. ``preset = "PS"`` in a material or the lever stands for its
+numbers, beside which others may be given.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -387,9 +389,16 @@ def _control(kind: str, table: Table) -> Control:
 
 
 def _from_table(name: str, table: object, cls: Any) -> Any:
-    """A frozen dataclass from the table of its fields."""
+    """A frozen dataclass from the table of its fields, or from a preset and what is other."""
     fields = dataclasses.fields(cls)
     required = [field.name for field in fields if field.default is dataclasses.MISSING]
-    check_keys(name, table, [field.name for field in fields], required)
+    allowed = [field.name for field in fields]
+    if hasattr(cls, "preset"):
+        allowed.append("preset")
+        if isinstance(table, dict) and "preset" in table:
+            check_keys(name, table, allowed)
+            others = {key: value for key, value in table.items() if key != "preset"}
+            return construct(name, others, partial(cls.preset, table["preset"]))
+    check_keys(name, table, allowed, required)
     assert isinstance(table, dict)
     return construct(name, table, cls)
