@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import fields
+from difflib import get_close_matches
+from functools import wraps
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from phasemap._shared.checks import number
@@ -10,8 +14,9 @@ from phasemap._shared.plausible import Usual, question
 if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
 
-__all__ = ["Number", "number_of"]
+__all__ = ["Number", "known_as", "number_of"]
 
+C = TypeVar("C")
 T = TypeVar("T", bound=float | None)
 _REQUIRED: Any = object()
 
@@ -88,6 +93,47 @@ class Number(Generic[T]):
         if self._asks:
             self.look_at(found)
         return found
+
+
+def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
+    """Let a dataclass say which argument was meant where one is given that it does not have.
+
+    Parameters
+    ----------
+    **symbols : str
+        Arguments, by the symbols that formulas have for them.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @known_as(R="radius")
+    ... @dataclass(frozen=True)
+    ... class Ball:
+    ...     radius: Number[float] = Number("m", above=0)
+    >>> Ball(R=40e-9)
+    Traceback (most recent call last):
+    ...
+    TypeError: Ball has no argument 'R'; its arguments are radius. Did you mean 'radius'?
+    """
+
+    def helpful(cls: type[C]) -> type[C]:
+        make, names = cls.__init__, [field.name for field in fields(cls)]  # type: ignore[arg-type]
+
+        @wraps(make)
+        def init(self: C, *given: Any, **named: Any) -> None:
+            for name in named:
+                if name not in names:
+                    near = symbols.get(name) or next(iter(get_close_matches(name, names, 1, 0.5)), None)
+                    meant = f" Did you mean {near!r}?" if near else ""
+                    raise TypeError(
+                        f"{cls.__name__} has no argument {name!r}; its arguments are {', '.join(names)}.{meant}"
+                    )
+            make(self, *given, **named)
+
+        cls.__init__ = cast(Any, init)  # type: ignore[method-assign]
+        return cls
+
+    return helpful
 
 
 def number_of(cls: type, name: str) -> Number[Any]:

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what anybody works with [Pa, J/m2, Pa s]
 
 
+@known_as(E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio")
 @dataclass(frozen=True)
 class Material:
     """One homogeneous material.

@@ -8,7 +8,7 @@ from typing import Any
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.plausible import question
 from phasemap.experiment.interaction import Interaction
 
@@ -16,6 +16,7 @@ EXCITATIONS = ("direct", "base")
 FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what anybody works with [Hz, m, m]
 
 
+@known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor")
 @dataclass(frozen=True)
 class Cantilever:
     """The lever's first eigenmode as a damped spring.
@@ -75,6 +76,7 @@ class Cantilever:
         return 0.5 / self.quality_factor
 
 
+@known_as(R="radius", E="modulus", nu="poisson_ratio")
 @dataclass(frozen=True)
 class Tip:
     """A spherical tip.
@@ -99,6 +101,7 @@ class Tip:
     poisson_ratio: Number[float] = Number("1", 0.3, said="tip poisson_ratio", above=-1, maximum=0.5)
 
 
+@known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
 @dataclass(frozen=True)
 class Drive:
     """What makes the lever swing.
@@ -132,6 +135,9 @@ class Drive:
             question("free_amplitude", self.free_amplitude, "m", AMPLITUDE)
 
 
+PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
+
+
 @dataclass(frozen=True)
 class Microscope:
     """Everything about the instrument that a simulation needs.
@@ -158,6 +164,11 @@ class Microscope:
     interaction: Interaction = Interaction()
 
     def __post_init__(self) -> None:
+        for name, cls in PARTS.items():
+            part = getattr(self, name)
+            if not isinstance(part, cls):
+                hint = "The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...))."
+                raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
         if self.drive.frequency is not None:
             question("free amplitude at the drive frequency", self.free_amplitude, "m", AMPLITUDE)

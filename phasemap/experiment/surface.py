@@ -147,7 +147,7 @@ class Surface:
     def from_labels(
         cls,
         labels: ArrayLike,
-        materials: Mapping[int, Material],
+        materials: Mapping[int, Material] | Sequence[Material],
         *,
         pixel_size: float | Sequence[float],
         topography: ArrayLike | None = None,
@@ -156,10 +156,10 @@ class Surface:
 
         Parameters
         ----------
-        labels : array_like of int or bool, shape (ny, nx)
+        labels : array_like of whole numbers or bool, shape (ny, nx)
             Which material each pixel is made of.
-        materials : mapping of int to Material
-            The material of each label; labels that the map does not use may be there too.
+        materials : mapping of int to Material, or a sequence of them
+            The material of each label, from 0 in a sequence; labels that the map does not use may be there too.
         pixel_size : float or (float, float)
             [m], as in `Surface`.
         topography : float or array_like, shape (ny, nx), optional
@@ -188,6 +188,8 @@ class Surface:
         label_map = as_array("labels", labels, "a 2-D map of whole numbers")
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
+        if label_map.dtype.kind == "f" and (label_map == np.rint(label_map)).all():
+            label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
             raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
         names, table, viscous = _material_table(materials)
@@ -470,7 +472,7 @@ class Surface:
         return f"Surface({', '.join(parts)})"
 
 
-def _from_lazy_labels(labels: Any, materials: Mapping[int, Material], pixel_size: Any, topography: Any) -> Surface:
+def _from_lazy_labels(labels: Any, materials: Any, pixel_size: Any, topography: Any) -> Surface:
     """Materials that are looked up when a block of the labels is computed."""
     names, table, viscous = _material_table(materials)
     columns = [
@@ -612,8 +614,10 @@ def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> t
     return agreed
 
 
-def _material_table(materials: Mapping[int, Material]) -> tuple[list[int], FloatArray, bool]:
+def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
     """Return the labels in order, one row a material, and whether its third column is the viscosity."""
+    if isinstance(materials, Sequence) and not isinstance(materials, str):
+        materials = dict(enumerate(materials))
     if not isinstance(materials, Mapping) or not materials:
         raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
     for label, material in materials.items():

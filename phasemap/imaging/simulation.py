@@ -12,6 +12,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError, SolveError
+from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage
@@ -42,7 +43,7 @@ __all__ = ["modelled", "simulate"]
 def simulate(
     surface: Surface,
     scope: Microscope,
-    setpoint: float,
+    setpoint: Scalar,
     solver: str = "auto",
     control: Control | None = None,
     accuracy: Accuracy | None = None,
@@ -132,6 +133,10 @@ def simulate(
     [42.05, 44.5]
     """
     started = time.perf_counter()
+    for name, thing, cls in (("surface", surface, Surface), ("scope", scope, Microscope)):
+        if not isinstance(thing, cls):
+            hint = "The order is simulate(surface, scope, setpoint)."
+            raise InputError(name, f"a {type(thing).__name__}", f"a {cls.__name__}", hint)
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy

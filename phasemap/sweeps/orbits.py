@@ -9,6 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import Scalar
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import FLOATS, branch_of, describe, flag_attributes, float_attributes, provenance
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def orbits(
-    material: Material, scope: Microscope, *, setpoint: float | None = None, tip_offset: float | None = None
+    material: Material, scope: Microscope, setpoint: Scalar | None = None, *, tip_offset: Scalar | None = None
 ) -> xr.Dataset:
     """Find every periodic orbit at a setpoint or at a tip offset, stable or not.
 

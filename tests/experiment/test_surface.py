@@ -265,7 +265,7 @@ LABELS_REFUSED = {
         np.array([[200]], np.uint8),
         {-1: SOFT, 300: SOFT},
     ),
-    "type of labels is 'float64'; allowed: whole numbers. Try labels.astype(int).": ([[0.0, 1.0]], {0: SOFT, 1: HARD}),
+    "type of labels is 'float64'; allowed: whole numbers. Try labels.astype(int).": ([[0.5, 1.0]], {0: SOFT, 1: HARD}),
     "shape of labels is (2,); allowed: (rows, columns) of a 2-D map.": ([0, 1], {0: SOFT, 1: HARD}),
     "labels is 'a list of rows of unequal length'; allowed: a 2-D map of whole numbers.": ([[0], [0, 1]], {0: SOFT}),
     "materials is {}; allowed: a dict with at least one Material, such as {0: soft, 1: hard}.": ([[0]], {}),

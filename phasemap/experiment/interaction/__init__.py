@@ -34,9 +34,9 @@ class Interaction:
     Parameters
     ----------
     contact : str or ContactLaw
-        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length) or "spring" (linear);
-        or a law object: `LinearSpring`, `MaugisDugdale` and `Neck` take parameters, and one's own law is a class
-        derived from `ContactLaw`.
+        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length) or "spring" (linear),
+        in capitals or not; or a law object: `LinearSpring`, `MaugisDugdale` and `Neck` take parameters, and one's own
+        law is a class derived from `ContactLaw`.
     decay_length : float, optional
         d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no such force.
     damping_exponent : float
@@ -64,6 +64,8 @@ class Interaction:
     bias: Number[float] = Number("V", 0.0, minimum=-1e100, maximum=1e100, usual=(1e-6, 100.0))  # it can be squared
 
     def __post_init__(self) -> None:
+        if isinstance(self.contact, str):
+            object.__setattr__(self, "contact", self.contact.lower())
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
         if not known:
             hint = "Derive its class from phasemap.ContactLaw." if hasattr(self.contact, "force") else ""

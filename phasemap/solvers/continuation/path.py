@@ -12,9 +12,9 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.fields import number_of
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.units import UDUNITS
-from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import PARTS as CLASSES
+from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import Work, work_of_material
 
 if TYPE_CHECKING:
@@ -26,9 +26,8 @@ PARTS = {
     "stiffness": "cantilever", "quality_factor": "cantilever", "radius": "tip", "free_amplitude": "drive",
     "frequency": "drive", "decay_length": "interaction", "bias": "interaction",
 }  # fmt: skip
-OWNERS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 NUMBERS = {name: number_of(Material, name) for name in MATERIAL} | {
-    name: number_of(OWNERS[part], name) for name, part in PARTS.items()
+    name: number_of(CLASSES[part], name) for name, part in PARTS.items()
 }
 UNITS = {name: UDUNITS.get(number.unit, number.unit) for name, number in NUMBERS.items()}
 ORDERS = (9, 17, 33, 65)  # of the series tried, one after the other

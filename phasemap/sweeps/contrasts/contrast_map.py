@@ -32,12 +32,14 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+SETPOINTS = "0.3:0.95:40"
+
 
 def contrast(
     first: Material,
     second: Material,
     scope: Microscope,
-    setpoints: Any,
+    setpoints: Any = SETPOINTS,
     free_amplitudes: Any = None,
     frequencies: Any = None,
     solver: str = "auto",
@@ -55,7 +57,8 @@ def contrast(
         The contrast is the phase on the second less that on the first.
     scope : Microscope
     setpoints : array_like
-        Amplitudes over the free amplitude at the drive frequency, between 0 and 1, rising or falling.
+        Amplitudes over the free amplitude at the drive frequency, between 0 and 1, rising or falling; 40 from 0.3 to
+        0.95 by default.
     free_amplitudes : float or array_like, optional
         At resonance [m]; that of `scope` by default. An array becomes a dimension.
     frequencies : float or array_like, optional

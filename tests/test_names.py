@@ -1,0 +1,44 @@
+"""Names that a newcomer guesses, and what is said where the guess is wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import phasemap as pm
+
+LEVER, TIP, DRIVE = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9)
+SCOPE, SOFT, HARD = pm.Microscope(LEVER, TIP, DRIVE), pm.Material(1e9), pm.Material(3e9)
+SURFACE = pm.Surface(1e9, pixel_size=4e-9, shape=(2, 2))
+
+GUESSES: dict[str, Callable[[], Any]] = {
+    "Material has no argument 'E'; its arguments are modulus, adhesion, damping, viscosity, poisson_ratio. "
+    "Did you mean 'modulus'?": lambda: pm.Material(E=1e9),
+    "Did you mean 'poisson_ratio'?": lambda: pm.Material(1e9, nu=0.3),
+    "Did you mean 'stiffness'?": lambda: pm.Cantilever(k=40, Q=400),
+    "Did you mean 'quality_factor'?": lambda: pm.Cantilever(40, 3e5, Q=400),
+    "Did you mean 'radius'?": lambda: pm.Tip(R=1e-8),
+    "Did you mean 'free_amplitude'?": lambda: pm.Drive(amplitude=1e-8),
+    "Did you mean 'adhesion'?": lambda: pm.Material(1e9, adhesio=0.1),
+    "allowed: a Cantilever. The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...)).":
+        lambda: pm.Microscope(TIP, LEVER, DRIVE),
+    "surface is 'a Microscope'; allowed: a Surface. The order is simulate(surface, scope, setpoint).":
+        lambda: pm.simulate(SCOPE, SURFACE, 0.7),
+    "surface is 'a list'; allowed: a Surface.": lambda: pm.simulate([[0, 1]], SCOPE, 0.7),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("sentence", GUESSES)
+def test_a_wrong_guess_is_told_what_was_meant(sentence: str) -> None:
+    with pytest.raises((TypeError, pm.InputError), match=re.escape(sentence)):
+        GUESSES[sentence]()
+
+
+def test_what_is_guessed_is_taken() -> None:
+    assert pm.Interaction("DMT") == pm.Interaction("dmt")
+    by_dict = pm.Surface.from_labels([[0, 1]], {0: SOFT, 1: HARD}, pixel_size=4e-9)
+    assert pm.Surface.from_labels([[0.0, 1.0]], [SOFT, HARD], pixel_size="4 nm") == by_dict
+    assert pm.plot.image is pm.plot.plot
