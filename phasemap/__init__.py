@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.pixel import Pixel, solve_pixel
     from phasemap.sweeps.contrasts.contrast_map import contrast
+    from phasemap.sweeps.force_curve import force_curve
     from phasemap.sweeps.orbits import orbits
     from phasemap.sweeps.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
     from phasemap.validation.checking.check import check
@@ -69,6 +70,7 @@ _NAMES = {
     "scenes.scene": ("load_scene",),
     "solvers.pixel": ("Pixel", "solve_pixel"),
     "sweeps.contrasts.contrast_map": ("contrast",),
+    "sweeps.force_curve": ("force_curve",),
     "sweeps.orbits": ("orbits",),
     "sweeps.sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
     "validation.checking.check": ("check",),
@@ -81,9 +83,9 @@ __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
     "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster", "Realism",
     "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export",
-    "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level", "load_ensemble",
-    "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "simulate",
-    "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "fit_distance", "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert", "level",
+    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity",
+    "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
     "write_gsf", "write_gwy",
 ]  # fmt: skip
 

@@ -6,7 +6,9 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
+import xarray as xr
 
 import phasemap as pm
 
@@ -42,3 +44,31 @@ def test_what_is_guessed_is_taken() -> None:
     by_dict = pm.Surface.from_labels([[0, 1]], {0: SOFT, 1: HARD}, pixel_size=4e-9)
     assert pm.Surface.from_labels([[0.0, 1.0]], [SOFT, HARD], pixel_size="4 nm") == by_dict
     assert pm.plot.image is pm.plot.plot
+
+
+def test_the_force_curve_is_that_of_the_paper() -> None:
+    scope = pm.Microscope(LEVER, TIP, DRIVE, pm.Interaction("dmt", decay_length=0.3e-9))
+    curve = pm.force_curve(pm.Material("3 GPa", adhesion="50 mJ/m^2"), scope, "-3 nm:2 nm:51")
+    depth, pull = curve.depth.values, 2 * np.pi * 10e-9 * 0.05  # of DMT, Wang (1999) Eqs. 2 and 3
+    stiffness = 4 / 3 * 3e9 / (1 - 0.35**2) * np.sqrt(10e-9)
+    away = -pull / (1 - np.minimum(depth, 0) / 0.3e-9) ** 2
+    wanted = np.where(depth < 0, away, stiffness * np.maximum(depth, 0) ** 1.5 - pull)
+    for direction in ("approach", "retract"):  # DMT has no neck
+        assert curve.force.sel(direction=direction).values == pytest.approx(wanted, rel=1e-12)
+    neck = pm.force_curve(HARD, pm.Microscope(LEVER, TIP, DRIVE, pm.Interaction(pm.interaction.Neck("2 nm"))), depth)
+    assert (neck.force.sel(direction="retract") == neck.force.sel(direction="approach")).all()  # nothing sticks
+    sticky = pm.Material("3 GPa", adhesion=0.05)
+    neck = pm.force_curve(sticky, pm.Microscope(LEVER, TIP, DRIVE, pm.Interaction(pm.interaction.Neck("2 nm"))), depth)
+    held = neck.force.sel(direction="retract", depth=slice(-1.95e-9, -0.05e-9))
+    assert held.values == pytest.approx(-pull)
+
+
+def test_a_dataset_of_phasemap_has_an_accessor() -> None:
+    curve = pm.force_curve(SOFT, SCOPE)
+    assert "plot(), check(), compare(other), export(path)" in repr(curve.phasemap)
+    with pytest.raises(pm.InputError, match="an image with height and phase"):
+        curve.phasemap.plot()
+    y = x = np.array([0.5e-9, 1.5e-9])
+    image = xr.Dataset({name: (("y", "x"), np.eye(2)) for name in ("height", "phase")}, {"y": y, "x": x})
+    drawn = image.phasemap.plot()
+    assert [axes.get_title("left") for axes in drawn.axes if axes.get_title("left")] == ["Height", "Phase"]
