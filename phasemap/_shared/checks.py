@@ -9,12 +9,10 @@ from numbers import Integral, Real
 from typing import Any
 
 from phasemap._shared.errors import InputError
-from phasemap._shared.plausible import question
 from phasemap._shared.quantities import KINDS, NotThatUnit, array_in_si, in_si, is_quantity, range_in_si, with_unit
 
 LONGEST = 10**8  # pixels along a side, so that numbers of pixels and of bytes fit into 64 bits
 WIDEST = 1e100  # m, of a pixel or a disc, so that their squares are finite
-PIXEL = (0.01e-9, 10e-6)  # m, of the pixels that anybody takes
 HIGHEST = 2**128 - 1  # of whole numbers without a maximum of their own; seeds have 128 bits
 
 
@@ -183,6 +181,4 @@ def pixel_pair(value: object) -> tuple[float, float]:
 
 def _side(name: str, value: object) -> float:
     """Return the side of a pixel [m]; the size of the largest image can still be squared."""
-    side = number(name, value, "m", above=0, maximum=WIDEST)
-    question(name, side, "m", PIXEL)
-    return side
+    return number(name, value, "m", above=0, maximum=WIDEST)

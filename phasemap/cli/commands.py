@@ -290,6 +290,11 @@ def _plot(arguments: argparse.Namespace) -> None:
     from phasemap.io.netcdf import check_target, load, load_sample
     from phasemap.plot import curve, plot, trace
 
+    if arguments.file.suffix == ".toml":
+        image = arguments.file.with_suffix(".nc").name
+        raise PhasemapError(
+            f"{arguments.file} is a scene: phasemap run {arguments.file} -o {image}, then plot {image}."
+        )
     output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
     ds = load(arguments.file) if arguments.sample is None else load_sample(arguments.file, arguments.sample)

@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
 
 def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_target, save
+    from phasemap.io.netcdf import check_dataset, check_target, save
     from phasemap.plot.figure import check_format
     from phasemap.scenes.scene import load_setup
 
@@ -76,9 +76,10 @@ def contrast(arguments: argparse.Namespace) -> None:
         "frequencies": _values("--frequencies", arguments.frequencies),
         "solver": arguments.solver, "names": names, "threads": arguments.threads,
     }  # fmt: skip
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
+    if arguments.output is not None:
+        check_dataset(arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        check_target(arguments.plot, arguments.overwrite)
     if arguments.plot is not None:
         check_format(arguments.plot)
     found = _map(setup, names, options, arguments.quiet)

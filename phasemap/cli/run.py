@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     with ending_at_once():
         from phasemap.imaging.checkpoint import discard
-        from phasemap.io.netcdf import check_target, save
+        from phasemap.io.netcdf import check_dataset, save
         from phasemap.scenes.scene import load_scene
 
         ensemble = _ensemble_of(arguments)
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
             if arguments.workers:
                 raise PhasemapError("--workers is for an ensemble; one image takes --threads.")
             scene = load_scene(arguments.scene, arguments.overrides)
-            output = check_target(_output_of(arguments, scene), arguments.overwrite)
+            output = check_dataset(_output_of(arguments, scene), arguments.overwrite)
     if ensemble is not None:
         cli_ensemble.run(arguments, ensemble, _output_of(arguments, ensemble))
         return

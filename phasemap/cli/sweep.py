@@ -94,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Do the sweep, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_target, save
+    from phasemap.io.netcdf import check_dataset, check_target, save
     from phasemap.plot.figure import check_format
     from phasemap.scenes.scene import load_setup
     from phasemap.scenes.tables import check_choice
@@ -105,9 +105,10 @@ def sweep(arguments: argparse.Namespace) -> None:
     setup = load_setup(arguments.scene, overrides)
     name, material = _material(setup, arguments.material)
     values = _values(arguments, ends, points, material, setup.microscope)
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
+    if arguments.output is not None:
+        check_dataset(arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        check_target(arguments.plot, arguments.overwrite)
     if arguments.plot is not None:
         check_format(arguments.plot)
     with patience() as done:

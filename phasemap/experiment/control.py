@@ -114,8 +114,8 @@ class Feedback:
         Ki [1/s]; None is tuned.
     derivative_gain : float
         Kd [s].
-    bandwidth : float
-        Of the lock-in, at -3 dB [Hz].
+    bandwidth : float, optional
+        Of the lock-in, at -3 dB [Hz]; None is 5 kHz, or a fifth of the drive frequency where that is less.
     order : int
         Of its low-pass filter, 1 to 4.
     scanner_resonance : float, optional
@@ -148,7 +148,7 @@ class Feedback:
     proportional_gain: Number[float | None] = Number("1", None, minimum=0)
     integral_gain: Number[float | None] = Number("1/s", None, minimum=0)
     derivative_gain: Number[float] = Number("s", 0.0, minimum=0)
-    bandwidth: Number[float] = Number("Hz", 5e3, above=0, usual=(1.0, 1e7))
+    bandwidth: Number[float | None] = Number("Hz", None, above=0, usual=(1.0, 1e7))
     order: int = 2
     scanner_resonance: Number[float | None] = Number("Hz", None, above=0, usual=(10.0, 1e7))
     scanner_quality: Number[float] = Number("1", 10.0, above=0)

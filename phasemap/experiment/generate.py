@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from phasemap._shared.checks import WIDEST, number, pixel_pair, shape_pair, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
-from phasemap._shared.plausible import question
 from phasemap._shared.quantities import Scalar
 
 __all__ = ["blend", "checkerboard", "gradient", "lamellae", "particles", "roughness", "step", "stripes"]
@@ -430,7 +429,6 @@ def roughness(
     """
     ny_nx, sides = _sized(shape, 32), pixel_pair(pixel_size)
     rms = number("rms", rms, "m", minimum=0, maximum=WIDEST)
-    question("rms", rms, "m", (0.0, 1e-4))
     hurst = number("hurst", hurst, "1", above=0, maximum=1)
     extent = min(n * side for n, side in zip(ny_nx, sides, strict=True))
     correlation_length = _at_least("correlation_length", correlation_length, max(sides), "one pixel")

@@ -34,6 +34,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
+LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
+PIXEL = (0.01e-9, 10e-6)  # m, of the pixels that anybody takes
 _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
 
 
@@ -138,7 +140,7 @@ class Surface:
             one = maps.get(name)
             whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
             object.__setattr__(self, name, whole)
-        object.__setattr__(self, "pixel_size", pixel_pair(pixel_size))
+        object.__setattr__(self, "pixel_size", _pixels(pixel_size))
         object.__setattr__(self, "shape", ny_nx)
         object.__setattr__(self, "allow_nan", bool(allow_nan))
         object.__setattr__(self, "_unique", None)
@@ -188,7 +190,7 @@ class Surface:
         label_map = as_array("labels", labels, "a 2-D map of whole numbers")
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
-        if label_map.dtype.kind == "f" and (label_map == np.rint(label_map)).all():
+        if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
             label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
             raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
@@ -202,7 +204,7 @@ class Surface:
         rows, inverse = _read_only(table[used][first]), _read_only(renumber[index])
         columns = [column[0] if (column == column[0]).all() else _read_only(column[inverse]) for column in rows.T]
         damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
-        sides, relief = pixel_pair(pixel_size), _made("topography", topography, False)
+        sides, relief = _pixels(pixel_size), _made("topography", topography, False)
         with unquestioned():  # each Material was looked at when it was made
             surface = cls(
                 columns[0], columns[1], damping, viscosity, columns[3], relief, pixel_size=sides, shape=label_map.shape
@@ -488,6 +490,13 @@ def _from_lazy_labels(labels: Any, materials: Any, pixel_size: Any, topography: 
 def _looked_up(labels: NDArray[Any], names: list[int], column: FloatArray) -> FloatArray:
     """One property of the material of each label."""
     return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
+
+
+def _pixels(value: object) -> tuple[float, float]:
+    """The (dy, dx) of a pixel [m]."""
+    dy, dx = pixel_pair(value)
+    question("pixel_size", max(dy, dx), "m", PIXEL)
+    return dy, dx
 
 
 def _made(name: str, value: Any, allow_nan: bool) -> Any:

@@ -48,7 +48,7 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     if values.dtype.kind not in "fiu":  # which `Surface` refuses
         return values
     found = _scaled(values, variable, name, QUANTITIES[name].unit)
-    return found if found is values or is_lazy(found) else _frozen(found)
+    return found if found is values or is_lazy(found) else _frozen(np.asarray(found))
 
 
 def coordinate_step(dataset: xr.Dataset, dim: str) -> float:
@@ -79,7 +79,8 @@ def _scaled(values: Any, variable: xr.DataArray, name: str, unit: str) -> Any:
     """Turn values from the units that a variable says into SI; without any they are in SI."""
     written = str(variable.attrs.get("units") or unit)
     try:
-        return scaled(values, "1" if written == "dimensionless" else written, unit)
+        with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+            return scaled(values, "1" if written == "dimensionless" else written, unit)
     except NotThatUnit:
         raise InputError(f"units of {name}", written, f"{unit}, or another unit of the same kind") from None
 

@@ -23,16 +23,17 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._shared.checks import number, numbers
+from phasemap._shared.checks import number
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import question
-from phasemap._shared.quantities import is_number
+from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
 from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 
 __all__ = ["build_surface", "dilate"]
 
-LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
 SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
@@ -172,13 +172,14 @@ def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: _Files, generator: Callable[..., np.ndarray] | None
 ) -> Surface:
     """A map of labels, given or generated, and the material of each."""
-    from phasemap.experiment.surface import Surface
+    from phasemap.experiment.surface import Surface, as_array
     from phasemap.scenes.tables import check_keys, construct
 
     own = ("materials", "pixel_size", "topography", "heights")
     if generator is None:
         check_keys("[surface]", table, ("labels", *own), ("labels", "materials", "pixel_size"))
-        labels = _as_labels(_map("labels", table["labels"], files, table))
+        given = _map("labels", table["labels"], files, table)
+        labels = as_array("[surface] labels", given, "a 2-D map of whole numbers")
     else:
         required, optional = _arguments(generator)
         check_keys("[surface]", table, (*required, *optional, *own), (*required, "materials", "pixel_size"))
@@ -335,18 +336,6 @@ def _read_variable(path: Path, variable: object) -> np.ndarray:
     return values
 
 
-def _as_labels(values: object) -> np.ndarray:
-    """Whole numbers as integers: text files and netCDF with missing values have floats only."""
-    import numpy as np
-
-    from phasemap.experiment.surface import as_array
-
-    labels = as_array("[surface] labels", values, "a 2-D map of whole numbers")
-    if labels.dtype.kind == "f" and (np.abs(labels) < LARGEST).all() and (labels == labels.round()).all():
-        return labels.astype(np.int64)
-    return labels
-
-
 def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndarray:
     """The height of each pixel from that of its label; labels without a material are left to `Surface`."""
     import numpy as np
@@ -367,7 +356,9 @@ def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
 
     from phasemap.experiment.surface import as_array
 
-    relief = as_array("[surface] topography", numbers("[surface] topography", given, "m"), "one number or a 2-D map")
+    with suppress(NotThatUnit):  # which leaves text, and that is refused below
+        given = array_in_si(given, "m")
+    relief = as_array("[surface] topography", given, "one number or a 2-D map")
     if relief.dtype.kind not in "fiu" or relief.shape not in ((), shape):
         found = f"{relief.dtype.name} of shape {relief.shape}"
         raise InputError(

@@ -155,7 +155,7 @@ def with_override(tables: Table, override: str) -> Table:
     name, equals, text = override.partition("=")
     name = name.strip()
     if not equals or "." not in name or not all(name.split(".")) or not _is_text(override):
-        raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20e-9")
+        raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20nm")
     try:
         return with_value(tables, name, value_of(text))
     except InputError as error:

@@ -104,7 +104,9 @@ def test_an_existing_output_is_refused_before_anything_is_simulated(
     output.write_text("precious")
     with monkeypatch.context() as patch:
         patch.setattr(phasemap.scenes.scene.Scene, "simulate", None)
-        assert "exists already; overwrite it (--overwrite)" in fails(capsys, "run", STEP, SMALL, "-o", str(output))
+        assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in fails(
+            capsys, "run", STEP, SMALL, "-o", str(output)
+        )
         missing = str(tmp_path / "no" / "step.nc")
         assert "the folder" in fails(capsys, "run", STEP, SMALL, "-o", missing)
     assert output.read_text() == "precious"
@@ -192,7 +194,11 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["run", STEP, "-o", "x.nc", "--threads", "0"], "'0' is not a whole number of at least 1"),
         (["run", STEP, "-o", "x.nc", "--threads", "-2"], "--threads"),
         (["plot", "nowhere.nc", "-o", "x.png"], "cannot read nowhere.nc: there is no such file."),
-        (["plot", STEP, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
+        (["plot", STEP, "-o", "x.png"], "step.toml is a scene: phasemap run "),
+        (["plot", __file__, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
+        (["run", STEP, "-o", "x.png"], "the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file."),
+        (["run", STEP, "-o", "x.toml", "--overwrite"], "'.toml'; allowed: .nc, for it becomes a netCDF file. A scene"),
+        (["run", STEP, "-o", "x" * 243 + ".nc"], "its name is longer than 230 bytes; choose a shorter one."),
         (["plot", "image.nc", "a=b"], "unknown argument 'a=b'"),
         (["draw", "image.nc"], "invalid choice: 'draw'"),
         (["sweep", STEP, "distance"], "several materials: choose one with --material: compliant, stiff."),
@@ -343,7 +349,7 @@ def test_files_of_a_sweep_are_not_overwritten_unasked(
     for option in ("-o", "--plot"):
         (tmp_path / "sweep.png").write_text("precious")
         said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / "sweep.png"))
-        assert "exists already; overwrite it (--overwrite)" in said
+        assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in said
 
 
 def test_plot_draws_a_sweep_its_quantities_and_its_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
