@@ -171,7 +171,7 @@ class Microscope:
                 raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
         if self.drive.frequency is not None:
-            question("free amplitude at the drive frequency", self.free_amplitude, "m", AMPLITUDE)
+            question("free amplitude at the drive frequency", self.free_amplitude, "m", (0.0, AMPLITUDE[1]))
 
     @property
     def frequency_ratio(self) -> float:

@@ -40,7 +40,7 @@ MISTAKES: dict[str, Callable[[], Any]] = {
     "tip_offsets = 60 m; usual up to 100 µm; did you mean 60 nm?": lambda: check_axis(
         "tip_offsets", [60, 0], "m", usual=(0.0, 1e-4)
     ),
-    "free amplitude at the drive frequency = 0.000238075 m; usual 50 pm … 1 µm.": lambda: pm.Microscope(
+    "free amplitude at the drive frequency = 0.000238075 m; usual up to 1 µm.": lambda: pm.Microscope(
         LEVER, TIP, pm.Drive(20e-3, frequency=330e3)
     ),
 }  # fmt: skip
