@@ -72,3 +72,14 @@ def test_a_dataset_of_phasemap_has_an_accessor() -> None:
     image = xr.Dataset({name: (("y", "x"), np.eye(2)) for name in ("height", "phase")}, {"y": y, "x": x})
     drawn = image.phasemap.plot()
     assert [axes.get_title("left") for axes in drawn.axes if axes.get_title("left")] == ["Height", "Phase"]
+
+
+def test_several_setpoints_are_a_dim() -> None:
+    images = pm.simulate(SURFACE, SCOPE, [0.5, "70 %"], solver="averaging")
+    assert images.sizes["setpoint"] == 2 and images.setpoint.values.tolist() == [0.5, 0.7]
+    for setpoint in (0.5, 0.7):
+        one = pm.simulate(SURFACE, SCOPE, setpoint, solver="averaging")
+        assert images.sel(setpoint=setpoint).drop_vars("setpoint").equals(one)
+    assert images.attrs["Conventions"] == "CF-1.11" and "flag_meanings" in images.status.attrs
+    with pytest.raises(pm.InputError, match=r"setpoint is .*; allowed: one number, or several different ones"):
+        pm.simulate(SURFACE, SCOPE, [0.5, 0.5])

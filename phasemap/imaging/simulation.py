@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,7 +45,7 @@ __all__ = ["modelled", "simulate"]
 def simulate(
     surface: Surface,
     scope: Microscope,
-    setpoint: Scalar,
+    setpoint: Scalar | Sequence[Scalar],
     solver: str = "auto",
     control: Control | None = None,
     accuracy: Accuracy | None = None,
@@ -62,8 +64,9 @@ def simulate(
     surface : Surface
         Material maps and topography, shape (ny, nx).
     scope : Microscope
-    setpoint : float
-        Amplitude of the first harmonic over the free amplitude at the drive frequency, between 0 and 1.
+    setpoint : float or sequence of float
+        Amplitude of the first harmonic over the free amplitude at the drive frequency, between 0 and 1. Several of them
+        give an image each, along a leading dim "setpoint".
     solver : {"auto", "averaging", "orbit", "march"}
         "averaging" is first order and fastest, "orbit" exact, "march" integrates the equation of motion in time (slow),
         "auto" takes the cheapest that meets `accuracy` and says per pixel which one that was.
@@ -132,6 +135,12 @@ def simulate(
     >>> [round(float(p), 2) for p in image.phase.values[0]]
     [42.05, 44.5]
     """
+    if isinstance(setpoint, (list, tuple, np.ndarray)):
+        options = {
+            "solver": solver, "control": control, "accuracy": accuracy, "realism": realism, "variables": variables,
+            "strict": strict, "progress": progress, "threads": threads,
+        }  # fmt: skip
+        return _at_each(surface, scope, setpoint, checkpoint, options)
     started = time.perf_counter()
     for name, thing, cls in (("surface", surface, Surface), ("scope", scope, Microscope)):
         if not isinstance(thing, cls):
@@ -177,6 +186,25 @@ def simulate(
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     return finish(image, realism)
+
+
+def _at_each(
+    surface: Surface, scope: Microscope, setpoints: Any, checkpoint: Any, options: dict[str, Any]
+) -> xr.Dataset:
+    """An image at each setpoint, along a dim of that name."""
+    import xarray as xr
+
+    values = [check_setpoint(one) for one in setpoints]
+    if len(set(values)) < len(values) or not values:
+        raise InputError("setpoint", str(setpoints), "one number, or several different ones")
+    images = [
+        simulate(surface, scope, value, **options, checkpoint=checkpoint and Path(checkpoint, repr(value)))
+        for value in values
+    ]
+    about = {"long_name": "setpoint amplitude over free amplitude", "units": "1"}
+    image = xr.concat(images, xr.Variable("setpoint", values, about), combine_attrs="drop_conflicts")
+    first = json.loads(images[0].attrs["configuration"])
+    return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
 
 
 def workspace(realism: Realism) -> int:

@@ -189,8 +189,10 @@ def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES)
 
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
     """Global attributes that say where a Dataset comes from."""
+    from importlib import import_module
     from importlib.metadata import PackageNotFoundError, version
 
+    import_module("phasemap.io.accessor")  # from now on Datasets have ``.phasemap``
     try:
         release = version("afm-phasemap")
     except PackageNotFoundError:
