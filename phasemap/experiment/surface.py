@@ -509,7 +509,9 @@ def _made(name: str, value: Any, allow_nan: bool) -> Any:
 
 def _in_si(name: str, value: Any) -> Any:
     """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
-    if hasattr(value, "dims") and hasattr(value, "attrs"):
+    if hasattr(value, "dims") and hasattr(value, "coords"):
+        for dim in value.coords.keys() & {"y", "x"} & set(value.dims):
+            coordinate_step(value, dim)  # refuses what is upside down or not even
         return variable_in_si(value, name)
     unit = QUANTITIES[name].unit
     try:

@@ -51,7 +51,7 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     return found if found is values or is_lazy(found) else _frozen(np.asarray(found))
 
 
-def coordinate_step(dataset: xr.Dataset, dim: str) -> float:
+def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
     """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
     if dim not in dataset.coords or dataset[dim].dims != (dim,):
         raise InputError(
