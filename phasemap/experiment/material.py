@@ -16,6 +16,8 @@ MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what an
 class Material:
     """One homogeneous material.
 
+    Numbers are in SI units, or text with a unit ("3 GPa", "50 mJ/m^2"), or quantities of pint.
+
     Parameters
     ----------
     modulus : float

@@ -142,6 +142,8 @@ PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": In
 class Microscope:
     """Everything about the instrument that a simulation needs.
 
+    Numbers of its parts are in SI units, or text with a unit ("40 N/m", "300 kHz"), or quantities of pint.
+
     Parameters
     ----------
     cantilever : Cantilever
@@ -156,6 +158,8 @@ class Microscope:
     1.0
     >>> round(scope.free_amplitude * 1e9, 6)
     127.0
+    >>> scope == Microscope(Cantilever("40 N/m", "148.5 kHz", 833), Tip("30 nm"), Drive("127 nm"))
+    True
     """
 
     cantilever: Cantilever

@@ -43,7 +43,8 @@ _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf
 class Surface:
     """A sample: material maps and topography on a grid of pixels.
 
-    Every quantity is one number or a 2-D map, and all maps have one shape. The fields are read-only float64 arrays of
+    Every quantity is one number or a 2-D map, and all maps have one shape. They are in SI units, text with a unit,
+    quantities of pint, or a DataArray whose attribute ``units`` says theirs. The fields are read-only float64 arrays of
     that shape; what is the same everywhere takes the memory of one number. A map that can still be written to is
     copied once, a read-only one (``a.setflags(write=False)``) is shared. A map may be a Dask array: it stays one, and
     `phasemap.simulate` then makes an image of Dask arrays, block by block; its numbers are checked when they are used.

@@ -28,8 +28,9 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     ----------
     material : Material
     scope : Microscope
-    tip_offsets : array_like
+    tip_offsets : array_like or str
         Rest positions of the tip above the undeformed surface [m], rising or falling; negative where the lever presses.
+        They may have units, and be START:STOP:N: "60 nm:10 nm:100". So may the values of the other sweeps.
     samples : int
         Points of the time trace of deflection and force that each orbit gets; 0 for none.
 

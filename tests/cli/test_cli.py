@@ -346,9 +346,9 @@ def test_files_of_a_sweep_are_not_overwritten_unasked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(phasemap.sweeps.sweep, "sweep_distance", None)
-    for option in ("-o", "--plot"):
-        (tmp_path / "sweep.png").write_text("precious")
-        said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / "sweep.png"))
+    for option, name in (("-o", "sweep.nc"), ("--plot", "sweep.png")):
+        (tmp_path / name).write_text("precious")
+        said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / name))
         assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in said
 
 
