@@ -86,7 +86,7 @@ def numbers(name: str, values: Any, unit: str) -> Any:
         found = range_in_si(values, unit)
     except NotThatUnit:
         example = KINDS[unit][1]
-        allowed = f"{with_unit(unit)}, or START:STOP:N with N of at least 2, such as '{example}:{example}:100'"
+        allowed = f"numbers{f' in {unit}' if unit != '1' else ''}, with units such as {example!r}, or START:STOP:N"
         raise InputError(name, values, allowed) from None
     if len(found) == 1:
         return found[0]
