@@ -231,8 +231,8 @@ def check_axis(
         wrong = int(np.flatnonzero(np.sign(steps) != (np.sign(steps[0]) or 1))[0])
         pair = f"{axis[wrong]:g}, {axis[wrong + 1]:g} (values {wrong + 1} and {wrong + 2})"
         raise InputError(name, pair, "values that only rise or only fall")
-    if usual is not None:
-        question(name, float(max(axis[0], axis[-1], key=abs)), unit, usual)
+    if usual is not None:  # a sweep may go beyond on purpose, but not begin and end there
+        question(name, float(min(axis[axis != 0][[0, -1]], key=abs)), unit, usual)
     return axis
 
 
