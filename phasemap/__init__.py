@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from phasemap.experiment.control import Engage, Feedback, Raster
     from phasemap.experiment.interaction import ContactLaw, Interaction
     from phasemap.experiment.material import Material
-    from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+    from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
+    from phasemap.explorer.explore import explore
     from phasemap.imaging.simulation import simulate
     from phasemap.inference.curves.fit import Fit, fit_distance, fit_frequency
     from phasemap.inference.images.images import invert
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
+    from phasemap.results.channels import channels
     from phasemap.results.status import Status
     from phasemap.results.variables import phase_lag
     from phasemap.scenes.ensemble import load_ensemble
@@ -53,9 +55,10 @@ _NAMES = {
     "experiment.control": ("Engage", "Feedback", "Raster"),
     "experiment.interaction": ("ContactLaw", "Interaction"),
     "experiment.material": ("Material",),
-    "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Tip"),
+    "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Mode", "Tip"),
     "experiment.realism": ("Realism", "TipChange"),
     "experiment.surface": ("Surface",),
+    "explorer.explore": ("explore",),
     "imaging.simulation": ("simulate",),
     "inference.curves.fit": ("Fit", "fit_distance", "fit_frequency"),
     "inference.images.images": ("invert",),
@@ -63,6 +66,7 @@ _NAMES = {
     "inference.images.sensitivities": ("sensitivity",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
+    "results.channels": ("channels",),
     "results.status": ("Status",),
     "results.variables": ("phase_lag",),
     "scenes.ensemble": ("load_ensemble",),
@@ -81,12 +85,12 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
-    "Interaction", "Material", "Microscope", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster", "Realism",
-    "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "check", "compare", "contrast", "export",
-    "fit_distance", "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert", "level",
-    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity",
-    "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
-    "write_gsf", "write_gwy",
+    "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster",
+    "Realism", "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare",
+    "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions", "force_curve", "generate",
+    "interaction", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image",
+    "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "strict_units", "sweep_distance",
+    "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Break runs of the command on purpose, many times, and count what was survived.
 
-    python tests/faults.py                # as many as in the README, some ten minutes
+    python tests/faults.py                # as many as in docs/reliability.md, some ten minutes
     python tests/faults.py --times 3      # a quick look
 
 Survived means: no traceback, one sentence where a command ends early, nothing half-written under the output's name, and

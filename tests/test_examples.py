@@ -1,7 +1,8 @@
-"""The scripts in examples and the code in the README, run as a reader would run them."""
+"""The scripts in examples and the code in the README and in docs, run as a reader would run them."""
 
 from __future__ import annotations
 
+import doctest
 import os
 import re
 import shlex
@@ -15,12 +16,21 @@ from phasemap.cli import main
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only
-README = (ROOT / "README.md").read_text()
+PAGES = {
+    str(path.relative_to(ROOT)): path.read_text()
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    if not {"_build", "generated"} & set(path.parts)
+}
+GALLERY = os.environ.get("PHASEMAP_GALLERY", "")  # of a site that was built just now, and has run every script
 
 
-def blocks(language: str) -> list[str]:
-    """Return the README's blocks in a language, without those that .ci/run runs."""
-    return re.findall(rf"(?<!-->)\n```{language}\n(.*?)```", README, re.DOTALL)
+def blocks(page: str, language: str) -> list[str]:
+    """Return a page's blocks in a language, without those that .ci/run runs."""
+    return re.findall(rf"(?<!-->)\n```{language}\n(.*?)```", PAGES[page], re.DOTALL)
+
+
+def pages_with(language: str) -> list[str]:
+    return [page for page in PAGES if blocks(page, language)]
 
 
 def python(folder: Path, *arguments: str) -> str:
@@ -41,30 +51,66 @@ SLOW = ("paper_fig6_laws",)  # compiles two more laws
     [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else []) for path in EXAMPLES],
 )
 def test_an_example_answers_and_draws_its_picture(path: Path, tmp_path: Path) -> None:
-    assert python(tmp_path, str(path)).strip()
-    assert (tmp_path / f"{path.stem}.png").read_bytes().startswith(b"\x89PNG")
-    assert path.name in README
+    if GALLERY:
+        page = ROOT / GALLERY / f"{path.stem}.rst"
+        assert page.with_suffix(".py").read_text() == path.read_text()
+        assert "sphx-glr-script-out" in page.read_text()
+        picture = page.parent / "images" / f"sphx_glr_{path.stem}_001.png"
+    else:
+        assert python(tmp_path, str(path)).strip()
+        picture = tmp_path / f"{path.stem}.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("code", blocks("python"))
-def test_python_in_the_readme_runs(code: str, tmp_path: Path) -> None:
+def test_every_example_is_in_the_gallery() -> None:
+    shown = re.findall(r"^   \.\./examples/(\S+)$", (ROOT / "docs" / "examples.rst").read_text(), re.MULTILINE)
+    assert sorted(shown) == [path.name for path in EXAMPLES]
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        pytest.param(code, id=f"{page}-{number}")
+        for page in pages_with("python")
+        for number, code in enumerate(blocks(page, "python"))
+    ],
+)
+def test_python_on_a_page_runs(code: str, tmp_path: Path) -> None:
     python(tmp_path, "-c", code)
 
 
-def test_commands_in_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("page", pages_with("pycon"))
+def test_a_session_on_a_page_prints_what_it_shows(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    session = doctest.DocTestParser().get_doctest("\n".join(blocks(page, "pycon")), {}, page, page, 0)
+    said: list[str] = []
+    assert doctest.DocTestRunner(verbose=False).run(session, out=said.append).failed == 0, "".join(said)
+
+
+@pytest.mark.parametrize("page", pages_with("sh"))
+def test_commands_on_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "samples").symlink_to(ROOT / "samples")
     monkeypatch.chdir(tmp_path)
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
-    assert lines
-    for line in lines:
+    for line in [line for block in blocks(page, "sh") for line in block.splitlines()]:
         program, *arguments = shlex.split(line)
         assert program == "phasemap"
         assert main(arguments) == 0, line
 
 
-def test_the_readme_has_what_ci_runs() -> None:
-    marks = re.findall(r"<!-- (ci:\w+) -->\n```sh\n\S", README)
+def test_the_readme_has_what_ci_runs_and_is_short() -> None:
+    marks = re.findall(r"<!-- (ci:\w+) -->\n```sh\n\S", PAGES["README.md"])
     assert marks == ["ci:image", "ci:test"]
+    assert len(PAGES["README.md"].splitlines()) <= 250
+
+
+def test_the_speeds_in_the_readme_are_those_of_the_full_table() -> None:
+    full = PAGES["docs/accuracy.md"].partition("<!-- accuracy:begin -->")[2]
+    for name in ("auto", "orbit", "march", "averaging", "numbalsoda", "heyoka", "scipy"):
+        short = re.search(rf"^\| `?{name}`?[^|]*\|(.*)\|$", PAGES["README.md"], re.MULTILINE)
+        long = re.search(rf"^\| {name} \|(.*)\|$", full, re.MULTILINE)
+        assert short and long
+        cells = [re.sub(r" µs|\*|\(.*?\)", "", cell).strip() for cell in short[1].split("|")]
+        assert cells == [re.sub(r"\*|\(.*?\)", "", cell).strip() for cell in long[1].split("|")][: len(cells)]
 
 
 @pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])

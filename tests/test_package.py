@@ -39,7 +39,7 @@ def test_importing_phasemap_imports_nothing_heavy() -> None:
     [
         ["--help"],
         ["--version"],
-        *([name, "--help"] for name in ("run", "sweep", "contrast", "compare", "scene", "export")),
+        *([name, "--help"] for name in ("run", "sweep", "contrast", "compare", "scene", "export", "explore")),
     ],
     ids=" ".join,
 )

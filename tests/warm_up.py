@@ -1,7 +1,7 @@
 """Compiles what most tests need, before any of them: `python tests/warm_up.py at_rest` and `... in_time`.
 
-A process that compiles kernels and one that loads them may differ in the last bits, and tests of determinism compare
-processes. What is compiled here, all of them load.
+What is compiled here, all test processes load. No kernel may be compiled twice for arguments that differ in nothing but
+how they were written.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import sys
 import numpy as np
 
 import phasemap as pm
+from phasemap._kernels.compilation import compiled_more_than_once
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
 TWO = pm.Surface(modulus=2e9, adhesion=np.repeat([[0.02, 0.1]], 2, axis=0), damping=0.01, pixel_size=2e-9)
@@ -35,3 +36,5 @@ def in_time() -> None:
 
 if __name__ == "__main__":
     {"at_rest": at_rest, "in_time": in_time}[sys.argv[1]]()
+    if several := compiled_more_than_once():
+        sys.exit(f"kernels that are compiled more than once: {several}")

@@ -1,5 +1,9 @@
 """Numbering of what kernels take and give: columns of float64 arrays, and status codes."""
 
+from __future__ import annotations
+
+import numpy as np
+
 # Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11.
 CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
@@ -73,3 +77,9 @@ ATTRACTING, REPELLING = 0, 1  # on each branch, in the order of the codes of `br
 ENGAGED = 2  # what engagement from far finds
 SLOTS = 3
 NOWHERE = -1  # of a tip that has not been engaged
+
+
+def irregular(rows: np.ndarray) -> np.ndarray:
+    """Whether motion is not periodic, for result rows, shape (..., COLUMNS); what is not known is not irregular."""
+    spreads: np.ndarray = rows[..., SPREAD_AMPLITUDE] > 0
+    return spreads

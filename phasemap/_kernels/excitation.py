@@ -2,7 +2,8 @@
 
 With z = Re(Z exp(i omega tau)), Z = -i A exp(i phase), and a base that moves by b cos(omega tau), b = lever[SHAKER], it
 sees Z - b; b is 0 where the drive's force acts on the tip itself. Orbits obey u0 sin(phase) = P + A (1 - omega^2) and
-u0 cos(phase) = 2 alpha0 omega A - S. The same for arrays is in `phasemap.experiment.excitation`.
+u0 cos(phase) = 2 alpha0 omega A - S (theory, Eqs. (model-5) and (averaging-3)). The same for arrays is in
+`phasemap.experiment.excitation`.
 """
 
 from __future__ import annotations
@@ -10,16 +11,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, SHAKER
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 
 LOOKS, HALVINGS = 64, 50  # along the orbits without losses, and between two of them
 LEAST_SLOPE = 0.05  # of the amplitude seen with A: a flatter secant is not believed
 
 
-@njit(**OPTIONS)
+@kernel
 def seen_amplitude(lever: np.ndarray, amplitude: float, push: float) -> float:
     """Amplitude [m] that the detector sees of an orbit with this A and P."""
     base = lever[SHAKER]
@@ -29,7 +29,7 @@ def seen_amplitude(lever: np.ndarray, amplitude: float, push: float) -> float:
     return math.sqrt(max(amplitude * amplitude + base * base - 2.0 * base * amplitude * sine, 0.0))
 
 
-@njit(**OPTIONS)
+@kernel
 def seen_rate(lever: np.ndarray, amplitude: float, push: float, by_amplitude: float, by_push: float) -> float:
     """Rate of the amplitude that the detector sees, from those of A and P."""
     base = lever[SHAKER]
@@ -41,7 +41,7 @@ def seen_rate(lever: np.ndarray, amplitude: float, push: float, by_amplitude: fl
     return rate / seen_amplitude(lever, amplitude, push)
 
 
-@njit(**OPTIONS)
+@kernel
 def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     """A [m] of the orbit without losses that the detector sees with this amplitude, repulsive (1) or attractive (-1).
 
@@ -66,14 +66,14 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     return most * math.cos(0.5 * (low + high))
 
 
-@njit(**OPTIONS)
+@kernel
 def _on_circle(most: float, base: float, side: int, at: float) -> float:
     """Amplitude [m] seen of the orbit without losses whose phase is `at`, up to the sign that is its side."""
     amplitude = most * math.cos(at)
     return math.sqrt(amplitude * amplitude + base * base - 2.0 * side * base * amplitude * math.sin(at))
 
 
-@njit(**OPTIONS)
+@kernel
 def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] that the detector sees, 0 at free resonance, from those of z."""
     base = lever[SHAKER]
@@ -83,7 +83,7 @@ def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, floa
     return math.hypot(x, y), math.atan2(x, y) + math.atan(2.0 * lever[ALPHA0])
 
 
-@njit(**OPTIONS)
+@kernel
 def next_amplitude(
     lever: np.ndarray, seen: float, amplitude: float, phase: float, miss: float, before: tuple[float, float]
 ) -> float:

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA
-from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
 
 
-@njit(**OPTIONS)
+@kernel
 def free_amplitude(lever: np.ndarray) -> float:
-    """Amplitude [m] of the free lever at the drive frequency."""
+    """Amplitude [m] of the free lever at the drive frequency: theory, Eq. (model-2)."""
     omega = lever[col.OMEGA]
     return lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
 
 
-@njit(**OPTIONS)
+@kernel
 def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
     """Length [m] on which orbits change as the tip comes near: the reach of the long-range force.
 
@@ -34,27 +34,27 @@ def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
     return 0.5 * free * half * half
 
 
-@njit(**OPTIONS)
+@kernel
 def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
-    """Drive needed over drive given, squared, less one: zero on an orbit."""
+    """Drive needed over drive given, squared, less one: zero on an orbit. See theory, Eq. (averaging-4)."""
     omega = lever[OMEGA]
     x = push + amplitude * (1.0 - omega * omega)
     y = 2.0 * lever[ALPHA0] * omega * amplitude - drag
     return (x * x + y * y) / (lever[BASE] * lever[BASE]) - 1.0
 
 
-@njit(**OPTIONS)
+@kernel
 def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
-    """Phase [rad] from (z0, mean deflection, A, P, S)."""
+    """Phase [rad] from (z0, mean deflection, A, P, S): theory, Eq. (averaging-5)."""
     omega = lever[col.OMEGA]
     return math.atan2(
         guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
     )
 
 
-@njit(**OPTIONS)
+@kernel
 def reach_of(law: Law, p: np.ndarray) -> float:
-    """Distance [m] over which the long-range force falls: d0 of an inverse square; 0 without such a force."""
+    """Distance [m] over which the long-range force falls, theory, Eq. (model-13): 0 without such a force."""
     if p[4] == 0.0:
         return 0.0
     return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))

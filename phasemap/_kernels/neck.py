@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(24)
 
 
-@njit(**OPTIONS)
+@kernel
 def loop_energy(law: Law, p: np.ndarray) -> float:
     """Energy [J] lost between contact at d = 0 and release: the integral of F_longrange - F_contact over the neck.
 
+    See theory, Eq. (model-11).
     In x, with d = d_r (1 - x^2), the root of a contact force at release is smooth; the long-range force is, over reach,
     a power of exp(x) where the gap is reach (exp(x) - 1).
     """
@@ -34,7 +35,7 @@ def loop_energy(law: Law, p: np.ndarray) -> float:
     return energy
 
 
-@njit(**OPTIONS)
+@kernel
 def loop_energies(law: Law, rows: np.ndarray) -> np.ndarray:
     """`loop_energy` of every row; 0 without a neck."""
     energies = np.zeros(len(rows))

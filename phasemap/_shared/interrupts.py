@@ -66,6 +66,11 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
     return done[0]
 
 
+def leave(ended: threading.Event) -> None:
+    """Wait no more for what goes on in threads of its own until this is set; `still_busy` says so."""
+    _left.append(ended)
+
+
 def still_busy() -> bool:
     """Whether something goes on in the background: end the process by `os._exit`, or it waits for that, or crashes."""
     return not all(ended.is_set() for ended in _left)

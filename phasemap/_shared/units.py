@@ -11,7 +11,7 @@ PREFIXES = {
 }  # fmt: skip
 WRITTEN = {"N m-1": "N/m", "J m-2": "J/m²", "degree": "degrees", "1": ""}
 UDUNITS = {"N/m": "N m-1", "J/m2": "J m-2"}  # of what they write otherwise
-BARE = ("degree", "1", "N m-1", "J m-2")  # never with a prefix
+BARE = ("degree", "1", "eV", "N m-1", "J m-2")  # never with a prefix
 
 
 class Unit(NamedTuple):

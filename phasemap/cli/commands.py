@@ -17,7 +17,7 @@ from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
 from phasemap._shared.plausible import once, strict_units
 from phasemap._shared.quantities import is_number
-from phasemap.cli import check, compare, contrast, invert, sweep
+from phasemap.cli import check, compare, contrast, explore, invert, sweep
 from phasemap.cli import measured as cli_measured
 from phasemap.cli import presets as cli_presets
 from phasemap.cli import run as cli_run
@@ -33,6 +33,7 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
   phasemap plot blend.nc
+  phasemap explore samples/blend.toml
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
   phasemap compare measured.nid blend.nc --plot page.png
@@ -190,13 +191,18 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="OUT.png", type=Path, help="picture to write (.png, .pdf, .svg); default: FILE.png"
     )
     what = plot.add_mutually_exclusive_group()
-    what.add_argument("--quantities", metavar="A,B", help="of a sweep, such as phase,dissipation; a panel each")
+    what.add_argument(
+        "--quantities", metavar="A,B", help="of a sweep or an image, such as phase,dissipation; a panel each"
+    )
     what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
     what.add_argument("--trace", metavar="AT", help="of a sweep with --samples: one period at this value")
     plot.add_argument(
         "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
     )
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
+
+    about = "open a page with a slider for every knob, and see at once what it does"
+    explore.add_arguments(command("explore", explore.explore, about, explore.EXAMPLES))
 
     sweep.add_arguments(
         command(
@@ -289,6 +295,7 @@ def _plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
     from phasemap.io.netcdf import check_target, load, load_sample
     from phasemap.plot import curve, plot, trace
+    from phasemap.plot.sweep import is_sweep
 
     if arguments.file.suffix == ".toml":
         image = arguments.file.with_suffix(".nc").name
@@ -301,10 +308,11 @@ def _plot(arguments: argparse.Namespace) -> None:
     with _as_written_by_phasemap(arguments.file):
         if arguments.trace is not None:
             trace(ds, arguments.trace, output, arguments.overwrite)
-        elif arguments.quantities is not None:
+        elif arguments.quantities is not None and is_sweep(ds):
             curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
         else:
-            plot(ds, output, arguments.overwrite, mark_irregular=arguments.mark_irregular)
+            wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
+            plot(ds, output, arguments.overwrite, variables=wanted, mark_irregular=arguments.mark_irregular)
     print(f"written to  {output}")
 
 

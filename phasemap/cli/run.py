@@ -77,7 +77,7 @@ def validate(arguments: argparse.Namespace) -> None:
 
     from phasemap.imaging.canvas import check_image
     from phasemap.imaging.simulation import modelled, workspace
-    from phasemap.results.variables import check_variables, variables_of
+    from phasemap.results.channels import inputs_of, split
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.problem import make_work
 
@@ -90,7 +90,7 @@ def validate(arguments: argparse.Namespace) -> None:
         print("the first sample:")
         scene = ensemble.scene(0)
     surface, scope, control = scene.surface, scene.microscope, scene.options["control"]
-    names = check_variables(scene.options["variables"], variables_of(control))
+    names = inputs_of(*split(scene.options["variables"], control, scope.drive.second is not None), control)
     check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.free_amplitude

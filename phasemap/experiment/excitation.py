@@ -29,7 +29,7 @@ def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     Parameters
     ----------
     lever : ndarray, shape (..., 5)
-        As of `phasemap.solvers.problem.lever_of`.
+        As of `phasemap.experiment.lever.lever_of`.
     amplitude, phase : array_like
         Of z [m, rad].
 
@@ -63,10 +63,10 @@ def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
 
 
 def seen(rows: Array, lever: Array) -> Array:
-    """Result rows as the detector sees them: amplitude, phase and their spreads.
+    """Result rows as the detector sees them: amplitude and phase.
 
-    Of motion that is not periodic the means are exact, for the base's motion is constant; the spreads are those of an
-    amplitude and a phase that vary independently.
+    They are exact for the means of motion that is not periodic too, for the base's motion is constant. Its spreads
+    depend on how amplitude and phase vary together: they are left as they are, of what was averaged in time.
 
     Parameters
     ----------
@@ -77,10 +77,5 @@ def seen(rows: Array, lever: Array) -> Array:
     if not np.any(lever[..., col.SHAKER]):
         return rows
     found, amplitude, phase = rows.copy(), rows[..., col.AMPLITUDE], rows[..., col.PHASE]
-    size, turned = show(lever, amplitude, phase)
-    found[..., col.AMPLITUDE], found[..., col.PHASE] = size, turned
-    along = phase + np.arctan(2 * lever[..., col.ALPHA0]) - turned  # from the direction of the deflection to that of z
-    of_size, of_phase = rows[..., col.SPREAD_AMPLITUDE], rows[..., col.SPREAD_PHASE] * amplitude
-    found[..., col.SPREAD_AMPLITUDE] = np.hypot(of_size * np.cos(along), of_phase * np.sin(along))
-    found[..., col.SPREAD_PHASE] = np.hypot(of_size * np.sin(along), of_phase * np.cos(along)) / size
+    found[..., col.AMPLITUDE], found[..., col.PHASE] = show(lever, amplitude, phase)
     return found

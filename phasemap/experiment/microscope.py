@@ -14,6 +14,7 @@ from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
 FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what anybody works with [Hz, m, m]
+DETECTIONS = ("fm", "am")
 
 
 @known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor")
@@ -101,6 +102,44 @@ class Tip:
     poisson_ratio: Number[float] = Number("1", 0.3, said="tip poisson_ratio", above=-1, maximum=0.5)
 
 
+@known_as(k="stiffness", f="frequency", f2="frequency", Q="quality_factor", A="free_amplitude")
+@dataclass(frozen=True)
+class Mode:
+    """A second eigenmode of the lever, driven together with the first, and so little that it only feels its way.
+
+    Parameters
+    ----------
+    stiffness : float
+        k2 [N/m], > 0.
+    frequency : float
+        Free resonance frequency f2 [Hz], > 0.
+    quality_factor : float
+        Q2 [1], > 0.5.
+    free_amplitude : float
+        Of the second mode, free [m], > 0.
+    detection : {"fm", "am"}
+        "fm": a phase-locked loop holds the phase at resonance and shows the shift of the frequency, another loop holds
+        the amplitude (AM-FM). "am": driven at f2, it shows amplitude and phase (AM-AM).
+
+    Examples
+    --------
+    >>> Mode(stiffness=1600.0, frequency=1.88e6, quality_factor=600.0, free_amplitude=0.1e-9).detection
+    'fm'
+    """
+
+    stiffness: Number[float] = Number("N/m", said="stiffness of the second mode", above=0, usual=(1e-2, 1e5))
+    frequency: Number[float] = Number("Hz", said="frequency of the second mode", above=0, usual=(5e3, 1e8))
+    quality_factor: Number[float] = Number("1", said="quality_factor of the second mode", above=0.5, usual=(0.5, 1e6))
+    free_amplitude: Number[float] = Number(
+        "m", said="free_amplitude of the second mode", above=0, usual=(1e-12, 100e-9)
+    )
+    detection: str = "fm"
+
+    def __post_init__(self) -> None:
+        if self.detection not in DETECTIONS:
+            raise InputError("detection", self.detection, " or ".join(map(repr, DETECTIONS)))
+
+
 @known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
 @dataclass(frozen=True)
 class Drive:
@@ -117,6 +156,9 @@ class Drive:
         shaker under the lever, which moves its base by u0: the detector sees the deflection, position less base.
         Setpoint, amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase
         is 0 for the free lever at resonance. The difference is of the order 1/Q.
+    second : Mode, optional
+        A second mode driven at its own frequency, by a force on the tip. It is taken to move by much less than the
+        indentation, so that the orbit is that of the first mode alone: `phasemap.channels` says what it shows.
 
     Examples
     --------
@@ -127,10 +169,13 @@ class Drive:
     free_amplitude: Number[float] = Number("m", above=0, usual=AMPLITUDE, asks=False)
     frequency: Number[float | None] = Number("Hz", None, said="drive frequency", above=0, usual=FREQUENCY)
     excitation: str = "direct"
+    second: Mode | None = None
 
     def __post_init__(self) -> None:
         if self.excitation not in EXCITATIONS:
             raise InputError("excitation", self.excitation, " or ".join(map(repr, EXCITATIONS)))
+        if self.second is not None and not isinstance(self.second, Mode):
+            raise InputError("second", self.second, "a Mode, or None")
         if self.frequency is None:  # else a Microscope knows how far from resonance the lever is driven
             question("free_amplitude", self.free_amplitude, "m", AMPLITUDE)
 

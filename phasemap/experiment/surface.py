@@ -26,7 +26,7 @@ from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres,
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.experiment.microscope import Tip
+    from phasemap.experiment.microscope import Microscope, Tip
 
 __all__ = ["Surface"]
 
@@ -446,6 +446,44 @@ class Surface:
 
         self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
+
+    def seen_by(self, scope: Microscope, setpoint: float, *, depth: ArrayLike | None = None) -> Surface:
+        """Return the surface as a tip sees it that touches and attracts an area: edges between materials are blurred.
+
+        Parameters
+        ----------
+        scope : Microscope
+        setpoint : float
+            Amplitude over the free amplitude at the drive frequency, between 0 and 1.
+        depth : float or array_like, shape (ny, nx), optional
+            Largest indentation at each pixel [m]: ``indentation`` of an image, say. By default that of the
+            repulsive orbit on DMT contact, to first order in depth over amplitude: near resonance good to some 5 %.
+
+        Returns
+        -------
+        Surface
+            Its plane-strain modulus and Poisson's ratio are means over the contact's disc of radius sqrt(R d) under the
+            pressure of Hertz, its damping that over the disc, its adhesion that over the disc and the reach of the
+            long-range force beyond. See `phasemap.experiment.footprint`. The topography stays.
+
+        Raises
+        ------
+        InputError
+            If `setpoint` is not between 0 and 1, `depth` has another shape, or the maps are Dask arrays.
+
+        Examples
+        --------
+        >>> from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+        >>> edge = Surface(modulus=[[1e9] * 8 + [3e9] * 8], pixel_size=2e-9, poisson_ratio=0.3)
+        >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(40e-9))
+        >>> [round(float(E) / 1e9, 2) for E in edge.seen_by(scope, 0.7).modulus[0, 5:11]]
+        [1.0, 1.21, 1.7, 2.39, 2.94, 3.0]
+        """
+        from phasemap.experiment.footprint import seen_by
+
+        self._refuse_lazy()
+        ratio = number("setpoint", setpoint, "1", above=0, below=1)
+        return seen_by(self, scope, ratio, None if depth is None else np.asarray(depth, dtype=np.float64))
 
     def __eq__(self, other: object) -> bool:
         """Whether both have the same values everywhere; where both have NaN they agree."""

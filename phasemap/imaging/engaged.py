@@ -13,6 +13,7 @@ from phasemap._kernels import columns as col
 from phasemap._shared.threads import spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation import Atlas, Oracle, build
@@ -21,8 +22,8 @@ from phasemap.imaging.interpolation.oracle import FUNCTIONS
 from phasemap.imaging.job import Job, Painter, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
+from phasemap.results.variables import OF_ADHESION, OF_FORCES
 from phasemap.solvers.energy import close
-from phasemap.solvers.problem import lever_of
 
 Array = NDArray[np.float64]
 
@@ -149,7 +150,8 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
 
     def paint(first: int, last: int) -> None:
         part = slice(first, last)
-        points = axes.points(*job.properties(job.surface.materials(part)))
+        materials = job.surface.materials(part)
+        points = axes.points(*job.properties(materials))
         piece, values = atlas(points, wanted)
         rows = np.full((col.COLUMNS, last - first), np.nan)
         rows[to] = values
@@ -158,7 +160,8 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
         close(rows.T, lever)
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
-        canvas.put(part, values_of(job.names, rows.T, status, np.full(last - first, col.INTERPOLATED, np.int8)))
+        used = np.full(last - first, col.INTERPOLATED, np.int8)
+        canvas.put(part, values_of(job.names, job.widened(rows.T, used, materials), status, used))
         painted.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:
@@ -186,6 +189,8 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "height": (col.TIP_OFFSET,), "phase": (col.PHASE,), "tip_offset": (col.TIP_OFFSET,),
         "mean_deflection": (col.MEAN,), "indentation": (col.INDENTATION,), "dissipation": (col.DISSIPATION,),
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
+        **dict.fromkeys(OF_ADHESION, (col.INDENTATION,)),
+        **dict.fromkeys(OF_FORCES, (col.INDENTATION, col.TIP_OFFSET, col.MEAN)),
     }  # fmt: skip
     return sorted({column for name in names for column in needed.get(name, ())})
 

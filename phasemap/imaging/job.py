@@ -14,11 +14,14 @@ from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.materials.survey import Place, Survey
-from phasemap.solvers.problem import Work, properties, work_of
+from phasemap.results.variables import OF_ADHESION, OF_FORCES
+from phasemap.solvers.integrals import bare_rows, with_adhesion, with_forces
+from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
@@ -105,7 +108,7 @@ class Job:
             self.progress(self.place.row * nx + done, ny * nx)
 
     def properties(self, materials: Array) -> tuple[Array, Array, Array]:
-        """See `phasemap.solvers.problem.properties`."""
+        """See `phasemap.experiment.properties.properties`."""
         return properties(materials, self.surface.viscosity is not None, self.scope)
 
     def work(self, materials: Array) -> Work:
@@ -116,10 +119,19 @@ class Job:
         """Variables of distinct materials, one entry a material."""
 
         def solve(some: Array, later: Progress | None) -> Values:
-            found = run(self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later)
-            return values_of(self.names, *found)
+            rows, status, used = run(self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later)
+            return values_of(self.names, self.widened(rows, used, some), status, used)
 
         return self.in_chunks(materials, solve, progress)
+
+    def widened(self, rows: Array, used: NDArray[np.int8], materials: Array) -> Array:
+        """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides."""
+        if set(OF_ADHESION) & set(self.names):
+            stiffness = self.properties(materials)[0]
+            rows = with_adhesion(rows, self.work(materials), bare_rows(stiffness, self.scope))
+        if set(OF_FORCES) & set(self.names):
+            rows = with_forces(rows, self.work(materials), used, self.scope)
+        return rows
 
     def in_chunks(
         self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None

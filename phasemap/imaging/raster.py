@@ -84,7 +84,10 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     def solve(some: Array, later: Progress | None) -> Values:
         found = stable_branches(job.work(some), job.solver, job.accuracy, job.workers, later)
         orbits = dict(zip((STABLE, BEGINS, OFFSETS, REACH), found.orbits, strict=True))
-        return {**values_of(job.names, found.rows, found.status, found.solver), **orbits}
+        return {
+            **values_of(job.names, job.widened(found.rows, found.solver, some), found.status, found.solver),
+            **orbits,
+        }
 
     return Table(materials, job.in_chunks(materials, solve, progress))
 

@@ -19,6 +19,7 @@ from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
@@ -28,10 +29,11 @@ from phasemap.imaging.imperfections import drifted, finish
 from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import paint_part, painter_of, plan_image
+from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.status import Status
 from phasemap.results.validity import FORCES
-from phasemap.results.variables import IN_TIME, check_variables, describe, provenance, variables_of
-from phasemap.solvers.problem import Work, check_setpoint, make_work, properties
+from phasemap.results.variables import IN_TIME, describe, provenance
+from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
 
 if TYPE_CHECKING:
@@ -80,7 +82,10 @@ def simulate(
     realism : Realism, optional
         What a real microscope adds: noise, drift, offsets of lines, a change of the tip, quantisation; none by default.
     variables : iterable of str, optional
-        Which variables to return, all by default; `status` always comes along.
+        Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
+        to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
+        `phasemap.channels`: "loss_tangent", "dissipation_ev" and more. What a second mode shows comes by default where
+        the drive has one.
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
@@ -97,7 +102,8 @@ def simulate(
     xarray.Dataset
         Dims ("y", "x"), row 0 at the top, coordinates in m: height, phase, amplitude, tip_offset, mean_deflection,
         indentation [m and degree], dissipation, virial [J], branch, status, solver (CF flags), error_phase [degree] and
-        error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
+        error_height [m] where estimated, energy_closure [1] where the solver has it, adhesion_virial and
+        adhesion_loss [J]. `Raster` and `Feedback` have a
         leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
         amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
         attributes.
@@ -153,7 +159,8 @@ def simulate(
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
-    names = check_variables(variables, variables_of(control))
+    stay, derived = split(variables, control, scope.drive.second is not None)
+    names = inputs_of(stay, derived, control)
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)
     else:
@@ -185,7 +192,7 @@ def simulate(
         )
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
-    return finish(image, realism)
+    return with_channels(finish(image, realism), stay, derived, control, scope)
 
 
 def _at_each(

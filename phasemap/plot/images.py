@@ -8,10 +8,12 @@ from __future__ import annotations
 import json
 import os
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.units import readable
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import (
     FAILED,
@@ -70,6 +72,7 @@ def plot(
     path: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     *,
+    variables: Sequence[str] | None = None,
     mark_irregular: bool = False,
 ) -> Figure:
     """Draw height and phase of an image side by side, or what the function for another Dataset draws.
@@ -89,6 +92,9 @@ def plot(
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
         Whether an existing file may be replaced.
+    variables : sequence of str, optional
+        Of an image: which variables to draw, side by side, in place of height and phase; those of `phasemap.channels`,
+        for instance.
     mark_irregular : bool
         Whether dots mark the pixels of an image in which the motion is irregular. A sweep shows them always.
 
@@ -99,8 +105,8 @@ def plot(
     Raises
     ------
     InputError
-        If `ds` holds no image, sweep, contrast, comparison or inversion, the format is unknown, or irregular pixels
-        are to be marked in an image that does not have the variable ``motion``.
+        If `ds` holds no image, sweep, contrast, comparison or inversion, or not the variables to be drawn, the format
+        is unknown, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
     FileError
         If `path` cannot be written.
 
@@ -125,14 +131,15 @@ def plot(
         return inversion(ds, path, overwrite)
     if is_comparison(ds):
         return comparison(ds, path, overwrite)
-    _check(ds, mark_irregular)
+    names = ("height", "phase") if variables is None else tuple(variables)
+    _check(ds, names, mark_irregular)
     rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
     length = _side_lengths(ds)
     tall = PANEL * min(max(length[1] / length[0], 0.2), 2.0)
     step = TITLE + tall + HISTOGRAM_GAP + HISTOGRAM + AXIS
-    scales = {"height": _height_scale(ds["height"].values), "phase": _phase_scale(ds["phase"].values)}
-    if "amplitude_error" in ds:
-        scales["amplitude_error"] = _error_scale(ds["amplitude_error"].values)
+    if variables is None and "amplitude_error" in ds:
+        names = (*names, "amplitude_error")
+    scales = {name: _scale_of(ds[name]) for name in names}
     notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
     notes += [(f"△ {line}", "0.25") for line in describe_validity(ds)]
     notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
@@ -167,11 +174,12 @@ def plot(
     return figure
 
 
-def _check(ds: xr.Dataset, mark_irregular: bool) -> None:
-    """Refuse what is not an image, or does not say what is to be marked."""
-    for name in ("height", "phase"):
-        if name not in ds:
-            raise InputError("the dataset", sorted(map(str, ds.data_vars)), "an image with height and phase")
+def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None:
+    """Refuse what is not an image, or does not have what is to be drawn or marked."""
+    for name in names:
+        if name not in ds or ds[name].dtype.kind != "f":
+            held = sorted(str(key) for key, one in ds.data_vars.items() if one.dtype.kind == "f")
+            raise InputError("the dataset", held, f"an image with {' and '.join(names)}")
         dims = ds[name].dims
         if "sample" in dims:
             raise InputError("the dataset", f"an ensemble of {ds.sizes['sample']} images", "one of them (--sample N)")
@@ -189,6 +197,23 @@ def _side_lengths(ds: xr.Dataset) -> tuple[float, float]:
     pitch = {dim: float(ds[dim][1] - ds[dim][0]) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
     width, height = (ds.sizes[dim] * (pitch[dim] or max(pitch.values()) or 1.0) for dim in ("x", "y"))
     return width, height
+
+
+def _scale_of(variable: xr.DataArray) -> _Scale:
+    """The scale of a variable: its own where it has one, else viridis in the unit that suits the range."""
+    import matplotlib
+    from matplotlib.colors import Normalize
+
+    own = {"height": _height_scale, "phase": _phase_scale, "amplitude_error": _error_scale}
+    name, values = str(variable.name), variable.values
+    if name in own:
+        return own[name](values)
+    low, high = _limits(values)
+    unit = readable(max(-low, high), variable.attrs.get("units", ""))
+    low, high = low / unit.size, high / unit.size
+    margin = MARGIN_OF_LIMITS * (high - low) or 0.5 * abs(high) or 0.5
+    label = unit.label(name.replace("_", " "))
+    return _Scale(label, 1 / unit.size, 0.0, matplotlib.colormaps["viridis"], Normalize(low - margin, high + margin))
 
 
 def _height_scale(values: np.ndarray) -> _Scale:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, SIDEBANDS, WAVES
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import DETECTED
 from phasemap.results.status import Status
@@ -51,6 +53,22 @@ def _multiplier(rows: Array) -> Array:
     return larger
 
 
+def _wave(n: int) -> Callable[[Array], Array]:
+    """The complex amplitude of a harmonic, of wide rows."""
+    return lambda rows: rows[..., WAVES + 2 * (n - 2)] + 1j * rows[..., WAVES + 2 * (n - 2) + 1]
+
+
+def _harmonic(n: int) -> dict[str, Variable]:
+    """Amplitude and phase of a harmonic."""
+    wave = _wave(n)
+    return {
+        f"amplitude_{n}": Variable(f"amplitude of harmonic {n}", "m", lambda rows: np.abs(wave(rows))),
+        f"phase_{n}": Variable(
+            f"phase of harmonic {n} against that of the first", "degree", lambda rows: np.degrees(np.angle(wave(rows)))
+        ),
+    }
+
+
 FLOATS: dict[str, Variable] = {
     "height": Variable(
         "height (topography + tip offset - setpoint amplitude)", "m",
@@ -70,6 +88,10 @@ FLOATS: dict[str, Variable] = {
     "indentation": Variable("largest indentation, negative without contact", "m", _column(col.INDENTATION)),
     "dissipation": Variable("energy dissipated in the surface per cycle", "J", _column(col.DISSIPATION)),
     "virial": Variable("virial of the tip-surface force, positive attractive", "J", _column(col.VIRIAL)),
+    "adhesion_virial": Variable(
+        "virial of the attraction alone, in the first harmonic, positive attractive", "J", _column(ADHESION_VIRIAL)
+    ),
+    "adhesion_loss": Variable("energy that necks of the contact take per cycle", "J", _column(ADHESION_LOSS)),
     "error_phase": Variable("estimated error of the phase", "degree", _column(col.ERROR_PHASE, 180 / np.pi)),
     "error_height": Variable("estimated error of the height", "m", _column(col.ERROR_HEIGHT)),
     "energy_closure": Variable("energy in less energy out, over energy in", "1", _column(col.CLOSURE)),
@@ -81,6 +103,15 @@ FLOATS: dict[str, Variable] = {
     "contact_time": Variable("share of the period in contact, necks included", "1", _column(col.CONTACT_TIME)),
     "multiplier_real": Variable("real part of the larger Floquet multiplier", "1", lambda rows: _multiplier(rows).real),
     "multiplier_imag": Variable("its imaginary part", "1", lambda rows: _multiplier(rows).imag),
+    "mean_gradient": Variable("mean slope of the surface's force with depth over a period", "N m-1", _column(GRADIENT)),
+    "mean_damping": Variable("mean damping coefficient 2 alpha of the surface over a period", "1", _column(DRAG)),
+    "sideband_stiffness": Variable(
+        "what the second mode finds softer because both modes yield at its sidebands", "N m-1", _column(SIDEBANDS)
+    ),
+    "sideband_loss": Variable(
+        "what the second mode loses for that reason, over its amplitude", "N m-1", _column(SIDEBANDS + 1)
+    ),
+    **{name: one for n in range(2, 2 + col.HARMONICS) for name, one in _harmonic(n).items()},
 }  # fmt: skip
 LOCK_IN = (
     "0 for a periodic orbit; else of a lock-in with a first-order low-pass at a hundredth of the drive frequency, "
@@ -91,6 +122,11 @@ DESCRIPTIONS = {
     "phase_spread": LOCK_IN,
     "error_phase": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
     "error_height": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
+    "adhesion_virial": "of the force less that of the same contact without adhesion and bias; of periodic orbits",
+    **{
+        f"phase_{n}": f"phi of z = A cos(theta) + A_{n} cos({n} theta + phi), A and theta of the first harmonic"
+        for n in range(2, 2 + col.HARMONICS)
+    },
     "energy_closure": "of the first harmonic alone where the solver is averaging or interpolated",
 }
 IN_TIME = {
@@ -108,8 +144,17 @@ FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
 IMAGE_VARIABLES = (
     "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
     "branch", "status", "solver", "error_phase", "error_height", "energy_closure", "amplitude_spread", "phase_spread",
-    "motion",
+    "motion", "adhesion_virial", "adhesion_loss",
 )  # fmt: skip
+WHERE_ASKED = (
+    "mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss",
+    *(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}")),
+)  # fmt: skip
+"""Variables of an image at rest that it has only where they are asked for."""
+OF_FORCES = WHERE_ASKED
+"""What `phasemap.solvers.integrals.with_forces` knows."""
+OF_ADHESION = ("adhesion_virial", "adhesion_loss")
+"""What `phasemap.solvers.integrals.with_adhesion` knows."""
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
 """Of a scan in time."""
 
@@ -159,13 +204,17 @@ def branch_of(rows: Array) -> Array:
 
 def motion_of(rows: Array) -> Array:
     """Motion codes: 0 periodic, 1 irregular, -1 where there is none."""
-    irregular = rows[..., col.SPREAD_AMPLITUDE] > 0
-    return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, irregular).astype(np.int8)
+    return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, col.irregular(rows)).astype(np.int8)
 
 
 def variables_of(control: Control) -> tuple[str, ...]:
     """Names of the variables that an image taken under this control has."""
     return SCAN_VARIABLES if control.in_time else IMAGE_VARIABLES
+
+
+def all_variables_of(control: Control) -> tuple[str, ...]:
+    """The same, with those that it has only where they are asked for."""
+    return SCAN_VARIABLES if control.in_time else (*IMAGE_VARIABLES, *WHERE_ASKED)
 
 
 def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES) -> tuple[str, ...]:
@@ -190,13 +239,9 @@ def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES)
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
     """Global attributes that say where a Dataset comes from."""
     from importlib import import_module
-    from importlib.metadata import PackageNotFoundError, version
 
     import_module("phasemap.io.accessor")  # from now on Datasets have ``.phasemap``
-    try:
-        release = version("afm-phasemap")
-    except PackageNotFoundError:
-        release = "not installed"
+    release = _release()
     scope = configuration.get("microscope")
     detected = {} if scope is None else {"detected": DETECTED[scope["drive"]["excitation"]]}
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -208,6 +253,17 @@ def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
         **detected,
         "history": f"{now} {action} by phasemap {release}",
     }
+
+
+@cache
+def _release() -> str:
+    """The version of this package; to look it up takes longer than to solve a pixel."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("afm-phasemap")
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def describe(thing: Any) -> Any:

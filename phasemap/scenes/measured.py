@@ -7,10 +7,8 @@ image knows the moduli, are placeholders that are said to be so.
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import shlex
-import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +23,7 @@ from phasemap.io.netcdf import check_target, replacing, save
 from phasemap.io.read import read_image
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
 from phasemap.scenes.tables import Table, with_override
+from phasemap.scenes.writing import toml_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,14 +49,7 @@ RECORDED = {
     "drive.frequency": "drive_frequency",
 }
 """Keys of a scene, and the attributes of an image that say them."""
-UNITS_OF = {"height": "m", "phase": "degree"}  # in the image ...
-UNITS = {
-    "stiffness": "N/m",
-    "adhesion": "J/m2",
-    "modulus": "Pa",
-    "radius": "m",
-    "free_amplitude": "m, at resonance",
-}  # ... and in the scene
+UNITS_OF = {"height": "m", "phase": "degree"}
 
 
 def scene_from(
@@ -151,9 +143,10 @@ def scene_from(
     tables["materials"] = given | {name: _material(given.get(name, {})) for name in names}
     notes |= {f"materials.{name}": share for name, share in zip(names, shares, strict=True)}
     scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values first
+    made = {f"materials.{name}.{key}": "placeholder" for name in names for key in tables["materials"][name]}
     save(maps, maps_path, overwrite)
     with replacing(path, overwrite) as temporary:
-        temporary.write_text(_toml(tables, notes, _heading(scan, path)), encoding="utf-8")
+        temporary.write_text(toml_of(tables, made | notes, _heading(scan, path)), encoding="utf-8")
     return load_scene(path)
 
 
@@ -275,35 +268,3 @@ def _heading(scan: xr.Dataset, path: Path) -> list[str]:
         *str(scan.attrs.get("warnings", "")).splitlines(),
         "Every length is in m, every other quantity in SI units.",
     ]
-
-
-def _toml(tables: Table, notes: Mapping[str, str], heading: list[str]) -> str:
-    """Tables as TOML, with a comment on where a value comes from."""
-    lines = [f"# {part}".rstrip() for line in heading for part in textwrap.wrap(line, 116) or [""]]
-    for name, table in tables.items():
-        parts = {f"{name}.{key}": sub for key, sub in table.items()} if name == "materials" else {name: table}
-        for title, part in parts.items():
-            if not part:
-                continue
-            lines += ["", f"[{title}]" + (f"  # {notes[title]}" if title in notes else "")]
-            for key, value in part.items():
-                own = f"{title}.{key}"
-                placeholder = "placeholder" if name == "materials" and own not in notes else ""
-                said = ", ".join(filter(None, [UNITS.get(key, ""), notes.get(own, placeholder)]))
-                lines.append(f"{key} = {_written(value)}" + (f"  # {said}" if said else ""))
-    return "\n".join(lines) + "\n"
-
-
-def _written(value: object) -> str:
-    """One value as TOML."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_written(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_written, value)) + "]"
-    if isinstance(value, float) and abs(value) >= 1e6:
-        from numpy import format_float_scientific
-
-        return format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "e")
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -27,7 +27,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.scenes.tables import Table, check_choice, check_keys, construct, read_tables
 
@@ -63,6 +63,8 @@ class Scene:
         The file that ``[output]`` names, relative to the scene's folder.
     config : mapping
         Every table with its defaults filled in, and the SHA-256 of every file that was read.
+    source : Path or None
+        The file that the scene was read from.
 
     Examples
     --------
@@ -76,6 +78,7 @@ class Scene:
     options: Mapping[str, Any]
     output: Path | None
     config: Mapping[str, Any]
+    source: Path | None = None
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON.
@@ -194,7 +197,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     tables = read_tables(path, overrides)
     if "ensemble" in tables:
         raise InputError("[ensemble]", Word("there"), "no such table in a single scene", "Use load_ensemble.")
-    return scene_from_tables(tables, Path(path).parent)
+    return dataclasses.replace(scene_from_tables(tables, Path(path).parent), source=Path(path))
 
 
 def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = None) -> Scene:
@@ -231,8 +234,9 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
 
 def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     """What the tables describe."""
-    from phasemap.results.variables import check_variables, describe, variables_of
-    from phasemap.scenes.surface import build_surface, dilate
+    from phasemap.results.channels import split
+    from phasemap.results.variables import describe
+    from phasemap.scenes.surface import build_surface, dilate, seen
 
     setpoint, scan = _scan(_table(tables, "scan"))
     microscope = _microscope(tables)
@@ -247,12 +251,13 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         raise InputError("[output] file", file, "a file name")
     if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
-    construct("[output]", {"variables": variables}, check_variables, known=variables_of(control))
+    construct("[output]", {"variables": variables}, split, control=control, second=microscope.drive.second is not None)
     materials = _materials(tables)
     files: dict[str, str] = {}
     if surface is None:
         surface, files = build_surface(_table(tables, "surface"), materials, folder)
         surface = dilate(tables["surface"], surface, microscope.tip)
+        surface = seen(tables["surface"], surface, microscope, setpoint)
     realism = _realism(_table(tables, "realism"), control, surface.shape[0])
     config = {
         "scan": scan,
@@ -345,7 +350,10 @@ def _microscope(tables: Table) -> Microscope:
             "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
             stacklevel=2,
         )
-    return Microscope(lever, tip, _object(tables, "drive", Drive), _object(tables, "interaction", Interaction))
+    drive = _table(tables, "drive")
+    if drive.get("second") is not None:
+        drive = {**drive, "second": _from_table("[drive.second]", drive["second"], Mode)}
+    return Microscope(lever, tip, _from_table("[drive]", drive, Drive), _object(tables, "interaction", Interaction))
 
 
 def _realism(table: Table, control: Control, lines: int) -> Realism:

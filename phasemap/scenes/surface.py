@@ -15,7 +15,8 @@ A map is written as rows of numbers, as the name of a ``.npy``, ``.csv``, ``.txt
 relative to the scene's folder; ``"package:NAME/path"`` is a file that an installed package brings along.
 
 With ``dilate = true`` every surface is seen with a tip of finite size, as `phasemap.Surface.dilated` makes it;
-``half_angle`` is that of its cone [degree].
+``half_angle`` is that of its cone [degree]. With ``seen_by_tip = true`` edges between materials are as wide as the
+contact and the reach of the attraction, as `phasemap.Surface.seen_by` makes them.
 """
 
 from __future__ import annotations
@@ -41,16 +42,16 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from phasemap.experiment.microscope import Tip
+    from phasemap.experiment.microscope import Microscope, Tip
     from phasemap.experiment.surface import Surface
 
-__all__ = ["build_surface", "dilate"]
+__all__ = ["build_surface", "dilate", "seen"]
 
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
 SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
-DILATION = ("dilate", "half_angle")  # keys of `dilate`; the makers of surfaces pass them over
+TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 
 
 def build_surface(
@@ -95,7 +96,7 @@ def build_surface(
     kind = table["kind"]
     check_choice("[surface] kind", kind, ["labels", "maps", "measured", *generators])
     files = _Files(folder)
-    arguments = {key: value for key, value in table.items() if key not in ("kind", *DILATION)}
+    arguments = {key: value for key, value in table.items() if key not in ("kind", *TIP)}
     if kind == "maps":
         surface = _from_maps(arguments, files)
     elif kind == "measured":
@@ -134,6 +135,20 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     if "half_angle" in table:
         raise InputError("[surface] half_angle", table["half_angle"], "given only with dilate = true")
     return surface
+
+
+def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
+    """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true.
+
+    Raises
+    ------
+    InputError
+        If the value is not allowed.
+    """
+    wanted = table.get("seen_by_tip", False)
+    if not isinstance(wanted, bool):
+        raise InputError("[surface] seen_by_tip", wanted, "true or false")
+    return surface.seen_by(scope, setpoint) if wanted else surface
 
 
 class _Files:

@@ -37,7 +37,7 @@ class Averaging:
         if not engage_averaged(work, accuracy.periods, first, last, out, status, solver):
             return
         # What is not periodic has no averaged orbit: the march's mean stands.
-        kept = first + np.flatnonzero(out[first:last, col.SPREAD_AMPLITUDE] > 0)
+        kept = first + np.flatnonzero(col.irregular(out[first:last]))
         rows = out[kept]
         averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
         out[kept], status[kept], solver[kept] = rows, col.GOOD, col.MARCH

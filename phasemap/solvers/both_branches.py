@@ -177,7 +177,7 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
 
     A tip that comes on that branch, but higher, from a stiffer material, falls off it.
     """
-    irregular = rows[ENGAGED, first:last, col.SPREAD_AMPLITUDE] > 0
+    irregular = col.irregular(rows[ENGAGED, first:last])
     attractive = ~(rows[ENGAGED, first:last, col.STIFFENING] > 0)
     chosen = first + np.flatnonzero(irregular & attractive & (status[REPELLING, first:last] == col.GOOD))
     if len(chosen):

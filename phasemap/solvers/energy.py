@@ -1,42 +1,13 @@
-"""Energy of one period: what the drive gives, and what the air takes from the first harmonic."""
+"""Energy of one period of orbits whose solver knows the first harmonic only."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.experiment.lever import lost_in_air, supplied
 
 Array = np.ndarray
-
-
-def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
-    """Work of the drive, pi k u0 A cos(phase) [J per cycle].
-
-    Parameters
-    ----------
-    lever : ndarray, shape (5,)
-        As in `phasemap.solvers.problem.Work`.
-    amplitude, phase : ndarray
-        Of the first harmonic [m, rad].
-    """
-    work: Array = np.pi * lever[col.STIFFNESS] * lever[col.BASE] * amplitude * np.cos(phase)
-    return work
-
-
-def lost_in_air(lever: Array, amplitude: Array) -> Array:
-    """What the lever's own damping takes from the first harmonic, 2 pi alpha0 omega k A^2 [J per cycle].
-
-    Higher harmonics lose a little more, n^2 (A_n / A)^2 of it each.
-
-    Parameters
-    ----------
-    lever : ndarray, shape (5,)
-        As in `phasemap.solvers.problem.Work`.
-    amplitude : ndarray
-        [m].
-    """
-    lost: Array = 2 * np.pi * lever[col.ALPHA0] * lever[col.OMEGA] * lever[col.STIFFNESS] * amplitude**2
-    return lost
 
 
 def close(rows: Array, lever: Array) -> None:

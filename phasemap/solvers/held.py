@@ -24,7 +24,7 @@ Found = tuple[Array, Codes, Codes]
 
 ATTRACTIVE, REPULSIVE = -1, 1
 MOST_ROUNDS, MOST_MISSING = 40, 6
-EXACT, CLOSE, NEAR = 1e-12, 1e-7, 1e-4  # of the setpoint: found; enough in the end; and of irregular motion
+EXACT, CLOSE = 1e-12, 1e-7  # of the setpoint: found; enough in the end
 PATIENT = 8  # rounds after which that is enough
 LEAST_SLOPE = 0.05  # of the amplitude seen with A, that of a branch that can be held
 APART = 1e-7  # of A: secants over less say nothing of the slope
@@ -40,7 +40,8 @@ def hold(
     """Find the orbits at which the detector shows the amplitudes of a work.
 
     Where engagement from far passes the end of a branch between the two A that show the setpoint, or the amplitude that
-    is seen turns on the way, the tip is engaged in time, on what is seen; a contact with hysteresis always is.
+    is seen turns on the way, the tip is engaged in time, on what is seen; a contact with hysteresis always is, and so
+    is what moves irregularly at the A tried, for what a lock-in shows of it is averaged over what is seen.
 
     Parameters
     ----------
@@ -114,6 +115,9 @@ class _Search:
 
     def _take(self, at: NDArray[np.intp], rows: Array) -> None:
         """Take in orbits, and go to the next A or stop."""
+        irregular = col.irregular(rows)
+        self._give_up(at[irregular])
+        at, rows = at[~irregular], rows[~irregular]
         wanted, a, phase = self.work.amplitudes[at], rows[:, col.AMPLITUDE], rows[:, col.PHASE]
         miss = show(self.work.lever, a, phase)[0] - wanted
         here = np.stack([a, miss, phase, rows[:, col.TIP_OFFSET], rows[:, col.STIFFENING] > 0], axis=1)
@@ -124,7 +128,7 @@ class _Search:
         self.last[at], self.ends[at, (miss > 0).astype(int)] = here, here
         self.rounds[at] += 1
         enough = np.where(self.rounds[at] < PATIENT, EXACT, CLOSE)
-        done = np.abs(miss) <= wanted * np.where(rows[:, col.SPREAD_AMPLITUDE] > 0, NEAR, enough)
+        done = np.abs(miss) <= wanted * enough
         self.rows[at[done]], self.open[at[done]] = rows[done], False
         self._give_up(at[done & (self.slopes[at, 0] < LEAST_SLOPE)])  # the amplitude seen turns here
         self._choose(at[~done])

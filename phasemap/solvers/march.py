@@ -76,7 +76,7 @@ class March:
         some, codes = out[chosen], status[chosen]
         rows = np.ascontiguousarray(work.rows[chosen])
         march_rows(work.law, rows, work.lever, work.amplitudes[chosen], eta, periods, some, codes)
-        periodic = (codes == col.GOOD) & ~(some[:, col.SPREAD_AMPLITUDE] > 0)
+        periodic = (codes == col.GOOD) & ~col.irregular(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
         some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors

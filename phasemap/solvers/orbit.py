@@ -91,7 +91,7 @@ def solve_exactly(
 def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:
     """Replace periodic orbits that were found in time by those of collocation beside them."""
     periodic = (solver[first:last] == col.MARCH) & (status[first:last] == col.GOOD)
-    chosen = first + np.flatnonzero(periodic & ~(out[first:last, col.SPREAD_AMPLITUDE] > 0))
+    chosen = first + np.flatnonzero(periodic & ~col.irregular(out[first:last]))
     if not len(chosen):
         return
     from phasemap._kernels.quadrature import TABLES

@@ -10,8 +10,10 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Microscope, Tip
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -30,7 +32,7 @@ class Work:
     rows : ndarray, shape (n, 12)
         Their parameters, one row a pixel.
     lever : ndarray, shape (5,)
-        See `lever_of`.
+        See `phasemap.experiment.lever.lever_of`.
     amplitudes : ndarray, shape (n,)
         Setpoint amplitude of each pixel [m], as the detector sees it.
     """
@@ -70,64 +72,11 @@ def check_setpoint(setpoint: object) -> float:
         raise InputError("setpoint", setpoint, allowed) from None
 
 
-def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
-    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (Wang 1999, below Eq. 2).
-
-    Examples
-    --------
-    >>> contact_stiffness(np.array([0.0, 0.75e9]), np.array([0.0, 0.0]), Tip(1e-8)).tolist()
-    [0.0, 1000000000.0]
-    """
-    tip_compliance = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
-    with np.errstate(all="ignore"):  # what is not finite has a status of its own
-        stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * tip_compliance)
-    return stiffness
-
-
-def damping_of(viscosity: Array, scope: Microscope) -> Array:
-    """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta R omega_c / (2 k).
-
-    Raises
-    ------
-    InputError
-        If the damping exponent is not 1/2, the one of Kelvin-Voigt Hertz contact.
-    """
-    if scope.interaction.damping_exponent != 0.5:
-        raise InputError("damping_exponent", scope.interaction.damping_exponent, "0.5 where materials have a viscosity")
-    omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
-    return np.asarray(viscosity * (scope.tip.radius * omega_c / (2 * scope.cantilever.stiffness)))
-
-
-def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
-    """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
-
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4)
-        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1].
-    viscous : bool
-    scope : Microscope
-    """
-    modulus, adhesion, loss, poisson_ratio = materials.T
-    stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
-    return stiffness, adhesion, damping_of(loss, scope) if viscous else loss
-
-
 def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope, amplitude: float | Array) -> Work:
     """Work of what `properties` gives, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     return Work(scope.interaction.token(), rows, lever_of(scope), amplitudes)
-
-
-def lever_of(scope: Microscope) -> Array:
-    """The lever as the kernels know it, shape (5,).
-
-    omega [1], alpha0 [1], stiffness [N/m], amplitude of the drive [m], and that of the base [m]: the drive's, or 0.
-    """
-    lever, drive = scope.cantilever, scope.base_amplitude
-    base = drive if scope.drive.excitation == "base" else 0.0
-    return np.array([scope.frequency_ratio, lever.damping, lever.stiffness, drive, base])
 
 
 def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array) -> Work:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from scipy.optimize import brentq
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
+from phasemap._kernels.law import contact_force, contact_slope, longrange_force, longrange_slope
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
@@ -82,7 +84,10 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
     assert p[4] == pytest.approx(pull + constant, rel=1e-14)
     depths = [*np.geomspace(1e-12, 1e-8, 9), *(release * np.array([0.95, 0.6, 0.2, 0.01]) if release else [])]
 
-    force, slope = token.formulas[0], token.formulas[1]
+    def force(d: float, p: np.ndarray) -> float:
+        return contact_force(token, d, p) + constant
+
+    slope = partial(contact_slope, token)
     for d in depths:
         assert force(d, p) == pytest.approx(law.force(d, p), rel=1e-12, abs=1e-14 * PI_W_R)
         assert slope(d, p) == pytest.approx(law.slope(d, p), rel=1e-10)
@@ -98,7 +103,7 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
         assert math.isfinite(force(release, p)) and math.isfinite(slope(release, p))
         assert force(release, p) == pytest.approx(force(release * (1 - 1e-14), p), rel=1e-6)
     if p[4]:
-        before, fall = token.formulas[2], token.formulas[3]
+        before, fall = partial(longrange_force, token), partial(longrange_slope, token)
         assert before(0.0, p) == pytest.approx(-p[4], rel=1e-14)
         if decay is not None and name not in ("jkr", "maugis", "maugis, own range"):
             assert before(0.0, p) == pytest.approx(force(0.0, p) - constant, rel=1e-12, abs=1e-30)
@@ -112,7 +117,7 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
     energy = loop_energies(token, p[None])[0]
     assert energy >= 0 and (energy > 0) == (name in NECKS)
     if release:
-        far_force = (lambda d: token.formulas[2](d, p)) if p[4] else (lambda d: 0.0)
+        far_force = (lambda d: longrange_force(token, d, p)) if p[4] else (lambda d: 0.0)
 
         def lost(x: float) -> float:
             d = release * (1 - x * x)
@@ -366,8 +371,8 @@ def brute(token: Any, p: np.ndarray, amplitude: float, c: float) -> tuple[float,
 
     def between(angle: float) -> float:
         d = max(amplitude * (math.cos(angle) - c), p[10])
-        outside = token.formulas[2](min(d, 0.0), p) if p[4] and not hangs else 0.0
-        return token.formulas[0](d, p) - p[11] - outside
+        outside = longrange_force(token, min(d, 0.0), p) if p[4] and not hangs else 0.0
+        return contact_force(token, d, p) - outside
 
     share, width = (1.0 if hangs else 0.5), theta - math.acos(c)
 
@@ -408,10 +413,12 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
     token, p, k = interaction.token(), row_of(interaction), 5.0
     lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
     push, drag, mean = harmonics.harmonics(token, p, lever, reach_of(token, p), 0.8e-9, 0.5)
-    f = token.formulas[0]
 
     def part(n: int) -> float:
-        return quad(lambda t: f(0.8e-9 * (math.cos(t) - 0.5), p) * math.cos(n * t), 0, math.pi, points=[math.pi / 3])[0]
+        return quad(
+            lambda t: contact_force(token, 0.8e-9 * (math.cos(t) - 0.5), p) * math.cos(n * t),
+            0, math.pi, points=[math.pi / 3],
+        )[0]  # fmt: skip
 
     assert drag == 0
     assert push == pytest.approx(2 / (math.pi * k) * part(1), rel=1e-6)  # of the nodes in contact

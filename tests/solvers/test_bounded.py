@@ -11,6 +11,9 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
 from phasemap._kernels.orbits.time import period_map
+from phasemap._kernels.scanning.line import approach_in_time
+from phasemap._kernels.scanning.periods import new_beat
+from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.continuation.pieces import patience
 from phasemap.solvers.problem import work_of_material
 
@@ -38,7 +41,7 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
     problem = work.law, work.rows[0], work.lever
     tip, row, how = tip_at(scope, 24e-9), np.empty(col.COLUMNS), (0.5, 1e-7 * amplitude, 1e-12)
     {
-        "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, tip, row),
+        "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, 0, tip, row),
         "hold_mean": lambda: in_time.hold_mean(*problem, amplitude, 0.25, most, tip, row),
         "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, how, most, tip),
         "follow_down": lambda: in_time.follow_down(*problem, amplitude, 1e-10, how, most, tip),
@@ -60,6 +63,16 @@ def test_a_landing_is_given_up_after_as_many() -> None:
     assert patience(np.array([1.0, 0.5 / 1e6, 3.0, 1e-13])) == pm.Accuracy().periods
 
 
+@pytest.mark.parametrize(("periods", "expected"), [(50, col.NOT_SETTLED), (10**6, col.GOOD)])
+def test_a_scan_gives_up_an_approach_after_as_many(periods: int, expected: int) -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+    amplitude = 0.8 * scope.free_amplitude
+    work = work_of_material(pm.Material(2e9, 0.02, 0.01), scope, amplitude)
+    loop, tip = loop_of(pm.Feedback(), scope, amplitude, periods=periods), new_beat(0.7)
+    noise = np.random.default_rng(0)
+    assert approach_in_time(work.law, work.rows[0], work.lever, loop, 0.0, tip, noise) == expected
+
+
 @pytest.mark.parametrize("solver", ["auto", "orbit", "march"])
 def test_what_is_not_decided_in_time_says_what_to_do_and_that_helps(solver: str) -> None:
     short = pm.solve_pixel(RUBBER, SCOPE, 0.6, solver, accuracy=pm.Accuracy(periods=2000))
@@ -74,3 +87,10 @@ def test_what_is_not_decided_in_time_says_what_to_do_and_that_helps(solver: str)
 def test_more_periods_than_needed_change_no_bit() -> None:
     usual, more = (pm.solve_pixel(RUBBER, SCOPE, 0.6, accuracy=pm.Accuracy(periods=n)) for n in (100_000, 10**9))
     assert (usual.phase, usual.tip_offset, usual.phase_spread) == (more.phase, more.tip_offset, more.phase_spread)
+
+
+def test_a_tip_that_can_only_be_torn_off_is_not_lifted() -> None:
+    # Adhesion holds this lever up to 265 nm from the surface, where it swings by 35 nm at most: it falls again.
+    scope = pm.Microscope(pm.Cantilever(0.2, 300e3, 150.0), pm.Tip(45e-9), pm.Drive(35e-9), pm.Interaction("jkr", None))
+    pixel = pm.solve_pixel(pm.Material(1e10, 0.25, 0.0034), scope, 0.18, accuracy=pm.Accuracy(periods=200))
+    assert pixel.status is pm.Status.no_stable_orbit

@@ -38,8 +38,8 @@ from phasemap.validation.bench.reference import NoOrbit, Start, find_orbit
 from phasemap.validation.bench.regimes import REGIMES, draw
 from phasemap.validation.bench.report import LEVELS, listing, table
 
-# What the README claims of "orbit", as ratios of time per pixel at equal error in one run. The margins are wide: a test
-# machine is shared, and few pixels are timed.
+# What docs/accuracy.md claims of "orbit", as ratios of time per pixel at equal error in one run. The margins are wide:
+# a test machine is shared, and few pixels are timed.
 FASTER_THAN = {"march": 2.0, "numbalsoda": 5.0, "heyoka": 5.0, "scipy": 100.0}
 IN_AIR = ("air, hard sample", "air, soft sample")
 
@@ -359,8 +359,8 @@ def test_hard_cases_are_asked_for_by_the_same_command(
     assert capsys.readouterr() == ("| case | came out |\n", "hard cases ...\n")
 
 
-def test_the_readme_shows_a_table_that_the_command_made(measured: xr.Dataset) -> None:
-    text = (Path(__file__).parents[2] / "README.md").read_text()
+def test_the_site_shows_a_table_that_the_command_made(measured: xr.Dataset) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text()
     shown = text.partition("<!-- accuracy:begin -->")[2].partition("<!-- accuracy:end -->")[0]
     ours = table(measured).splitlines()
     # The table is of the last run beside all peers, which was before there was the regime beside resonance.
@@ -368,7 +368,7 @@ def test_the_readme_shows_a_table_that_the_command_made(measured: xr.Dataset) ->
     assert header.replace(" beside resonance |", "") in shown
     for name in ("averaging", "auto 1°", "orbit", "march eta 0.3", "numbalsoda 1e-12", "heyoka 1e-12", "scipy 1e-09"):
         assert f"| {name} |" in shown
-    assert "](samples/bench.png)" in text
+    assert "](../samples/bench.png)" in text
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
     LENGTH,
@@ -17,17 +18,18 @@ from phasemap._kernels.continuation.path import (
     TU,
     TV,
     ZP,
+    Path,
     control,
     reach_on,
     scales,
     solve_on,
-    stand,
+    standing_at,
     unit,
 )
 from phasemap._kernels.continuation.path import row_of as tangent_row
-from phasemap._kernels.continuation.step import FIRST_STEP, Path, advance, copy_orbit, cross, mark
+from phasemap._kernels.continuation.step import FIRST_STEP, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe
 from phasemap._kernels.orbits.collocation.observables import complete, time_trace
@@ -55,7 +57,7 @@ MOST_HALVINGS = 40
 LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
 
 
-@njit(**OPTIONS)
+@kernel
 def record(
     law: Law, path: Path, tables: np.ndarray, orbit: Orbit, kind: int, index: int, rows: np.ndarray,
     traces: np.ndarray, count: int,
@@ -63,7 +65,7 @@ def record(
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
     if count == len(rows):
         return count
-    p, lever, _ = stand(path, orbit.head[VALUE, M])
+    p, lever = standing_at(path, orbit.head[VALUE, M])
     row = rows[count]
     row[:] = math.nan
     observe(law, p, lever, tables, orbit, row[: col.COLUMNS])
@@ -79,7 +81,7 @@ def record(
     return count + 1
 
 
-@njit(**OPTIONS)
+@kernel
 def sharpen(
     law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float
 ) -> tuple[bool, Orbit, Orbit]:
@@ -90,12 +92,14 @@ def sharpen(
     return status == col.GOOD and mark(law, path, tables, orbit, point), orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def turn_between(
     law: Law, path: Path, tables: np.ndarray, before: np.ndarray, after: np.ndarray, start: Orbit, slope: int,
     level: int, tolerance: float, orbit: Orbit, spare: Orbit, room: Orbit, point: np.ndarray,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
+
+    See theory, Eq. (continuation-4).
 
     There x is stationary and exact to rounding; the other coordinate is as exact as s. `start` is the orbit of
     `before`; where a step from there fails, for a long one round a sharp turn may, the shorter one that did not is the
@@ -110,7 +114,7 @@ def turn_between(
         share = f_low / (f_low - f_high)
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
-        point[:] = begun
+        copy(begun, point)
         status, _, orbit, spare = advance(law, path, tables, point, step, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
@@ -125,7 +129,7 @@ def turn_between(
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
             if reached < step:
-                begun[:] = point
+                copy(point, begun)
                 copy_orbit(orbit, base)
                 at, low, high = at + reached, 0.0, high - reached
             f_high *= 0.5 if last == 1 else 1.0
@@ -137,7 +141,7 @@ def turn_between(
     return abs(point[slope]) <= ROUGH * most, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def visit(
     law: Law, path: Path, tables: np.ndarray, index: int, before: np.ndarray, after: np.ndarray, start: Orbit,
     end: Orbit, wanted: np.ndarray, tolerance: float, one: Orbit, spare: Orbit, rows: np.ndarray, traces: np.ndarray,
@@ -159,13 +163,13 @@ def visit(
         else:
             made = record(law, path, tables, one, col.WANTED, k, rows, traces, count)
             if made > count and index == AP:
-                p, lever, _ = stand(path, one.head[VALUE, M])
+                p, lever = standing_at(path, one.head[VALUE, M])
                 state_errors(law, p, lever, tables, one, spare, rows[count])
             count = made
     return count, one, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def follow(
     law: Law, path: Path, tables: np.ndarray, index: int, orbit: Orbit, spare: Orbit, point: np.ndarray,
     box: np.ndarray, wanted: np.ndarray, every: bool, tolerance: float, rows: np.ndarray, traces: np.ndarray,
@@ -254,7 +258,7 @@ def follow(
     return FULL, count
 
 
-@njit(**OPTIONS)
+@kernel
 def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) -> bool:
     """Whether the curve has come back to where it was begun."""
     away = unit(
@@ -264,14 +268,14 @@ def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.n
     return same and math.hypot(away[0], away[1]) < point[LENGTH]
 
 
-@njit(**OPTIONS)
+@kernel
 def start_at(
     law: Law, path: Path, tables: np.ndarray, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float,
     orbit: Orbit, spare: Orbit,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
     orbit.head[VALUE, M] = m
-    p, lever, _ = stand(path, m)
+    p, lever = standing_at(path, m)
     if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
         return False, orbit, spare
     target = np.array([guess[0], 0.0, 0.0, 0.0])
@@ -279,7 +283,7 @@ def start_at(
     return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def aim(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, sense: float, point: np.ndarray) -> bool:
     """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
     point[:] = 0.0

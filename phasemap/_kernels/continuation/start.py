@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import Fixed
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.path import Path
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.system import HOLD_ARC, Orbit
 
 
-@njit(**OPTIONS)
+@kernel
 def start_far(
-    law: Law, path: Fixed, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
+    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
 ) -> tuple[int, Orbit, Orbit]:
     """Find the orbit far from the surface, where the lever swings almost freely."""
     p, lever = path.p, path.lever

@@ -1,18 +1,19 @@
 """A curve of periodic orbits, followed through its folds.
 
 Pseudo-arclength continuation in the plane of the two numbers that move on a `path`: each step predicts along the
-tangent and corrects in the plane across it, so that folds are passed like any other point.
+tangent and corrects in the plane across it, so that folds are passed like any other point: theory,
+Eq. (continuation-2).
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeVar
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy, copy_rows
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
     DA,
@@ -32,8 +33,7 @@ from phasemap._kernels.continuation.path import (
     TV,
     VP,
     ZP,
-    Fixed,
-    Swept,
+    Path,
     answer,
     control,
     gap_scale,
@@ -41,12 +41,12 @@ from phasemap._kernels.continuation.path import (
     row_of,
     scales,
     solve_on,
-    stand,
+    standing_at,
     tangent_on,
     unit,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
 from phasemap._kernels.orbits.collocation.newton import floquet
 from phasemap._kernels.orbits.collocation.system import (
@@ -72,8 +72,6 @@ from phasemap._kernels.orbits.collocation.system import (
     new_orbit,
 )
 
-Path = TypeVar("Path", Fixed, Swept)
-
 FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
@@ -81,18 +79,19 @@ EXACTLY, ENOUGH, MOST_TRIES = 1e-13, 1e-10, 8  # of the amplitude that the detec
 ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
 
 
-@njit(**OPTIONS)
+@kernel
 def copy_orbit(source: Orbit, to: Orbit) -> None:
     """Copy an orbit."""
     count = int(source.head[COUNT, ELEMENTS]) + 1
-    to.elements[:count] = source.elements[:count]
-    to.head[:] = source.head
+    for e in range(count):
+        copy_rows(source.elements[e], to.elements[e])
+    copy_rows(source.head, to.head)
 
 
-@njit(**OPTIONS)
+@kernel
 def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
-    p, lever, _ = stand(path, orbit.head[VALUE, M])
+    p, lever = standing_at(path, orbit.head[VALUE, M])
     level = int(orbit.head[COUNT, LEVEL])
     if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
         return False
@@ -100,7 +99,7 @@ def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) 
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarray) -> bool:
     """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
     value, right = orbit.head[VALUE], orbit.head[SYSTEM : SYSTEM + RIGHT, RIGHT]
@@ -117,19 +116,19 @@ def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarr
     point[TU], point[TV] = t_u / length, t_v / length
     point[DZ], point[DA], point[DM] = dz / length, da / length, dm / length
     point[DP], point[DS] = right[RP] / length, right[RS] / length
-    lever = stand(path, value[M])[1]
+    lever = standing_at(path, value[M])[1]
     point[VP] = seen_amplitude(lever, value[A], value[P])
     point[DV] = seen_rate(lever, value[A], value[P], point[DA], point[DP])
     return math.isfinite(length)
 
 
-@njit(**OPTIONS)
+@kernel
 def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> bool:
     """Whether the curve keeps its orientation between two points.
 
     Where the amplitude is free, dz0 (or dm) and det(1 - monodromy) change sign together along one curve, at folds.
     Where only one does, the step has landed on a neighbouring piece that runs the other way. At a fold itself both are
-    nothing but rounding.
+    nothing but rounding. See theory, Eq. (continuation-3).
     """
     slope = control(path) + RATE
     if answer(path) != AP or abs(point[slope]) < AT_FOLD * scales(path, reach, point[ZP], point[AP])[0]:
@@ -137,7 +136,7 @@ def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) 
     return before[slope] * before[DET] * point[slope] * point[DET] >= 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def advance(
     law: Law,
     path: Path,
@@ -157,7 +156,7 @@ def advance(
     before = point.copy()
     reach = reach_on(law, path, orbit)
     coarse = 1e-3 * gap_scale(reach, point[ZP], point[AP])
-    contacts, hysteretic = orbit.head[COUNT, CONTACTS], stand(path, orbit.head[VALUE, M])[0][col.RELEASE] != 0.0
+    contacts, hysteretic = orbit.head[COUNT, CONTACTS], standing_at(path, orbit.head[VALUE, M])[0][col.RELEASE] != 0.0
     row = row_of(path, reach, before)
     while step > SMALLEST_STEP:
         value = orbit.head[VALUE]
@@ -171,7 +170,7 @@ def advance(
             status, steps, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, coarse, 8, True)
             # With a neck the curve ends where a contact is made or kept.
             if status == col.GOOD and not (hysteretic and orbit.head[COUNT, CONTACTS] != contacts):
-                point[:] = before
+                copy(before, point)
                 good = mark(law, path, tables, orbit, point)
                 turn = point[TU] * before[TU] + point[TV] * before[TV]
                 corner = step < CORNER and not hysteretic
@@ -181,11 +180,11 @@ def advance(
                     return col.GOOD, min(step * growth, LARGEST_STEP), orbit, spare
         copy_orbit(saved, orbit)
         step *= 0.4
-    point[:] = before
+    copy(before, point)
     return col.NOT_CONVERGED, step, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: float) -> float:
     """Where to step instead if an entry (`index`) may just reach `value` and turn between two points; 0 if not.
 
@@ -211,7 +210,7 @@ def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: fl
     return t * length
 
 
-@njit(**OPTIONS)
+@kernel
 def advance_watching(
     law: Law,
     path: Path,
@@ -234,19 +233,19 @@ def advance_watching(
         if instead == 0.0:
             break
         copy_orbit(saved, orbit)
-        point[:] = before
+        copy(before, point)
         status, following, orbit, spare = advance(law, path, tables, point, instead, orbit, spare, saved)
     return status, following, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
     """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
     cubic, square = rise + end - 2.0 * (two - one), 3.0 * (two - one) - 2.0 * rise - end
     return one + t * (rise + t * (square + t * cubic))
 
 
-@njit(**OPTIONS)
+@kernel
 def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -> float:
     """Where between two points (0 ... 1) the cubic of an entry passes a value."""
     low, high, length = 0.0, 1.0, after[LENGTH]
@@ -267,7 +266,7 @@ def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -
     return at
 
 
-@njit(**OPTIONS)
+@kernel
 def settle_on(
     law: Law,
     path: Path,
@@ -327,7 +326,7 @@ def settle_on(
     return good and here[index + RATE] * (after[index] - before[index]) > 0.0, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def cross(
     law: Law,
     path: Path,
@@ -364,10 +363,10 @@ def cross(
         if status != col.GOOD:
             return False, orbit, spare
         if (between[index] > value) == (high[index] > value):
-            high[:] = between
+            copy(between, high)
         else:
             high[LENGTH] -= between[LENGTH]
-            low[:] = between
+            copy(between, low)
             copy_orbit(orbit, begin_orbit)
         good, orbit, spare = settle_on(law, path, tables, index, value, low, high, orbit, spare, tolerance)
         if good:

@@ -3,9 +3,9 @@
 At fixed drive the averaged orbits form a curve, followed here from far in the plane of the harmonic orbit's gap
 b = z0 - A0 - A and of its amplitude. Quasi-static engagement follows the curve while z0 falls. Where z0 would rise
 (a fold) the state jumps to the first later piece of the curve that z0 reaches again while falling. So the visited part
-of the curve is where z0 is lower than ever before, and the controller stops at the first visited crossing of the
-setpoint; a crossing that lies inside the jump counts if the tip lands beyond it, since the controller then retracts
-to it.
+of the curve is where z0 is lower than ever before (theory, Eq. (engagement-1)), and the controller stops at the first
+visited crossing of the setpoint; a crossing that lies inside the jump counts if the tip lands beyond it, since the
+controller then retracts to it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     HEIGHT,
@@ -27,7 +27,7 @@ from phasemap._kernels.engagement.resonance import (
     on_side,
     strongest,
 )
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import crossing, far_start, slope_of
@@ -41,7 +41,7 @@ MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged 
 SURE, DOUBTFUL, OPEN = 0, 1, 2
 
 
-@njit(**OPTIONS)
+@kernel
 def log_mismatch(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, epsilon: float, zeta: float, eta: float
 ) -> float:
@@ -52,13 +52,13 @@ def log_mismatch(
     return math.log(1.0 + mismatch(lever, amplitude, push, drag))
 
 
-@njit(**OPTIONS)
+@kernel
 def caution(lever: np.ndarray) -> float:
     """How much wider than in air at high Q a margin must be: averaging is off by terms of order 1/Q."""
     return 1.0 + 120.0 * lever[col.ALPHA0]
 
 
-@njit(**OPTIONS)
+@kernel
 def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
     """`engage` along the whole curve of averaged orbits."""
     free = free_amplitude(lever)
@@ -130,7 +130,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
     return col.GOOD, surety
 
 
-@njit(**OPTIONS)
+@kernel
 def engage(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray
 ) -> tuple[int, int]:
@@ -152,13 +152,13 @@ def engage(
     return status, surety
 
 
-@njit(**OPTIONS)
+@kernel
 def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
     """Amplitude [m], from the setpoint to the free one, at which the attractive branch is nearest to its end."""
     return max(amplitude, min(narrowest(lever), 1.0) * free_amplitude(lever))
 
 
-@njit(**OPTIONS)
+@kernel
 def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray) -> int:
     """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
     if not near_resonance(lever):
@@ -169,7 +169,7 @@ def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: 
     return OPEN
 
 
-@njit(**OPTIONS)
+@kernel
 def settle_side(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
     guess: np.ndarray,

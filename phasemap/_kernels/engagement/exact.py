@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Fixed, scales
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Path, scales
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
 from phasemap._kernels.engagement.rest import HANGING, land, lets_go, loosened, pressed_in, pulled
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
@@ -32,10 +32,10 @@ FARTHEST_AT_ALL = 1e-2  # [m], the same whatever the amplitude
 NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
 
 
-@njit(**OPTIONS)
+@kernel
 def lower(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,
@@ -86,10 +86,10 @@ def lower(
     return col.NO_STABLE_ORBIT, lowest, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def retract(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,
@@ -125,18 +125,18 @@ def retract(
     return col.NOT_CONVERGED, orbit, spare, found
 
 
-@njit(**OPTIONS)
-def only_offset(path: Fixed, orbit: Orbit, sense: float, point: np.ndarray) -> None:
+@kernel
+def only_offset(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> None:
     """Set the tangent of a point so that `mark` turns it to where the tip offset rises (sense 1) or falls (-1)."""
     of_gap, of_amplitude = scales(path, path.reach, orbit.head[VALUE, Z0], orbit.head[VALUE, A])
     point[:] = 0.0
     point[TU], point[TV] = sense, sense * of_amplitude / of_gap
 
 
-@njit(**OPTIONS)
+@kernel
 def joined(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     z0: float,
     orbit: Orbit,
@@ -163,10 +163,10 @@ def joined(
     return False, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def tapping(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     z0: float,
@@ -180,7 +180,9 @@ def tapping(
     """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
     p, lever = path.p, path.lever
     target = np.zeros(4)
-    for guess in averaged_orbits(law, p, lever, amplitude):
+    guesses = averaged_orbits(law, p, lever, amplitude)
+    for i in range(len(guesses)):  # a row of its own type, were it iterated over
+        guess = guesses[i]
         if guess[3] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
@@ -195,10 +197,10 @@ def tapping(
     return False, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def engage_landed(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     z0: float,
@@ -240,10 +242,10 @@ def engage_landed(
     return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def engage(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     level: int,
@@ -280,10 +282,10 @@ def engage(
     return status, orbit, spare, found
 
 
-@njit(**OPTIONS)
+@kernel
 def engage_near(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,
@@ -337,7 +339,9 @@ def engage_near(
             good, found, spare = cross(law, path, tables, AP, amplitude, before, point, found, saved, spare, tolerance)
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     row = np.zeros(col.COLUMNS)
-    for guess in averaged_orbits(law, p, lever, amplitude):
+    guesses = averaged_orbits(law, p, lever, amplitude)
+    for i in range(len(guesses)):  # a row of its own type, were it iterated over
+        guess = guesses[i]
         if guess[3] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
             continue
         status, _, found, spare = newton(law, p, lever, tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)

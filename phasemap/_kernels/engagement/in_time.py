@@ -5,7 +5,8 @@ itself every period, the periodic orbit is followed by Newton's method on the ma
 contact with hysteresis that is just touched, a period that doubles, or a tip that sticks for some periods leaves no
 such orbit. There the tip offset falls slowly, from period to period, and what counts is what a lock-in shows: the mean
 phasor of the first harmonic. Where its modulus comes to the setpoint an integral controller holds it there, as an
-instrument does, and averages over time are the result, with their spread behind a lock-in of stated bandwidth.
+instrument does, and averages over time are the result, with their spread behind a lock-in of stated bandwidth: theory,
+Eqs. (irregular-2), (irregular-3) and (irregular-4).
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.stuck import fallen, stuck
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
+    MOST_JUMPS,
     Tip,
     amplitude_of,
     fill,
@@ -33,7 +36,6 @@ from phasemap._kernels.orbits.time.period_map import (
     skip,
     slope_of,
 )
-from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -43,9 +45,8 @@ BANDWIDTH = 0.01
 """Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
 
 PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
-COARSE = 2.0  # steps on the way to the setpoint, over those of a periodic orbit
-NECK = 0.6  # the same through a neck; of order 8, this makes the error 60 times smaller
-LOOSE = 100.0  # the same of the precision
+COARSE, LOOSE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
+NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
@@ -60,6 +61,7 @@ HOPE = 4.0  # times the periods allowed, that a mean would take by its first sta
 PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
+FIRST_FALL = MOST_JUMPS - 1  # jumps that a fall from far counts: two more tell that it hunts
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
@@ -70,7 +72,7 @@ DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 5, 7, 8, 9, 10, 11, 12
 LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, SUMS = 12, 13, 14, 15, 16, 17, 18, 19
 
 
-@njit(**STEADY)
+@kernel
 def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
     """Return empty sums of a lock-in that shows the phasor of the last period, as the detector sees it."""
     sums = np.zeros(SUMS)
@@ -79,7 +81,7 @@ def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
     return sums
 
 
-@njit(**STEADY)
+@kernel
 def average(
     law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, fall: float, tip: Tip, sums: np.ndarray
 ) -> bool:
@@ -111,25 +113,31 @@ def average(
     return True
 
 
-@njit(**STEADY)
+@kernel
 def fine(p: np.ndarray, eta: float) -> float:
     """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
     return eta if p[col.RELEASE] == 0.0 else NECK * eta
 
 
-@njit(**STEADY)
+@kernel
 def seen(lever: np.ndarray, sums: np.ndarray) -> float:
     """Amplitude [m] of the mean phasor that the detector sees."""
     return math.hypot(sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT])
 
 
-@njit(**STEADY)
+@kernel
 def block_of(lever: np.ndarray) -> int:
     """Periods that are averaged at a time: a multiple of 12, in which orbits of 2, 3, 4 or 6 periods repeat."""
     return 12 * (max(FEWEST, ring_down(lever)) // 12 + 1)
 
 
-@njit(**STEADY)
+@kernel
+def pace_of(lever: np.ndarray) -> float:
+    """How far [m] z0 moves in a period where no periodic orbit is followed."""
+    return FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
+
+
+@kernel
 def follow_down(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, how: Numbers, most: int, tip: Tip
 ) -> int:
@@ -174,7 +182,7 @@ def follow_down(
     return SPENT
 
 
-@njit(**STEADY)
+@kernel
 def move_slowly(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, least: float, how: Numbers, most: int, tip: Tip
 ) -> int:
@@ -182,9 +190,8 @@ def move_slowly(
 
     AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
-    block, from_z0 = block_of(lever), tip.u[3]
+    block, pace, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
-    pace = FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
     sums = begin_sums(lever, tip.acc)
     if tip.periods[0] + block > most or not average(law, p, lever, how[0], block, 0.0, tip, sums):
         return SPENT
@@ -200,20 +207,18 @@ def move_slowly(
     return SPENT
 
 
-@njit(**STEADY)
+@kernel
 def hold_mean(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
-    the one that would hold the setpoint. Averaging ends when the standard error of groups is small; twice that is the
-    error stated. NOT_SETTLED if it is still large when `most` periods were marched, or will be. NO_STABLE_ORBIT where
-    the amplitude jumps across the setpoint, down as the tip comes nearer and up as it goes away, so that a feedback
-    hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, theory,
+    Eq. (irregular-5); twice that is the error stated. NOT_SETTLED if it is still large when `most` periods were
+    marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes nearer and
+    up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
     """
-    for j in range(len(row)):
-        row[j] = math.nan
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
     block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
@@ -281,19 +286,20 @@ def hold_mean(
     return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
 
 
-@njit(**STEADY)
+@kernel
 def hold(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
-) -> int:
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, jumps: int, tip: Tip,
+    row: np.ndarray,
+) -> int:  # fmt: skip
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row."""
     how = (fine(p, eta), PRECISE[0] * amplitude, PRECISE[1])
-    status = hold_periodic(law, p, lever, how, amplitude, most, tip, row)
+    status = hold_periodic(law, p, lever, how, amplitude, most, jumps, tip, row)
     if status != col.NOT_SETTLED:
         return status
     return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
 
 
-@njit(**STEADY)
+@kernel
 def settle(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, start: np.ndarray, eta: float, most: int,
     row: np.ndarray,
@@ -304,10 +310,10 @@ def settle(
     """
     z = start[1] + start[2] * math.cos(start[3])
     tip = new_tip(z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
-    return hold(law, p, lever, amplitude, eta, most, tip, row)
+    return hold(law, p, lever, amplitude, eta, most, 0, tip, row)
 
 
-@njit(**STEADY)
+@kernel
 def approach(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, z0: float, step: float, eta: float, most: int,
     row: np.ndarray,
@@ -332,23 +338,24 @@ def approach(
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
     tip = new_tip(free.real, -omega * free.imag, z0)
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
-    for j in range(len(row)):
-        row[j] = math.nan
     least = AWAY * abs(free)
     while True:
         ends = follow_down(law, p, lever, amplitude, step, how, most, tip)
-        if ends == SEEN:
-            return hold(law, p, lever, amplitude, eta, most, tip, row)
+        periodic = ends == SEEN
         if ends == LEFT:
             ends = move_slowly(law, p, lever, amplitude, least, how, most, tip)
             least *= 2.0
+        if ends == SEEN and stuck(law, p, lever, amplitude, tip):
+            return col.NO_STABLE_ORBIT
+        if periodic:
+            return hold(law, p, lever, amplitude, eta, most, FIRST_FALL * fallen(lever, amplitude, tip), tip, row)
         if ends == SEEN:
             return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
         if ends != AGAIN:
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
 
 
-@njit(**STEADY)
+@kernel
 def carry_to(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
 ) -> int:
@@ -357,8 +364,7 @@ def carry_to(
     Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
     """
     tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
-    pace = FALL * free_amplitude(lever) / max(FEWEST, ring_down(lever))
-    count = int(abs(u[3] - z0) / pace)
+    count = int(abs(u[3] - z0) / pace_of(lever))
     if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
     if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(lever, tip.acc)):
@@ -366,14 +372,12 @@ def carry_to(
     u[3] = z0
     how = (fine(p, eta), PRECISE[0] * free_amplitude(lever), PRECISE[1])
     if rest(law, p, lever, how, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
-        for j in range(len(row)):
-            row[j] = math.nan
         fill_orbit(lever, tip, row)
         return col.GOOD
     return hold_mean(law, p, lever, 0.0, eta, most, tip, row)
 
 
-@njit(**STEADY)
+@kernel
 def carry_on(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
 ) -> int:
@@ -384,7 +388,7 @@ def carry_on(
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
     ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), how, most, tip)
     if ends == AGAIN:
-        return hold(law, p, lever, amplitude, eta, most, tip, row)
+        return hold(law, p, lever, amplitude, eta, most, 0, tip, row)
     if ends == SEEN:
         return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
     return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT

@@ -1,5 +1,7 @@
 """On which side of its resonance the lever comes to the setpoint, without following the curve of averaged orbits.
 
+Below, (1) is X^2 + Y^2 = u0^2, and (2) and (3) are theory, Eqs. (engagement-3) and (engagement-4).
+
 With r = A/A_free, s = 1 - omega^2, and the free lever's (x, y) = (s, 2 alpha0 omega) A_free/u0, x^2 + y^2 = 1, an orbit
 of the averaged equations has
 
@@ -31,10 +33,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import mismatch
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 
@@ -50,7 +52,7 @@ STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 GAP, HEIGHT, PUSH, BEHIND, MAXIMUM = 0, 1, 2, 3, 4
 
 
-@njit(**OPTIONS)
+@kernel
 def at_gap(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
 ) -> tuple[float, float]:
@@ -59,7 +61,7 @@ def at_gap(
     return mismatch(lever, amplitude, push, drag), push
 
 
-@njit(**OPTIONS)
+@kernel
 def detuning(lever: np.ndarray) -> tuple[float, float]:
     """(x, y): drive that stiffness and damping of the free lever take, over the whole."""
     omega = lever[col.OMEGA]
@@ -68,27 +70,27 @@ def detuning(lever: np.ndarray) -> tuple[float, float]:
     return stiff / whole, damped / whole
 
 
-@njit(**OPTIONS)
+@kernel
 def narrowest(lever: np.ndarray) -> float:
     """Amplitude over the free one at which the attractive branch is nearest to its end, Eq. (3)."""
     x, y = detuning(lever)
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
 
 
-@njit(**OPTIONS)
+@kernel
 def near_resonance(lever: np.ndarray) -> bool:
     """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
     return abs(1.0 - lever[col.OMEGA] ** 2) < NEAREST
 
 
-@njit(**OPTIONS)
+@kernel
 def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
     """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     x, y = detuning(lever)
     return x > 0.0 and (1.0 / y - 1.0) * free > reach
 
 
-@njit(**OPTIONS)
+@kernel
 def pull(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
     """Mismatch of the drive where attraction outweighs the lever's detuning, X < 0, and continued below it.
 
@@ -99,7 +101,7 @@ def pull(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float
     return h if x <= 0.0 else h - 2.0 * x * x
 
 
-@njit(**OPTIONS)
+@kernel
 def pull_at(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
 ) -> tuple[float, float]:
@@ -108,7 +110,7 @@ def pull_at(
     return pull(lever, amplitude, push, drag), push
 
 
-@njit(**OPTIONS)
+@kernel
 def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
     """Indentation [m] at which the elastic force makes up for the attraction, taking it to rise as d^(3/2)."""
     d = 0.1 * reach
@@ -118,7 +120,7 @@ def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
     return min(d * (-longrange_force(law, 0.0, p) / rise) ** (2 / 3), 10.0 * reach)
 
 
-@njit(**OPTIONS)
+@kernel
 def strongest(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, plain: float, top: np.ndarray
 ) -> None:
@@ -152,7 +154,7 @@ def strongest(
                 top[GAP], top[HEIGHT], top[PUSH] = -x * x, h, push
 
 
-@njit(**OPTIONS)
+@kernel
 def _between(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, shift: float,
     a: float, f_a: float, b: float, f_b: float,
@@ -177,13 +179,13 @@ def _between(
     return math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
     """Whether repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
     return push > 0.0 and push + amplitude * (1.0 - lever[col.OMEGA] ** 2) > 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float) -> float:
     """Logarithm of drive needed over drive given, squared; on the repulsive side negative where nothing repels."""
     if side == ATTRACTIVE or repelled(lever, amplitude, push):
@@ -191,7 +193,7 @@ def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float)
     return min(-0.5, -abs(math.log1p(h)))
 
 
-@njit(**OPTIONS)
+@kernel
 def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> float:
     """Gap of the attractive crossing, outside of a point with more than enough attraction; NaN if it is not found."""
     near, h_near = top[GAP], top[HEIGHT]
@@ -207,7 +209,7 @@ def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
     return math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
@@ -229,7 +231,7 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
     return math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def decide(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
     top: np.ndarray,
@@ -254,7 +256,7 @@ def decide(
     return REPULSIVE if top[HEIGHT] <= -min(plain, max(least, half)) else UNCLEAR
 
 
-@njit(**OPTIONS)
+@kernel
 def approach(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
     top: np.ndarray,
@@ -267,7 +269,7 @@ def approach(
     return ATTRACTIVE if decide(law, p, lever, reach, worst, free, margin, top) == ATTRACTIVE else UNCLEAR
 
 
-@njit(**OPTIONS)
+@kernel
 def on_side(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
     guess: np.ndarray,

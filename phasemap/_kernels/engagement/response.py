@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, leaps, narrowest, pull
 from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, refine, steep
 from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, start
@@ -26,7 +26,7 @@ TIGHT = 0.015  # mismatch at the exact maximum that decides
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
 
 
-@njit(**OPTIONS)
+@kernel
 def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray) -> int:
     """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
     if p[RELEASE] != 0.0:
@@ -37,7 +37,7 @@ def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: 
     return surety if status == GOOD else DOUBTFUL
 
 
-@njit(**OPTIONS)
+@kernel
 def _held(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: np.ndarray,
     state: np.ndarray,
@@ -52,7 +52,7 @@ def _held(
     return pull(lever, amplitude, state[PUSH], state[DRAG])
 
 
-@njit(**OPTIONS)
+@kernel
 def decide_exactly(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, f: np.ndarray,
     state: np.ndarray, fit: np.ndarray,
@@ -83,7 +83,7 @@ def decide_exactly(
     return REPULSIVE if max(highest, h0 - (h1 - h2) ** 2 / (8.0 * step * step * bend)) < -TIGHT else UNCLEAR
 
 
-@njit(**OPTIONS)
+@kernel
 def cheap_orbit(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray,
     room: Room,

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law, contact_force, contact_slope, damping, longrange_slope
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
@@ -27,6 +27,7 @@ from phasemap._kernels.orbits.collocation.system import (
     A,
     Orbit,
     linearise,
+    no_drift,
 )
 
 HANGING = 1e4  # a multiplier as large belongs to an orbit that hangs on an unstable equilibrium, or grazes
@@ -34,13 +35,13 @@ LINEAR = 0.3  # of the depth, a swing that the surface answers like a spring
 PRECISION = 1e-6  # of the amplitude, at which a landing is known
 
 
-@njit(**OPTIONS)
+@kernel
 def pulled(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     """How far [m] adhesion at first contact bends the lever."""
     return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
 
 
-@njit(**OPTIONS)
+@kernel
 def pressed_in(law: Law, p: np.ndarray, lever: np.ndarray, orbit: Orbit) -> bool:
     """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
     if orbit.head[COUNT, CONTACTS] != PERMANENT:
@@ -48,9 +49,9 @@ def pressed_in(law: Law, p: np.ndarray, lever: np.ndarray, orbit: Orbit) -> bool
     return orbit.head[VALUE, Z0] < -(30.0 * free_amplitude(lever) + 20.0 * pulled(law, p, lever) + 1e-7)
 
 
-@njit(**OPTIONS)
+@kernel
 def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float:
-    """Deepest depth [m] at which the lever rests in contact; NaN if it does at none."""
+    """Deepest depth [m] at which the lever rests in contact, theory, Eq. (engagement-5); NaN if it does at none."""
     inverse_k = 1.0 / lever[col.STIFFNESS]
     high = 2.0 * (abs(z0) + pulled(law, p, lever)) + 1e-12
     while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:
@@ -72,7 +73,7 @@ def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float
     return 0.5 * (low + high)
 
 
-@njit(**OPTIONS)
+@kernel
 def lets_go(law: Law, p: np.ndarray, lever: np.ndarray) -> bool:
     """Whether a tip that loses contact is gone: adhesion ends there, or falls more steeply than the lever is stiff."""
     if p[4] == 0.0:
@@ -80,7 +81,7 @@ def lets_go(law: Law, p: np.ndarray, lever: np.ndarray) -> bool:
     return lever[col.STIFFNESS] + longrange_slope(law, 0.0, p) < 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def swing(law: Law, p: np.ndarray, lever: np.ndarray, d: float) -> float:
     """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
     omega = lever[col.OMEGA]
@@ -89,7 +90,7 @@ def swing(law: Law, p: np.ndarray, lever: np.ndarray, d: float) -> float:
     return lever[col.BASE] / math.hypot(1.0 + slope - omega * omega, 2.0 * (lever[col.ALPHA0] + alpha) * omega)
 
 
-@njit(**OPTIONS)
+@kernel
 def loosened(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, amplitude: float) -> float:
     """Tip offset to which the resting lever can be retracted before it swings by much of its depth or the setpoint.
 
@@ -107,7 +108,7 @@ def loosened(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, amplitude: f
     return z0
 
 
-@njit(**OPTIONS)
+@kernel
 def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the small oscillation about the lever's rest in contact; False if it rests at no depth."""
     omega = lever[col.OMEGA]
@@ -122,7 +123,7 @@ def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.nda
     return amplitude > 0.0 and math.isfinite(amplitude)
 
 
-@njit(**OPTIONS)
+@kernel
 def held_there(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, guess: np.ndarray, level: int,
     orbit: Orbit, spare: Orbit,
@@ -134,11 +135,11 @@ def held_there(
     status, _, orbit, spare = newton(
         law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[2], 20
     )
-    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, None)
+    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, no_drift())
     return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def land(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, level: int, orbit: Orbit, spare: Orbit
 ) -> tuple[bool, Orbit, Orbit]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.compilation import kernel
 
 _MIX, _SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
-@njit(**OPTIONS)
+@kernel
 def digest(row: np.ndarray) -> np.uint64:
     """64 bits of a row of uint64 that differ where the row differs, as good as surely."""
     mixed = np.uint64(0)
@@ -21,14 +21,14 @@ def digest(row: np.ndarray) -> np.uint64:
     return mixed ^ (mixed >> _SHIFT)
 
 
-@njit(**OPTIONS)
+@kernel
 def digests(rows: np.ndarray, out: np.ndarray) -> None:
     """`digest` of every row."""
     for i in range(len(rows)):
         out[i] = digest(rows[i])
 
 
-@njit(**OPTIONS)
+@kernel
 def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
     """Place in the table where this row is, or would be; the table's length is a power of 2."""
     at = np.int64(digest(row) & np.uint64(len(table) - 1))
@@ -42,7 +42,7 @@ def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
     return at
 
 
-@njit(**OPTIONS)
+@kernel
 def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -> tuple[int, int]:
     """Add what rows are new to `known`, of which `count` are there, until it is full.
 
@@ -54,12 +54,12 @@ def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -
             if count == len(known):
                 return count, i
             table[at] = count
-            known[count] = rows[i]
+            copy(rows[i], known[count])
             count += 1
     return count, len(rows)
 
 
-@njit(**OPTIONS)
+@kernel
 def look_up(rows: np.ndarray, table: np.ndarray, known: np.ndarray, out: np.ndarray) -> None:
     """Number of every row among the known."""
     for i in range(len(rows)):

@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 
 CUT, BORDER, LEAF = 0, 1, 2  # kinds of tree nodes
 PLAIN, ROOT_LOW, ROOT_HIGH, ROOT_BOTH = 0, 1, 2, 3  # how u goes with the place rho between the ends
@@ -22,16 +21,16 @@ MOST = 33  # coefficients along one coordinate
 OUTSIDE = -1
 SLACK = 1e-9  # of the width of a piece by which rounding may lead a point out of it
 
-_SUMS = {**OPTIONS, "fastmath": {"contract", "nsz"}}
+_SIGNS = {"contract", "nsz"}
 
 
-@njit(**OPTIONS)
+@kernel
 def scaled(x: float, low: float, high: float) -> float:
     """Put x of [low, high] into [-1, 1]; 0 where the interval is a point."""
     return (2.0 * x - low - high) / (high - low) if high > low else 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def border(
     x0: float, x1: float, which: int, boxes: np.ndarray, sizes: np.ndarray, starts: np.ndarray, coefficients: np.ndarray
 ) -> float:
@@ -53,7 +52,7 @@ def border(
     return one
 
 
-@njit(**OPTIONS)
+@kernel
 def place(rho: float, form: int) -> float:
     """u of the relative place rho between the lower and the upper end of a layer."""
     rho = min(max(rho, 0.0), 1.0)
@@ -66,7 +65,7 @@ def place(rho: float, form: int) -> float:
     return rho
 
 
-@njit(**OPTIONS)
+@kernel
 def locate(
     points: np.ndarray,
     nodes: np.ndarray,
@@ -143,7 +142,7 @@ def locate(
             inside[0, i], inside[1, i], inside[2, i] = a, b, c
 
 
-@njit(**_SUMS)
+@kernel(fastmath=_SIGNS)
 def polynomials(t: np.ndarray, count: int, out: np.ndarray) -> None:
     """Chebyshev polynomials 0 ... count - 1 of LANES points."""
     for lane in range(LANES):
@@ -156,7 +155,7 @@ def polynomials(t: np.ndarray, count: int, out: np.ndarray) -> None:
             out[k, lane] = 2.0 * t[lane] * out[k - 1, lane] - out[k - 2, lane]
 
 
-@njit(**_SUMS)
+@kernel(fastmath=_SIGNS)
 def evaluate(
     piece: np.ndarray,
     inside: np.ndarray,

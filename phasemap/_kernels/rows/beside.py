@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
@@ -18,7 +18,7 @@ MOST_STEPS = 15
 SAME = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
 
 
-@njit(**OPTIONS)
+@kernel
 def rows_beside(
     law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitudes: np.ndarray, out: np.ndarray,
     done: np.ndarray,
@@ -41,11 +41,11 @@ def rows_beside(
             )
             if status == col.GOOD:
                 status, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+            if status != col.GOOD or judge(row) != col.GOOD:
+                continue
             apart = abs(row[col.TIP_OFFSET] - near[col.TIP_OFFSET]) / amplitude
-            apart = max(apart, abs(row[col.PHASE] - near[col.PHASE]))
-            if status == col.GOOD and judge(row) == col.GOOD and apart < SAME:
+            if max(apart, abs(row[col.PHASE] - near[col.PHASE])) < SAME:
                 state_errors(law, p, lever, tables, orbit, spare, row)
-                for j in range(col.COLUMNS):
-                    near[j] = row[j]
+                near[:] = row
                 done[i] = True
                 break

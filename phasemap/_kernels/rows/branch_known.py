@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.response.orbit import new_room, refine
@@ -15,7 +15,7 @@ from phasemap._kernels.orbits.response.passes import PHASE as STATE_PHASE
 from phasemap._kernels.rows.derivatives import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
 
 
-@njit(**OPTIONS)
+@kernel
 def exact_block(
     law: Law, rows: np.ndarray, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray, limits: np.ndarray,
     places: np.ndarray, values: np.ndarray, good: np.ndarray,

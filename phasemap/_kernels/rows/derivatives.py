@@ -1,7 +1,8 @@
 """Averaged orbits on a branch that is known, with their derivatives with respect to the material.
 
 At a given amplitude the averaged orbit is a root c of one scalar equation, the mismatch of the drive (`averaging`), so
-that by the implicit function theorem phase and tip offset change with a parameter at fixed c, and by what c changes.
+that by the implicit function theorem phase and tip offset change with a parameter at fixed c, and by what c changes:
+theory, Eq. (inversion-1).
 Where the detector sees the deflection, that holds at a given A; what A is follows from the amplitude that is seen.
 """
 
@@ -10,11 +11,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import ALPHA0, OMEGA, SHAKER
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import mismatch, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
@@ -28,13 +29,13 @@ CLOSE = 1e-5  # of the depth: Newton's last step, whose square is what is left
 LONGEST = 0.6  # of the depth, of a step
 
 
-@njit(**OPTIONS)
+@kernel
 def depth_of(reach: float, amplitude: float, c: float) -> float:
     """Scale on which the mismatch changes with c."""
     return reach / amplitude + abs(c - 1.0) + 1e-9
 
 
-@njit(**OPTIONS)
+@kernel
 def observed(
     lever: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float
 ) -> tuple[float, float]:
@@ -45,7 +46,7 @@ def observed(
     return math.atan2(x, y), amplitude * c + mean
 
 
-@njit(**OPTIONS)
+@kernel
 def root_near(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, c: float
 ) -> tuple[float, float]:
@@ -66,7 +67,7 @@ def root_near(
     return math.nan, math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def root_anywhere(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int
 ) -> tuple[float, float]:
@@ -82,7 +83,7 @@ def root_anywhere(
     return math.nan, math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def root_of(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, search: bool, c: float
 ) -> tuple[float, float]:
@@ -93,7 +94,7 @@ def root_of(
     return root, slope
 
 
-@njit(**OPTIONS)
+@kernel
 def look(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
 ) -> tuple[float, float, float, float]:
@@ -104,7 +105,7 @@ def look(
     return mismatch(lever, amplitude, push, drag), seen, turned, offset
 
 
-@njit(**OPTIONS)
+@kernel
 def held_root(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, held: float, side: int, search: bool, c: float
 ) -> tuple[float, float, float]:
@@ -126,7 +127,7 @@ def held_root(
     return amplitude, math.nan, math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def averaged_block(
     law: Law, rows: np.ndarray, step: float, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray,
     search: bool, places: np.ndarray, values: np.ndarray, slopes: np.ndarray, good: np.ndarray,

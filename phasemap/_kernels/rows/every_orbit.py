@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Fixed, fixed
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Path, fixed
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.exact import MOST_POINTS
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
@@ -26,10 +26,10 @@ CAUGHT = 0.03  # the curve is left where the tip hardly moves any more, relative
 FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many free amplitudes
 
 
-@njit(**OPTIONS)
+@kernel
 def collect(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     hold: int,
     value: float,
@@ -74,7 +74,7 @@ def collect(
     return col.NOT_CONVERGED, count
 
 
-@njit(**OPTIONS)
+@kernel
 def insert(rows: np.ndarray, count: int) -> int:
     """Keep row `count` if it is none of the rows before it; returns how many rows there are."""
     new = rows[count]
@@ -85,10 +85,10 @@ def insert(rows: np.ndarray, count: int) -> int:
     return count + 1
 
 
-@njit(**OPTIONS)
+@kernel
 def seed(
     law: Law,
-    path: Fixed,
+    path: Path,
     tables: np.ndarray,
     amplitude: float,
     guesses: np.ndarray,
@@ -104,7 +104,8 @@ def seed(
     p, lever = path.p, path.lever
     orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
     target, point = np.zeros(4), np.zeros(POINT)
-    for guess in guesses:
+    for i in range(len(guesses)):
+        guess = guesses[i]
         if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
@@ -142,7 +143,7 @@ def seed(
     return count
 
 
-@njit(**OPTIONS)
+@kernel
 def every_orbit(
     law: Law, row: np.ndarray, lever: np.ndarray, tables: np.ndarray, hold: int, value: float
 ) -> tuple[int, np.ndarray]:
@@ -159,6 +160,7 @@ def every_orbit(
                 count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
         # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
         guesses = averaged_orbits(law, p, lever, value)
-        guesses[:, 0] += THROWN * value
+        for i in range(len(guesses)):
+            guesses[i, 0] += THROWN * value
         count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
     return status, found[:count]

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.exact import engage as engage_exact
@@ -19,7 +19,7 @@ from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.resonance import MAXIMUM
 from phasemap._kernels.engagement.response import LOWEST_Q, engage
 from phasemap._kernels.engagement.rest import HANGING
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
@@ -29,7 +29,7 @@ from phasemap._kernels.orbits.response.orbit import farthest
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 
 
-@njit(**OPTIONS)
+@kernel
 def exact_orbit(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
     orbits: Orbits, row: np.ndarray,
@@ -82,7 +82,7 @@ def exact_orbit(
     return done, (orbit, spare, saved, found)
 
 
-@njit(**OPTIONS)
+@kernel
 def exact_rows(
     law: Law,
     rows: np.ndarray,

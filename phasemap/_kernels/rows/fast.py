@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.resonance import MAXIMUM
 from phasemap._kernels.engagement.response import cheap_orbit, engage
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
@@ -23,7 +23,7 @@ from phasemap._kernels.orbits.response.orbit import new_room
 from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
 
 
-@njit(**OPTIONS)
+@kernel
 def averaging_suffices(
     lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
 ) -> bool:
@@ -37,7 +37,7 @@ def averaging_suffices(
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def cheap_rows(
     law: Law,
     rows: np.ndarray,
@@ -76,7 +76,7 @@ def cheap_rows(
     return waiting
 
 
-@njit(**OPTIONS)
+@kernel
 def averaging_rows(
     law: Law,
     rows: np.ndarray,
@@ -103,7 +103,7 @@ def averaging_rows(
     return waiting
 
 
-@njit(**OPTIONS)
+@kernel
 def averaged_near_rows(
     law: Law,
     rows: np.ndarray,

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.in_time import approach, settle
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 
 
-@njit(**OPTIONS)
+@kernel
 def march_rows(
     law: Law,
     rows: np.ndarray,

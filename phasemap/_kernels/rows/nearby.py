@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.continuation.step import relay
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
@@ -18,7 +18,7 @@ from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z
 MOST_STEPS = 12
 
 
-@njit(**OPTIONS)
+@kernel
 def nearby_rows(
     law: Law,
     rows: np.ndarray,

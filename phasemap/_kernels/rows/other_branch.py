@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import caution
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
@@ -29,7 +29,7 @@ from phasemap._kernels.engagement.resonance import (
     strongest,
 )
 from phasemap._kernels.engagement.response import decide_exactly
-from phasemap._kernels.law import OPTIONS, Law, contact_force, parameters
+from phasemap._kernels.law import Law, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
@@ -44,13 +44,13 @@ LENS, BESIDE = 0.05, 0.5  # steps from the strongest pull, over its depth and th
 MOST_STEPS = 60
 
 
-@njit(**OPTIONS)
+@kernel
 def side_of(slot: int) -> int:
     """Sign of the mean interaction."""
     return REPULSIVE if slot == REPELLING else ATTRACTIVE
 
 
-@njit(**OPTIONS)
+@kernel
 def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, room: Room) -> float:
     """Mismatch of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
     state = room.state
@@ -63,7 +63,7 @@ def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: fl
     return mismatch(lever, amplitude, state[PUSH], state[DRAG])
 
 
-@njit(**OPTIONS)
+@kernel
 def decide_closely(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> int:
     """Whether there is an attractive orbit, where `decide_exactly` left it open: its maximum once more, with a lens."""
     middle = room.fit[0]
@@ -80,7 +80,7 @@ def decide_closely(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amp
     return ATTRACTIVE if highest > 0.0 else REPULSIVE
 
 
-@njit(**OPTIONS)
+@kernel
 def averaged_on(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, side: int, guess: np.ndarray, room: Room
 ) -> int:
@@ -122,7 +122,7 @@ def averaged_on(
     return col.NO_STABLE_ORBIT if damped else col.PENDING
 
 
-@njit(**OPTIONS)
+@kernel
 def beside(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, guess: np.ndarray
 ) -> None:
@@ -132,7 +132,7 @@ def beside(
     guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * c + mean, mean, amplitude, push, drag
 
 
-@njit(**OPTIONS)
+@kernel
 def drag_at_balance(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray
 ) -> float:
@@ -161,7 +161,7 @@ def drag_at_balance(
     return h if detuning >= 0.0 else h - detuning * detuning  # above resonance repulsion makes up for this first
 
 
-@njit(**OPTIONS)
+@kernel
 def other_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, allowed: np.ndarray,
     first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray,

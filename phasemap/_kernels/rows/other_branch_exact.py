@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, REPELLING
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
@@ -19,7 +19,7 @@ MOST_STEPS = 15
 STARTS, FARTHER = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
 
 
-@njit(**OPTIONS)
+@kernel
 def exact_near_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitudes: np.ndarray,
     first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray,

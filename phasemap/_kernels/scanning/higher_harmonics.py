@@ -3,7 +3,8 @@
 First-order averaging has the phase at a given amplitude within hundredths of a degree, but the tip offset off by some
 percent of the indentation: a short push excites harmonics n >= 2 as well, whose deflections P/(n^2 - 1) add up to 3/4 P
 at the time of contact and to less if that is longer. So an orbit with first harmonic P lies higher than its average by
-kappa P, and kappa, which hardly depends on P, is taken from the exact orbits at the setpoint.
+kappa P, and kappa, which hardly depends on P, is taken from the exact orbits at the setpoint: theory,
+Eqs. (averaging-11) and (slow-flow-2).
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, slope_of
 from phasemap._kernels.orbits.response.orbit import new_room, refine
@@ -22,7 +24,7 @@ from phasemap._kernels.orbits.response.passes import HEIGHT
 ATTRACTED, REPELLED = 0, 1
 
 
-@njit(**OPTIONS)
+@kernel
 def bulges(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, first: int, last: int,
     out: np.ndarray,
@@ -35,8 +37,9 @@ def bulges(
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
-        for orbit in averaged_orbits(law, p, lever, amplitude):
-            guess[:5] = orbit
+        orbits = averaged_orbits(law, p, lever, amplitude)
+        for j in range(len(orbits)):
+            copy(orbits[j], guess)
             guess[5] = slope_of(law, p, lever, guess)
             if refine(law, p, lever, reach_of(law, p), guess, limits, room.nodes, room.state):
                 side = REPELLED if guess[3] > 0.0 else ATTRACTED

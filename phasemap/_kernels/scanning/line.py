@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.core import types
 from numba.extending import overload
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law, parameters
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
@@ -25,6 +25,7 @@ from phasemap._kernels.scanning.loop import (
     KI,
     KP,
     LOW,
+    PATIENCE,
     PLACE,
     RAMP,
     RATE,
@@ -50,6 +51,7 @@ SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 BULGE = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `bulge`
 
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
+LOOK = 0.1  # times in which that amplitude decays, after which it is looked at the tip that comes nearer
 STILL = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 LOOKS = 40  # at whether it has
 LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no feedback any more
@@ -66,7 +68,7 @@ def start_at(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
     raise NotImplementedError
 
 
-@njit(**OPTIONS)
+@kernel
 def _advance_flow(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
     tip: Flow, tally: np.ndarray, noise: np.random.Generator,
@@ -75,7 +77,7 @@ def _advance_flow(
     return flow_on(law, p, bulge, lever, reach_of(law, p), loop, ground, slope, span, tip, tally, noise)
 
 
-@njit(**OPTIONS)
+@kernel
 def _swinging(place: float, a: complex, y: np.ndarray) -> None:
     """Loop at rest with this complex amplitude and the scanner at a place."""
     y[:] = 0.0
@@ -85,13 +87,13 @@ def _swinging(place: float, a: complex, y: np.ndarray) -> None:
     y[PLACE], y[INTEGRAL] = place, -place
 
 
-@njit(**OPTIONS)
+@kernel
 def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
     _swinging(place, a, tip.y)
     tip.memory[STEP], tip.memory[SHIFT] = 0.0, mean
 
 
-@njit(**OPTIONS)
+@kernel
 def _start_beat(lever: np.ndarray, place: float, mean: float, a: complex, tip: Beat) -> None:
     _swinging(place, a, tip.y)
     tip.tip[0], tip.tip[1], tip.tip[2] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
@@ -122,12 +124,15 @@ overload(advance)(lambda law, row, lever, loop, ground, slope, span, tip, tally,
 overload(start_at)(lambda lever, place, mean, a, tip: _choose_start(tip))
 
 
-@njit(**OPTIONS)
+@kernel
 def approach_in_time(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, tip: Any,
     noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status."""
+    """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status.
+
+    That is NOT_SETTLED after a time loop[PATIENCE].
+    """
     p = parameters(row)
     reach, free, omega = reach_of(law, p), free_amplitude(lever), lever[col.OMEGA]
     decay, y = 1.0 / lever[col.ALPHA0], tip.y
@@ -137,10 +142,13 @@ def approach_in_time(
     lowering = loop.copy()
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0
     lowering[LOW], lowering[HIGH] = -math.inf, math.inf
-    tally = np.zeros(TALLY)
+    tally, passed = np.zeros(TALLY), 0.0
     while shown(loop, y)[0] > loop[SETPOINT]:
+        if passed > loop[PATIENCE]:
+            return col.NOT_SETTLED
+        passed += LOOK * decay
         lowering[RAMP] = APPROACH * max(free, y[PLACE] - ground) / decay
-        status = advance(law, row, lever, lowering, ground, 0.0, 0.1 * decay, tip, tally, noise)
+        status = advance(law, row, lever, lowering, ground, 0.0, LOOK * decay, tip, tally, noise)
         if status != col.GOOD:
             return status
         if y[PLACE] - ground < -LOST * free:
@@ -148,7 +156,7 @@ def approach_in_time(
     return col.GOOD
 
 
-@njit(**OPTIONS)
+@kernel
 def engage_in_time(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, orbit: np.ndarray, tip: Any,
     noise: np.random.Generator,
@@ -190,7 +198,7 @@ def engage_in_time(
     return col.GOOD
 
 
-@njit(**OPTIONS)
+@kernel
 def scan_segments(
     law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, tip: Any, out: np.ndarray,
     status: np.ndarray, noise: np.random.Generator,
@@ -226,7 +234,7 @@ def scan_segments(
     return done
 
 
-@njit(**OPTIONS)
+@kernel
 def _record(loop: np.ndarray, tally: np.ndarray, row: np.ndarray) -> None:
     """A pixel's means: place of the scanner, phase, amplitude, and error."""
     time = tally[TIME]
@@ -236,7 +244,7 @@ def _record(loop: np.ndarray, tally: np.ndarray, row: np.ndarray) -> None:
     row[col.AMPLITUDE_ERROR] = row[col.AMPLITUDE] - loop[SETPOINT]
 
 
-@njit(**OPTIONS)
+@kernel
 def scan_line(
     law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, engaged: bool,
     orbit: np.ndarray, tip: Any, out: np.ndarray, status: np.ndarray, noise: np.random.Generator,

@@ -1,6 +1,7 @@
 """The feedback loop: lock-in, controller and scanner, and the noise that enters there.
 
-Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z = Re(a exp(i omega tau)):
+See theory, Eq. (slow-flow-3). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
+Re(a exp(i omega tau)):
 
 * lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
   phase = 90 degrees + arg(x - b) + `TURN`: what the base moves, b, is constant, and passes the filters as it is;
@@ -17,9 +18,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 
 # Entries of the loop. Lengths in m, times in tau.
 SETPOINT, KP, KI, KD = 0, 1, 2, 3
@@ -31,7 +31,8 @@ THERMAL = 11  # <z^2> of the free lever [m^2]
 DETECTOR = 12  # n^2 [m^2 per tau]
 CALM = 13  # whether the feedback settled when it engaged (1 or 0)
 SHAKER, TURN = 14, 15  # b [m], and what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
-LOOP = 16
+PATIENCE = 16  # after which an approach is given up
+LOOP = 17
 
 # Entries of the state: a; I, Z, Z'; the filters.
 AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
@@ -40,13 +41,13 @@ AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
 TIME, SUM_PLACE, SUM_AMPLITUDE, SUM_PHASE, STOPPED, TALLY = 0, 1, 2, 3, 4, 5
 
 
-@njit(**OPTIONS)
+@kernel
 def used(loop: np.ndarray) -> int:
     """How many entries of the state move."""
     return FILTERS + 2 * int(loop[ORDER])
 
 
-@njit(**OPTIONS)
+@kernel
 def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] at the lock-in's output."""
     last = used(loop) - 2
@@ -54,7 +55,7 @@ def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return math.hypot(x, y[last + 1]), math.atan2(x, -y[last + 1]) + loop[TURN]
 
 
-@njit(**OPTIONS)
+@kernel
 def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Rates of what `shown` gives."""
     last = used(loop) - 2
@@ -66,7 +67,7 @@ def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return (x * dx + u * du) / size, (x * du - u * dx) / (size * size)
 
 
-@njit(**OPTIONS)
+@kernel
 def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
     """Where the scanner is sent [m], the rate of I, and whether the scanner is at an end of its range."""
     error = shown(loop, y)[0] - loop[SETPOINT]
@@ -80,7 +81,7 @@ def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
     return min(max(wanted, loop[LOW]), loop[HIGH]), rate, below or above
 
 
-@njit(**OPTIONS)
+@kernel
 def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
     """Let the lock-in's filters run for a time during which a stays: a cascade of equal filters has a closed form."""
     s = loop[RATE] * time
@@ -95,7 +96,7 @@ def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
             y[FILTERS + 2 * j + part] = a + decay * away
 
 
-@njit(**OPTIONS)
+@kernel
 def move_scanner(loop: np.ndarray, y: np.ndarray, to: float, time: float) -> None:
     """Let the scanner run for a time towards a command that stays."""
     if loop[SPRING] == 0.0:

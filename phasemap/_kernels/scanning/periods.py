@@ -10,10 +10,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.scanning.loop import (
     AMP,
@@ -47,7 +47,7 @@ class Beat(NamedTuple):
     memory: np.ndarray
 
 
-@njit(**OPTIONS)
+@kernel
 def new_beat(eta: float) -> Beat:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)
@@ -55,7 +55,7 @@ def new_beat(eta: float) -> Beat:
     return Beat(np.zeros(STATE), np.zeros(3), np.zeros(7), memory)
 
 
-@njit(**OPTIONS)
+@kernel
 def _collect(memory: np.ndarray, time: float, tally: np.ndarray) -> None:
     """Count so much of the last period."""
     tally[TIME] += time
@@ -64,7 +64,7 @@ def _collect(memory: np.ndarray, time: float, tally: np.ndarray) -> None:
     tally[SUM_PHASE] += time * memory[OF_PHASE]
 
 
-@njit(**OPTIONS)
+@kernel
 def _shake(lever: np.ndarray, loop: np.ndarray, period: float, noise: np.random.Generator, beat: Beat) -> None:
     """Add to z and z' what a period of white noise does to the free lever, and the detector's noise to a."""
     kick = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * lever[col.ALPHA0] * period))
@@ -74,7 +74,7 @@ def _shake(lever: np.ndarray, loop: np.ndarray, period: float, noise: np.random.
         beat.y[AMP + part] += spread * noise.standard_normal()
 
 
-@njit(**OPTIONS)
+@kernel
 def beat_on(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
     beat: Beat, tally: np.ndarray, noise: np.random.Generator,

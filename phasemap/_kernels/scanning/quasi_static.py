@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import ENGAGED, NOWHERE
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.scanning.slots import Orbits
 
 
-@njit(**OPTIONS)
+@kernel
 def step(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, int]:
     """Branch of the tip after a pixel to which it comes at tip offset z0, and which of the material's orbits it is on.
 
@@ -26,7 +25,7 @@ def step(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, in
     return branch, ENGAGED
 
 
-@njit(**OPTIONS)
+@kernel
 def walk(
     materials: np.ndarray, orbits: Orbits, anew: bool, branch: int, z0: float, slots: np.ndarray
 ) -> tuple[int, float]:

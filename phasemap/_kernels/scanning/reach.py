@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement.in_time import COARSE, FALL, average, begin_sums, block_of
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.in_time import COARSE, average, begin_sums, block_of, pace_of
 from phasemap._kernels.law import Law
-from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.time.period_map import new_tip, ring_down
-from phasemap._kernels.orbits.time.runge_kutta import STEADY
+from phasemap._kernels.orbits.time.period_map import new_tip
 
 
-@njit(**STEADY)
+@kernel
 def reach_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, eta: float, most: int, orbits: np.ndarray, reach: np.ndarray
 ) -> None:
@@ -28,13 +26,13 @@ def reach_rows(
     reach : ndarray, shape (n,)
         Up to which tip offset [m]; infinite where the branch is not left.
     """
-    block, pace = block_of(lever), FALL * free_amplitude(lever) / ring_down(lever)
+    block, pace = block_of(lever), pace_of(lever)
     for i in range(len(rows)):
         orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
         z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)
         v = lever[col.OMEGA] * orbit[col.AMPLITUDE] * math.sin(lag)
         tip = new_tip(z, v, orbit[col.TIP_OFFSET])
-        sums, top = begin_sums(tip.acc), reach[i]
+        sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
         while tip.periods[0] < most and tip.u[3] < top:
             if not average(law, rows[i], lever, COARSE * eta, block, -pace, tip, sums) or sums[0] < 0.0:

@@ -4,9 +4,10 @@ With z = Re(a exp(i omega tau)) and the first harmonic P, S of the surface's par
 
     2 (alpha0 + i omega) a' = u0 - (1 - omega^2 + 2 i alpha0 omega) a - (P - i S) a/|a|
 
-(Wang 1999, Eqs. 5-8, before they are set to rest; the free lever's own terms are exact). The mean deflection follows
-at once. What limits the steps is the lock-in, which decays fast, so that the pair of orders 3 and 2 of Bogacki and
-Shampine (Appl. Math. Lett. 2 (1989) 321) takes the least work. Steps end where the surface has a corner.
+(theory, Eq. (slow-flow-1); Wang 1999, Eqs. 5-8, before they are set to rest; the free lever's own terms are exact). The
+mean deflection follows at once. What limits the steps is the lock-in, which decays fast, so that the pair of orders 3
+and 2 of Bogacki and Shampine (Appl. Math. Lett. 2 (1989) 321) takes the least work. Steps end where the surface has a
+corner.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
@@ -69,13 +71,13 @@ class Flow(NamedTuple):
     memory: np.ndarray
 
 
-@njit(**OPTIONS)
+@kernel
 def new_flow() -> Flow:
     """Return an empty one."""
     return Flow(np.zeros(STATE), np.zeros((STAGES, STATE)), np.zeros(STATE), np.zeros(2))
 
 
-@njit(**OPTIONS)
+@kernel
 def rates(
     law: Law, p: tuple[float, ...], bulge: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
     ground: float, y: np.ndarray, shift: float, out: np.ndarray,
@@ -111,13 +113,13 @@ def rates(
     return mean + push * (bulge[REPELLED] if push > 0.0 else bulge[ATTRACTED])
 
 
-@njit(**OPTIONS)
+@kernel
 def place_of(loop: np.ndarray, y: np.ndarray) -> float:
     """Where the scanner is [m]."""
     return y[PLACE] if loop[SPRING] != 0.0 else command(loop, y)[0]
 
 
-@njit(**OPTIONS)
+@kernel
 def _speed_of(loop: np.ndarray, y: np.ndarray, out: np.ndarray) -> float:
     """Rate of `place_of`, without the derivative's own."""
     if loop[SPRING] != 0.0:
@@ -125,7 +127,7 @@ def _speed_of(loop: np.ndarray, y: np.ndarray, out: np.ndarray) -> float:
     return -(loop[KP] * drift_of(loop, y)[0] + out[INTEGRAL])
 
 
-@njit(**OPTIONS)
+@kernel
 def _collect(loop: np.ndarray, flow: Flow, h: float, sign: float, tally: np.ndarray) -> None:
     """Add one end of a step to the integrals: h/2 (f0 + f1) + h^2/12 (f0' - f1')."""
     y, out = (flow.y, flow.stages[0]) if sign > 0.0 else (flow.trial, flow.stages[STAGES - 1])
@@ -140,7 +142,7 @@ def _collect(loop: np.ndarray, flow: Flow, h: float, sign: float, tally: np.ndar
         tally[STOPPED] = 1.0
 
 
-@njit(**OPTIONS)
+@kernel
 def _error(loop: np.ndarray, flow: Flow, h: float) -> float:
     """Local error of a step over what is allowed."""
     worst = 0.0
@@ -155,9 +157,9 @@ def _error(loop: np.ndarray, flow: Flow, h: float) -> float:
     return worst
 
 
-@njit(**OPTIONS)
+@kernel
 def _shake(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
-    """What a time h of noise adds to a and to the first filter."""
+    """What a time h of noise adds to a and to the first filter: theory, Eq. (slow-flow-4)."""
     alpha0, rate = lever[col.ALPHA0], loop[RATE]
     thermal = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * alpha0 * h))
     detector = math.sqrt(-0.5 * loop[DETECTOR] * rate * math.expm1(-2.0 * rate * h))
@@ -166,7 +168,7 @@ def _shake(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Gener
         y[FILTERS + part] += detector * noise.standard_normal()
 
 
-@njit(**OPTIONS)
+@kernel
 def flow_on(
     law: Law, p: tuple[float, ...], bulge: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
     ground: float, slope: float, span: float, flow: Flow, tally: np.ndarray, noise: np.random.Generator,
@@ -200,8 +202,8 @@ def flow_on(
         if error <= 1.0:
             _collect(loop, flow, h, 1.0, tally)
             _collect(loop, flow, h, -1.0, tally)
-            y[:] = trial
-            k[0] = k[STAGES - 1]
+            copy(trial, y)
+            copy(k[STAGES - 1], k[0])
             memory[SHIFT], done = shift, done + h
             if noisy:
                 _shake(lever, loop, h, noise, y)

@@ -153,14 +153,13 @@ class Interaction:
         InputError
             If numba cannot compile the formulas of one's own law.
         """
-        from phasemap._kernels.law import Law, why_not_compiled
+        from phasemap._kernels.law import law_of
 
         law, longrange = self.law, Biased if self.bias else InverseSquare
-        formulas = (law.force, law.slope, longrange.force, longrange.slope)
-        token = Law(*formulas, PowerLawDamping.damping, PowerLawDamping.slope, biased=bool(self.bias))
-        if self._is_own and (reason := why_not_compiled(token)):
-            raise InputError("contact", law.name, "a law whose formulas numba compiles", reason)
-        return token
+        try:
+            return law_of(law.force, law.slope, longrange.force, longrange.slope)
+        except TypeError as error:
+            raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
 
     @property
     def _is_own(self) -> bool:

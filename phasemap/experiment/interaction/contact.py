@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.jkr import JKR
@@ -20,17 +21,12 @@ __all__ = ["DMT", "JKR", "LAWS", "ContactLaw", "Hertz", "LinearSpring", "MaugisD
 
 
 class DMT(ContactLaw):
-    """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2)."""
+    """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2): theory, Eq. (model-7)."""
 
     name = "dmt"
 
-    @staticmethod
-    def force(d: float, p: Array) -> float:
-        return p[0] * d * math.sqrt(d) - p[1]
-
-    @staticmethod
-    def slope(d: float, p: Array) -> float:
-        return 1.5 * p[0] * math.sqrt(d)
+    force = staticmethod(hertzian)
+    slope = staticmethod(hertzian_slope)
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
         """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N]."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
+
+from phasemap._kernels.forces import power_law, power_law_slope
 
 if TYPE_CHECKING:
     import numpy as np
@@ -12,7 +13,8 @@ if TYPE_CHECKING:
 class PowerLawDamping:
     """alpha_s = alpha1 (d/R)^n (Wang 1999, Eq. 4).
 
-    n = 1/2 is Kelvin-Voigt Hertz contact, F = -eta sqrt(R d) d', with eta = 2 alpha1 k / (R omega_c).
+    n = 1/2 is Kelvin-Voigt Hertz contact, F = -eta sqrt(R d) d', with eta = 2 alpha1 k / (R omega_c): theory,
+    Eqs. (model-15) and (model-16).
     """
 
     name = "power law"
@@ -22,16 +24,5 @@ class PowerLawDamping:
         """p[8] = alpha1 / R^n [m^-n], p[9] = n [1]."""
         return damping / radius**exponent, exponent
 
-    @staticmethod
-    def damping(d: float, p: np.ndarray) -> float:
-        if p[9] == 0.5:
-            return p[8] * math.sqrt(d)
-        return p[8] * d ** p[9]
-
-    @staticmethod
-    def slope(d: float, p: np.ndarray) -> float:
-        if d <= 0.0 or p[9] == 0.0:
-            return 0.0
-        if p[9] == 0.5:
-            return 0.5 * p[8] / math.sqrt(d)
-        return p[9] * p[8] * d ** (p[9] - 1.0)
+    damping = staticmethod(power_law)
+    slope = staticmethod(power_law_slope)

@@ -37,7 +37,7 @@ class JKR(ContactLaw):
 
     With s = sqrt(a), s_c^6 = pi w R^2/(6 K): F = (K/R) s^3 (s^3 - 6 s_c^3). First contact is at F = -(4/3) pi w R, the
     neck breaks at d_c = -3 s_c^4/R = -1.6088 (w^2 R/E*^2)^(1/3) with F = -(5/6) pi w R. The long-range force is that of
-    every adhesive law, -2 pi w R where it meets contact.
+    every adhesive law, -2 pi w R where it meets contact. See theory, Eqs. (model-8) and (model-10).
     """
 
     name = "jkr"

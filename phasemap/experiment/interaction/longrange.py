@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from phasemap._kernels.forces import inverse_square, inverse_square_slope
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -15,7 +17,7 @@ CLOSEST = 0.3e-9  # gap at contact [m] of the electrostatic force where there is
 class InverseSquare:
     """F = -f0 / (1 - d/d0)^2 (Wang 1999, Eq. 3): van der Waals attraction of a sphere and a plane.
 
-    With f0 = H R / (6 a0^2) and a0 = d0 it is the Hamaker form with the gap measured from a0.
+    With f0 = H R / (6 a0^2) and a0 = d0 it is the Hamaker form with the gap measured from a0: theory, Eq. (model-12).
     """
 
     name = "inverse square"
@@ -25,22 +27,16 @@ class InverseSquare:
         """p[4] = f0 [N], p[5] = 1/d0 [1/m]."""
         return pull, 1 / decay_length
 
-    @staticmethod
-    def force(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        return -p[4] / (s * s)
-
-    @staticmethod
-    def slope(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        return -2.0 * p[4] * p[5] / (s * s * s)
+    force = staticmethod(inverse_square)
+    slope = staticmethod(inverse_square_slope)
 
 
 class Biased:
     """`InverseSquare` and F = -pi eps0 V^2 R^2 / (g (g + R)), the force of a voltage between sphere and plane.
 
-    The second is Hudlet et al. 1998, Eur. Phys. J. B 2, 5, Eq. 15 without the cone. The gap g = d0 - d is cut off in
-    contact, where the force stays what it is at d = 0 (p[11], which `phasemap._kernels.law` takes off the contact's).
+    The second is Hudlet et al. 1998, Eur. Phys. J. B 2, 5, Eq. 15 without the cone. See theory, Eq. (model-14). The gap
+    g = d0 - d is cut off in contact, where the force stays what it is at d = 0 (p[11], which `phasemap._kernels.law`
+    takes off the contact's).
     """
 
     name = "inverse square and electrostatic"

@@ -76,16 +76,17 @@ class MaugisDugdale(ContactLaw):
     """A constant stress sigma0 = w/h0 up to a gap h0 around the contact.
 
     D. Maugis 1992, J. Colloid Interface Sci. 150, 243. With lambda = 2 sigma0 (R/(pi w K^2))^(1/3), m = c/a,
-    A = a/(pi w R^2/K)^(1/3) and D = d/(pi^2 w^2 R/K^2)^(1/3):
+    A = a/(pi w R^2/K)^(1/3) and D = d/(pi^2 w^2 R/K^2)^(1/3)::
 
         (lambda A^2/2) [sqrt(m^2-1) + (m^2-2) atan sqrt(m^2-1)]
             + (4/3) lambda^2 A [sqrt(m^2-1) atan sqrt(m^2-1) - m + 1] = 1,
         D = A^2 - (4/3) lambda A sqrt(m^2-1),
         F = pi w R (A^3 - lambda A^2 [sqrt(m^2-1) + m^2 atan sqrt(m^2-1)]).
 
-    DMT for lambda -> 0, JKR for lambda -> infinity. The branch is that of the largest a; the neck breaks at its fold,
-    or, for lambda < 0.938, where a reaches 0. Stiff materials (lambda < 0.1) would gain energy in the neck beside a
-    long-range force of the same range, which there is the same attraction over again: they have no neck then.
+    This is theory, Eq. (model-9). DMT for lambda -> 0, JKR for lambda -> infinity. The branch is that of the largest a;
+    the neck breaks at its fold, or, for lambda < 0.938, where a reaches 0. Stiff materials (lambda < 0.1) would gain
+    energy in the neck beside a long-range force of the same range, which there is the same attraction over again: they
+    have no neck then.
 
     Parameters
     ----------

@@ -101,9 +101,8 @@ class Lines:
         self.job, self.control, self.work, self.canvas, self.engine = job, control, work, canvas, engine
         self.numbers = np.where(work.refused() == col.GOOD, np.arange(len(work)), -1)[numbers]
         realism = job.realism
-        self.loop = loop_of(
-            control, job.scope, job.amplitude, realism.temperature or 0.0, realism.detector_noise or 0.0
-        )
+        noise = realism.temperature or 0.0, realism.detector_noise or 0.0
+        self.loop = loop_of(control, job.scope, job.amplitude, *noise, job.accuracy.periods)
         tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau

@@ -8,6 +8,7 @@ import numpy as np
 
 from phasemap._kernels.scanning import loop as of
 from phasemap._shared.errors import InputError
+from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 
@@ -64,7 +65,12 @@ def check(control: Feedback, scope: Microscope, pixels: int) -> None:
 
 
 def loop_of(
-    control: Feedback, scope: Microscope, amplitude: float, temperature: float = 0.0, detector_noise: float = 0.0
+    control: Feedback,
+    scope: Microscope,
+    amplitude: float,
+    temperature: float = 0.0,
+    detector_noise: float = 0.0,
+    periods: int = MOST_PERIODS,
 ) -> Array:
     """The loop's numbers; gains that are to be tuned are 0.
 
@@ -78,6 +84,8 @@ def loop_of(
         Of the lever's own noise [K].
     detector_noise : float
         One-sided density of the deflection signal's noise [m/sqrt(Hz)].
+    periods : int
+        Of the drive, after which an approach is given up.
 
     Returns
     -------
@@ -100,4 +108,5 @@ def loop_of(
     loop[of.LOW] = -loop[of.HIGH]
     loop[of.THERMAL] = BOLTZMANN * temperature / scope.cantilever.stiffness
     loop[of.DETECTOR] = detector_noise**2 * tau
+    loop[of.PATIENCE] = periods * 2 * math.pi / scope.frequency_ratio
     return loop

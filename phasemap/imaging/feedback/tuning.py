@@ -1,7 +1,8 @@
 """Gains as an operator finds them: raised until the loop rings, and then taken back.
 
 The loop is made linear about every stable orbit that the materials of a scene have at the setpoint, slow flow, lock-in,
-controller and scanner together. It rings where an eigenvalue of that system comes to the imaginary axis.
+controller and scanner together. It rings where an eigenvalue of that system comes to the imaginary axis: theory,
+Eq. (slow-flow-5).
 """
 
 from __future__ import annotations

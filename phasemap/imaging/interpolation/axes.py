@@ -16,7 +16,8 @@ class Axes:
     """From (stiffness K [Pa], adhesion w [J/m2], damping alpha1 [1]) to coordinates and back.
 
     x0 = ln K, or K^(1/4) where some K is 0: the depth of the contact goes with a power of K. x1 = ln(alpha1 + a): the
-    phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it.
+    phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it. See theory,
+    Eq. (interpolation-1).
 
     Parameters
     ----------

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from phasemap._kernels.law import Law
 from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import contact_stiffness, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
-from phasemap.solvers.problem import contact_stiffness, lever_of, material_row, properties
+from phasemap.solvers.problem import material_row
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

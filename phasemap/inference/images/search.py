@@ -1,8 +1,9 @@
 """The material of each pixel: Levenberg-Marquardt for all pixels of a block at once.
 
 Phase and height are those of averaged orbits and of a defect, the difference of exact and averaged orbits at the
-material found before: repeated, that leads to the least squares of the exact model, at the price of the averaged one.
-The pixel's own topography is an unknown of its own, which a projection takes out of its heights.
+material found before: repeated, that leads to the least squares of the exact model, at the price of the averaged one
+(theory, Eq. (inversion-2)). The pixel's own topography is an unknown of its own, which a projection takes out of its
+heights.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:
-    from phasemap._kernels.continuation.path import Fixed
+    from phasemap._kernels.continuation.path import Path
     from phasemap._kernels.law import Law
 
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
@@ -20,7 +20,7 @@ BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip
 DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 
-def held_curves(law: Law, path: Fixed, amplitudes: np.ndarray, samples: int) -> Curves:
+def held_curves(law: Law, path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
     """The distance curve from far, with rows where the detector sees these amplitudes."""
     from phasemap._kernels.continuation.path import AP, VP
     from phasemap._kernels.lever import free_amplitude

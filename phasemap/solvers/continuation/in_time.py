@@ -34,13 +34,12 @@ class Adrift:
         x : float
             Its value.
         """
-        from phasemap._kernels.continuation.path import HELD_AMPLITUDE, Swept, held_at
+        from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_at
         from phasemap._kernels.engagement.in_time import carry_on, carry_to
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
         p, lever = curves.standing(x if column == col.PARAMETER else 0.0)
         if column == col.PARAMETER:
-            assert isinstance(curves.path, Swept)
             target, by_amplitude = held_at(curves.path, x), curves.path.kind == HELD_AMPLITUDE
             row[col.PARAMETER] = x
         move = carry_on if by_amplitude else carry_to

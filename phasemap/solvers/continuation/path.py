@@ -18,7 +18,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import Work, work_of_material
 
 if TYPE_CHECKING:
-    from phasemap._kernels.continuation.path import Fixed, Swept
+    from phasemap._kernels.continuation.path import Path
     from phasemap._kernels.law import Law
 
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio")
@@ -76,7 +76,7 @@ class Question:
         return work_of_material(self.material, self.scope, amplitude)
 
 
-def fixed_path(question: Question) -> tuple[Law, Fixed]:
+def fixed_path(question: Question) -> tuple[Law, Path]:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
     from phasemap._kernels.continuation.path import fixed
     from phasemap._kernels.law import parameters
@@ -115,7 +115,7 @@ class Scale:
 
 def swept_path(
     question: Question, name: str, scale: Scale, held: Callable[[Microscope], float], of_amplitude: bool
-) -> tuple[Law, Swept]:
+) -> tuple[Law, Path]:
     """The path of a sweep in a parameter, with z0 or A held.
 
     Parameters
@@ -130,7 +130,7 @@ def swept_path(
     InputError
         If a value of the sweep is out of range, or what depends on it changes too much from end to end.
     """
-    from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, Swept
+    from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept
 
     work = question.at(name, float(scale.value(0.0))).work()
     table = np.zeros((0, 0))
@@ -154,7 +154,7 @@ def swept_path(
     if name == "frequency":
         width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
     kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
-    return work.law, Swept(np.ascontiguousarray(table[:, : max(last, 2)]), kind, min(width, 0.05))
+    return work.law, swept(np.ascontiguousarray(table[:, : max(last, 2)]), kind, min(width, 0.05))
 
 
 def _column(question: Question, held: Callable[[Microscope], float]) -> np.ndarray:

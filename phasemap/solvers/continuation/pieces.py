@@ -12,7 +12,7 @@ from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import seen
 
 if TYPE_CHECKING:
-    from phasemap._kernels.continuation.path import Fixed, Swept
+    from phasemap._kernels.continuation.path import Path
     from phasemap._kernels.law import Law
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
@@ -50,7 +50,7 @@ class Curves:
     Parameters
     ----------
     law : Law
-    path : Fixed or Swept
+    path : Path
     index : int
         Entry of a point whose values are wanted.
     wanted : ndarray, sorted
@@ -63,7 +63,7 @@ class Curves:
     def __init__(
         self,
         law: Law,
-        path: Fixed | Swept,
+        path: Path,
         index: int,
         wanted: np.ndarray,
         box: tuple[float, float, float],
@@ -75,11 +75,9 @@ class Curves:
 
     def standing(self, m: float) -> tuple[tuple[float, ...], np.ndarray]:
         """The law's parameters and the lever at m."""
-        from phasemap._kernels.continuation.path import Fixed, swept_at
+        from phasemap._kernels.continuation.path import standing_at
 
-        if isinstance(self.path, Fixed):
-            return self.path.p, self.path.lever
-        p, lever, _ = swept_at(self.path.table, m)
+        p, lever = standing_at(self.path, float(m))
         return p, lever
 
     def seen(self, rows: np.ndarray) -> np.ndarray:

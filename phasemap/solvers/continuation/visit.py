@@ -175,7 +175,7 @@ def _after(curves: Curves, column: int, here: Segment | Adrift | None, x: float)
 
 def is_periodic(row: np.ndarray) -> bool:
     """Whether a row is that of a periodic orbit."""
-    return bool(np.isfinite(row[col.AMPLITUDE]) and not row[col.SPREAD_AMPLITUDE] > 0)
+    return bool(np.isfinite(row[col.AMPLITUDE]) and not col.irregular(row))
 
 
 def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:

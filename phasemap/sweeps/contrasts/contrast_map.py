@@ -17,10 +17,12 @@ from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import describe, provenance
+from phasemap.results.quantities import CHANNELS
+from phasemap.results.variables import check_variables, describe, provenance
 from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
+from phasemap.sweeps.contrasts.channels import derived
 from phasemap.sweeps.contrasts.dataset import DIMS, record
 from phasemap.sweeps.contrasts.edges import borders
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
@@ -46,6 +48,7 @@ def contrast(
     accuracy: Accuracy | None = None,
     *,
     names: Sequence[str] = ("first", "second"),
+    variables: Sequence[str] = (),
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> xr.Dataset:
@@ -69,8 +72,11 @@ def contrast(
         As in `phasemap.simulate`.
     names : sequence of str
         Of the two materials.
+    variables : sequence of str
+        Derived channels to map too, by the names of `phasemap.channels`.
     progress : callable, optional
-        Called as ``progress(done, total)`` from the calling thread, in points of the map.
+        Called as ``progress(done, total)`` from the calling thread, in points of the map; with all of them done while
+        jumps and inversions are sought between them.
     threads : int, optional
         All cores by default. The numbers do not depend on it.
 
@@ -83,6 +89,7 @@ def contrast(
         * `phase`, `phase_spread` [degree], `height`, `indentation` [m], `branch`, `motion`, `status` and `solver` of
           each material after engaging from far;
         * `contrast` [degree] and `height_contrast` [m], second less first;
+        * each of `variables` of each material, and second less first under its name with `_contrast`;
         * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
           either, whether or not engaging from far leads there.
 
@@ -131,7 +138,7 @@ def contrast(
     accuracy = Accuracy() if accuracy is None else accuracy
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
-    labels = _check_names(names)
+    labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
     drive = scope.drive
     frequencies = numbers("frequencies", frequencies, "Hz")
     free_amplitudes = numbers("free_amplitudes", free_amplitudes, "m")
@@ -145,10 +152,17 @@ def contrast(
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
     pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy), workers_of(threads)
     engaged, regime = _solve(pair, rising, workers, progress)
+    points = regime[0].size
+
+    def sought(_done: int, _total: int) -> None:
+        if progress is not None:
+            progress(points, points)
+
     jumps, inversions = borders(
-        pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers
+        pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
     found = record(rising, labels, engaged, regime, jumps, inversions)
+    found = found.assign(derived(wanted, pair, (first, second), labels, rising, engaged))
     choice = choose(rising, labels, engaged, regime, jumps)
     best = dict.fromkeys([f"best_{name}" for name in (*DIMS, "contrast")], np.nan)
     if choice.place is not None:

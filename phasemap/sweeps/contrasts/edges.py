@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._shared.threads import spread
+from phasemap._shared.threads import Progress, spread
 from phasemap.sweeps.contrasts.pair import Axes, Pair
 
 Array = np.ndarray
@@ -79,7 +79,9 @@ class _Line(NamedTuple):
         return np.asarray(self.start + share * (self.stop - self.start))
 
 
-def borders(pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int) -> tuple[list[Jump], list[Inversion]]:
+def borders(
+    pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int, progress: Progress | None = None
+) -> tuple[list[Jump], list[Inversion]]:
     """Find every jump and inversion between neighbours of a map.
 
     Parameters
@@ -91,6 +93,8 @@ def borders(pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int) 
         Of both materials [degree, code].
     workers : int
         How many threads.
+    progress : callable, optional
+        Called in lines between neighbours that are looked into.
 
     Returns
     -------
@@ -105,7 +109,7 @@ def borders(pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int) 
         for i in range(first, last):
             found[i] = _follow(pair, lines[i])
 
-    spread(follow, range(len(lines) + 1), workers, None)
+    spread(follow, range(len(lines) + 1), workers, progress)
     return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros]
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.orbit import Orbit
-from phasemap.solvers.problem import Work, lever_of, work_of_material
+from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
@@ -73,6 +74,12 @@ class Pair:
         both = Work(one.law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
         return cls(both, scope, solver, accuracy)
 
+    def at(self, frequency: float, free_amplitude: float) -> Microscope:
+        """The microscope driven at a frequency [Hz] with a free amplitude at resonance [m]."""
+        with unquestioned():  # the axes were looked at
+            drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
+            return replace(self.scope, drive=drive)
+
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
         """Both materials at each setpoint: n rows of the first, then n of the second.
 
@@ -85,9 +92,7 @@ class Pair:
         setpoints : ndarray, shape (n,)
             Amplitudes over the free amplitude at the drive frequency.
         """
-        with unquestioned():
-            drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
-        scope = replace(self.scope, drive=drive)
+        scope = self.at(frequency, free_amplitude)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.free_amplitude, 2))
 

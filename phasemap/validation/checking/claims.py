@@ -16,7 +16,7 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
 from phasemap.scenes.scene import CONTROLS, Scene, scene_from_json
@@ -34,7 +34,7 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        Accuracy, Cantilever, Drive, Engage, Feedback, Interaction, LinearSpring, MaugisDugdale, Microscope, Neck,
+        Accuracy, Cantilever, Drive, Engage, Feedback, Interaction, LinearSpring, MaugisDugdale, Microscope, Mode, Neck,
         Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip

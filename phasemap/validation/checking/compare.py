@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.surface import Surface
 from phasemap.results.variables import FLOATS, flag_attributes
-from phasemap.solvers.problem import lever_of
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import OPEN, Claim, in_words, judged

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.engaged import stiffening
 from phasemap.imaging.feedback.program import mean_ground
 from phasemap.results.variables import FLAGS
-from phasemap.solvers.energy import lost_in_air, supplied
-from phasemap.solvers.problem import lever_of
 from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import Claim, in_words, judged
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap.experiment.surface_variables import centres
-from phasemap.results.variables import FLAGS, FLOATS, variables_of
+from phasemap.results.quantities import CHANNELS
+from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
 from phasemap.validation.checking.claims import Claims
 from phasemap.validation.checking.result import FAILS, HOLDS, Claim
 
@@ -33,7 +34,7 @@ def _dims(claims: Claims) -> tuple[str, ...]:
 
 def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
     """Say what is not as agreed."""
-    dims, known = _dims(claims), variables_of(claims.control)
+    dims, known = _dims(claims), all_variables_of(claims.control)
     sizes = dict(zip(("y", "x"), claims.shape, strict=True), direction=len(claims.control.directions))
     for dim in dims:
         if image.sizes.get(dim) != sizes[dim]:
@@ -43,15 +44,16 @@ def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
         yield "there is no status"
     for name in map(str, image.data_vars):
         variable = image[name]
-        if name not in known:
+        about = FLOATS.get(name) or CHANNELS.get(name)
+        if name not in known and name not in CHANNELS:
             yield f"{name} is no variable of such an image"
         elif variable.dims != dims:
             yield f"{name} has dims {variable.dims}, not {dims}"
         elif name in FLAGS:
             yield from _wrong_flags(name, variable)
-        elif variable.dtype.kind != "f" or not _says(variable, "units", FLOATS[name].units):
-            units = variable.attrs.get("units")
-            yield f"{name} is {variable.dtype} in {units!r}, not numbers in {FLOATS[name].units!r}"
+        elif variable.dtype.kind != "f" or about is None or not _says(variable, "units", about.units):
+            unit = None if about is None else about.units
+            yield f"{name} is {variable.dtype} in {variable.attrs.get('units')!r}, not numbers in {unit!r}"
 
 
 def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:

@@ -5,8 +5,9 @@ The orbit is taken as z = A0 + A cos(theta). With c = (z0 - A0)/A the depth is d
 
     (P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2
 
-is one scalar equation for c. (The paper replaces omega_e^2 - omega^2 by (1 + omega)(omega_e - omega), equal at first
-order; here the free lever is kept exact.) The integrals use Gauss nodes that know the exponents of the integrand:
+is one scalar equation for c: theory, Eqs. (averaging-4), (averaging-7) and (averaging-8). (The paper replaces omega_e^2
+- omega^2 by (1 + omega)(omega_e - omega), equal at first order; here the free lever is kept exact.) The integrals use
+Gauss nodes that know the exponents of the integrand (theory, Eq. (averaging-10)):
 
 * contact: sin(theta/2) = sin(theta0/2) sin(psi), so that d = A (1 - c) cos(psi)^2 and half-integer powers are smooth;
 * outside: u = tan(theta/2) = u0 + delta x / (1 - x), delta the distance to the pole of the long-range force;
@@ -19,10 +20,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels.columns import OMEGA, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_force, damping, longrange_force
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
@@ -35,18 +36,17 @@ _DEEP_COS2, _DEEP_SIN2 = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 
 _DEEP_W = _W * np.pi * np.cos(_X * np.pi / 2)
 _ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
 
-_SUMS = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}}  # sums may be taken in any order, so in vectors
 DEEP = -0.6  # below this c the contact integrals need the finer nodes
 
 
-@njit(**OPTIONS)
+@kernel
 def _neck(
     law: Law, p: np.ndarray, reach: float, amplitude: float, c: float, hanging: bool
 ) -> tuple[float, float, float]:
     """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
 
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
-    A tip that hangs is never released, and has no way in.
+    See theory, Eq. (averaging-9). A tip that hangs is never released, and has no way in.
     """
     length = -p[10] / amplitude
     start = math.sqrt((1.0 - c) / (1.0 + c)) if c > -1.0 else math.inf
@@ -92,7 +92,7 @@ def _neck(
     return mean, push, loss
 
 
-@njit(**_SUMS)
+@kernel(fastmath=ANY_ORDER)
 def _even(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float, outside: bool
 ) -> tuple[float, float, float]:
@@ -146,7 +146,7 @@ def _even(
     return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
 
 
-@njit(**OPTIONS)
+@kernel
 def harmonics(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
 ) -> tuple[float, float, float]:

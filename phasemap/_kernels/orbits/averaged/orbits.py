@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 
 
-@njit(**OPTIONS)
+@kernel
 def crossing(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, near: float, far: float
 ) -> float:
@@ -41,7 +41,7 @@ def crossing(
     return c
 
 
-@njit(**OPTIONS)
+@kernel
 def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float) -> float:
     """Return c so large that the surface hardly matters at this setpoint."""
     allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.BASE]
@@ -53,7 +53,7 @@ def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: fl
     return 1.0 + away
 
 
-@njit(**OPTIONS)
+@kernel
 def slope_of(law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray) -> float:
     """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
     reach, amplitude, e = reach_of(law, p), guess[2], guess[0] - guess[1]
@@ -62,13 +62,13 @@ def slope_of(law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray) -> f
     return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[3], guess[4])) / small
 
 
-@njit(**OPTIONS)
+@kernel
 def in_phase(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> float:
     """P + A (1 - omega^2), the part of the drive that acts against stiffness; it passes zero between two branches."""
     return harmonics(law, p, lever, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
 
 
-@njit(**OPTIONS)
+@kernel
 def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> np.ndarray:
     """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S).
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import phase_of
 
 
-@njit(**OPTIONS)
+@kernel
 def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row from an averaged orbit, guess = (z0, mean deflection, A, P, S)."""
     stiffness = lever[col.STIFFNESS]
@@ -26,7 +26,7 @@ def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     row[col.STIFFENING] = push / amplitude
 
 
-@njit(**OPTIONS)
+@kernel
 def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
     """Fill `guess` with the averaged orbit nearest to the exact one of `row`, on the same side of free stiffness."""
     best = math.inf
@@ -34,5 +34,5 @@ def nearest(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
         apart = abs(candidates[i, 0] - row[col.TIP_OFFSET])
         if (candidates[i, 3] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
             best = apart
-            guess[:5] = candidates[i]
+            copy(candidates[i], guess)
     return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.columns import RELEASE, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_slope, damping
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_slope, damping
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.system import (
     CONTACT,
@@ -58,7 +59,7 @@ TWO_PI = 2 * math.pi
 PERMANENT = -1  # orbit.head[COUNT, CONTACTS] of an orbit that never leaves contact
 
 
-@njit(**OPTIONS)
+@kernel
 def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e (barycentric interpolation)."""
     one, following = elements[e], elements[e + 1]
@@ -84,7 +85,7 @@ def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) 
     return w / below, u / below
 
 
-@njit(**OPTIONS)
+@kernel
 def depth(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return d and d' (by the angle) at an angle inside element e."""
     w, u = interpolate(tables, orbit.elements, e, theta)
@@ -92,7 +93,7 @@ def depth(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float
     return amplitude * math.cos(theta) + w - orbit.head[VALUE, Z0], u - amplitude * math.sin(theta)
 
 
-@njit(**OPTIONS)
+@kernel
 def _root(
     tables: np.ndarray, orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float
 ) -> float:
@@ -115,7 +116,7 @@ def _root(
     return theta
 
 
-@njit(**OPTIONS)
+@kernel
 def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) -> float:
     """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
     sign = depth(tables, orbit, e, low)[1] > 0.0
@@ -128,7 +129,7 @@ def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) 
     return 0.5 * (low + high)
 
 
-@njit(**OPTIONS)
+@kernel
 def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     """Find where the tip enters and leaves contact; fills rows CONTACT and their count. False if there are too many.
 
@@ -149,7 +150,7 @@ def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
     """Smallest depth at the nodes."""
     lowest = math.inf
@@ -161,7 +162,7 @@ def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
     return lowest
 
 
-@njit(**OPTIONS)
+@kernel
 def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
     """Fill in where the neck of each contact breaks: at the next contact where it does not."""
     head = orbit.head
@@ -204,7 +205,7 @@ def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
                 e, turn, before = 0, turn + TWO_PI, begin
 
 
-@njit(**OPTIONS)
+@kernel
 def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
     """Find where d rises and falls through 0; fills rows CONTACT and their count. False if there are too many."""
     amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
@@ -295,7 +296,7 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def put(tables: np.ndarray, orbit: Orbit, n: int, side: float, origin: float, scale: float) -> bool:
     """Append one element."""
     e = int(orbit.head[COUNT, ELEMENTS])
@@ -315,7 +316,7 @@ def put(tables: np.ndarray, orbit: Orbit, n: int, side: float, origin: float, sc
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def _half(
     tables: np.ndarray, orbit: Orbit, side: float, start: float, length: float, scale: float, incoming: int
 ) -> bool:
@@ -335,7 +336,7 @@ def _half(
     return ok
 
 
-@njit(**OPTIONS)
+@kernel
 def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
@@ -345,14 +346,14 @@ def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float,
     return _pick((2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
 
 
-@njit(**OPTIONS)
+@kernel
 def _neck_count(law: Law, p: np.ndarray, lever: np.ndarray, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
     rate = math.sqrt(1.0 + abs(contact_slope(law, 0.5 * p[RELEASE], p)) / lever[STIFFNESS])
     return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
 
 
-@njit(**OPTIONS)
+@kernel
 def _pick(wanted: float) -> int:
     """The first of CONTACT_COUNTS that is as large."""
     pick = 0
@@ -361,7 +362,7 @@ def _pick(wanted: float) -> int:
     return pick
 
 
-@njit(**OPTIONS)
+@kernel
 def _span(tables: np.ndarray, orbit: Orbit, side: float, start: float, end: float, pick: int) -> bool:
     """Elements between two borders at which the force may start like a root."""
     ok = True
@@ -370,16 +371,16 @@ def _span(tables: np.ndarray, orbit: Orbit, side: float, start: float, end: floa
     return ok
 
 
-@njit(**OPTIONS)
+@kernel
 def lay(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int
 ) -> bool:
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
     head = orbit.head
     amplitude = source.head[VALUE, A]
-    head[VALUE] = source.head[VALUE]
-    head[COUNT] = source.head[COUNT]
-    head[CONTACT : CONTACT + MOST_CONTACTS + 1] = source.head[CONTACT : CONTACT + MOST_CONTACTS + 1]
+    copy(source.head[VALUE], head[VALUE])
+    copy(source.head[COUNT], head[COUNT])
+    copy_rows(source.head[CONTACT : CONTACT + MOST_CONTACTS + 1], head[CONTACT:])
     contacts = int(head[COUNT, CONTACTS])
     head[COUNT, LEVEL] = level
     head[COUNT, ELEMENTS] = 0
@@ -413,7 +414,7 @@ def lay(
     return ok
 
 
-@njit(**OPTIONS)
+@kernel
 def carry_over(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
     """Interpolate w and w' of `source` to the nodes and edges of `orbit`."""
     old, new = source.elements, orbit.elements

@@ -2,7 +2,7 @@
 
 On elements of half the length the error of Gauss collocation is 2^16 times smaller where it counts, in P, S and z0:
 what the step changes there is the error of the orbit: that of the elements, of the last step, and of elements that lie
-beside the contacts, for the halves are laid where the contacts are.
+beside the contacts, for the halves are laid where the contacts are: theory, Eq. (errors-4).
 
 The step itself leaves the square of what its start is wrong by. Between its nodes the orbit is a polynomial of xi, not
 of the angle (see `tables`): carried over by that polynomial it is about as exact as at the nodes.
@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.arrays import copy, copy_rows
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import find_contacts, lay, put
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
@@ -45,6 +46,7 @@ from phasemap._kernels.orbits.collocation.system import (
     W,
     close,
     linearise,
+    no_drift,
 )
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 
@@ -54,7 +56,7 @@ ROUNDING = 2e-13  # of the tip offset, in the amplitude: what is rounded where a
 ASIDE = 1e-3  # [rad] by which elements may lie beside the contacts and still be the same ones
 
 
-@njit(**OPTIONS)
+@kernel
 def state_errors(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
 ) -> None:
@@ -66,9 +68,10 @@ def state_errors(
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = math.nan, math.nan
     head = orbit.head.copy()
     laid = find_contacts(p, tables, orbit) and lay(law, p, lever, tables, spare, orbit, int(head[COUNT, LEVEL]))
-    orbit.head[:] = head
+    copy_rows(head, orbit.head)
     halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
-    if not linearise(law, p, lever, tables, halves, None) or not close(lever, halves, HOLD_AMPLITUDE, np.zeros(4)):
+    chained = linearise(law, p, lever, tables, halves, no_drift())
+    if not chained or not close(lever, halves, HOLD_AMPLITUDE, np.zeros(4)):
         return
     solved, amplitude, omega = halves.head[SYSTEM:, RIGHT], head[VALUE, A], lever[col.OMEGA]
     x = solved[RP] + amplitude * (1.0 - omega * omega)
@@ -78,7 +81,7 @@ def state_errors(
     row[col.ERROR_HEIGHT] = SAFETY * abs(solved[RZ] - head[VALUE, Z0]) + FLOOR_HEIGHT + rounded
 
 
-@njit(**OPTIONS)
+@kernel
 def _same(orbit: Orbit, places: Orbit) -> bool:
     """Whether both have the same elements, at almost the same places."""
     count = int(orbit.head[COUNT, ELEMENTS])
@@ -91,7 +94,7 @@ def _same(orbit: Orbit, places: Orbit) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
     """The orbit on elements cut in two, which lie where those of `places` do."""
     count = int(orbit.head[COUNT, ELEMENTS])
@@ -101,7 +104,8 @@ def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
     for e in range(count):
         one, following, place = orbit.elements[e], orbit.elements[e + 1], places.elements[e, PLACE]
         w[0], u[0] = one[PLACE, EDGE_W], one[PLACE, EDGE_U]
-        w[1:-1], u[1:-1] = one[W], one[U]
+        copy(one[W], w[1:])
+        copy(one[U], u[1:])
         w[-1], u[-1] = following[PLACE, EDGE_W], following[PLACE, EDGE_U]
         for part in range(2):
             n = HALVES + 2 * int(place[TABLE]) + part

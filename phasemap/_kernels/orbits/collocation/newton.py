@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law, contact_force, longrange_force
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.elements import PERMANENT, carry_over, find_contacts, lay
 from phasemap._kernels.orbits.collocation.system import (
@@ -36,7 +36,6 @@ from phasemap._kernels.orbits.collocation.system import (
     VALUE,
     Z0,
     A,
-    Drift,
     Orbit,
     P,
     S,
@@ -47,6 +46,7 @@ from phasemap._kernels.orbits.collocation.system import (
     close,
     close_swept,
     linearise,
+    no_drift,
     surface_force,
 )
 from phasemap._kernels.orbits.response.apex import crest
@@ -57,7 +57,7 @@ COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
 
 
-@njit(**OPTIONS)
+@kernel
 def begin(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int
 ) -> bool:
@@ -89,7 +89,7 @@ def begin(
     return ok
 
 
-@njit(**OPTIONS)
+@kernel
 def contact_size(head: np.ndarray, reach: float) -> float:
     """Depth [m] that matters to where elements lie: of the shallowest contact, or of the gap and the force's reach."""
     contacts = int(head[COUNT, CONTACTS])
@@ -101,7 +101,7 @@ def contact_size(head: np.ndarray, reach: float) -> float:
     return head[VALUE, A] * half * half
 
 
-@njit(**OPTIONS)
+@kernel
 def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
     """How much of a contact the elements may lie beside it: a millionth, unless the force itself jumps there."""
     pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[4] != 0.0 else 0.0)
@@ -110,7 +110,7 @@ def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
     return 2e-6 if level == 0 else 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
     """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
     head = orbit.head
@@ -126,7 +126,7 @@ def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, 
     return col.PENDING, change
 
 
-@njit(**OPTIONS)
+@kernel
 def newton(
     law: Law,
     p: np.ndarray,
@@ -146,7 +146,7 @@ def newton(
     """
     reach, still = reach_of(law, p), stillness(law, p, lever, level)
     for step in range(most):
-        if not linearise(law, p, lever, tables, orbit, None) or not close(lever, orbit, hold, target):
+        if not linearise(law, p, lever, tables, orbit, no_drift()) or not close(lever, orbit, hold, target):
             return col.NOT_CONVERGED, step, orbit, spare
         status, change = take(tables, lever, orbit, tolerance, hold == HOLD_ARC)
         if status != col.PENDING:
@@ -160,7 +160,7 @@ def newton(
     return col.NOT_CONVERGED, most, orbit, spare
 
 
-@njit(**OPTIONS)
+@kernel
 def newton_swept(
     law: Law,
     p: np.ndarray,
@@ -168,7 +168,7 @@ def newton_swept(
     tables: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
-    drift: Drift,
+    drift: np.ndarray,
     holds: np.ndarray,
     level: int,
     tolerance: float,
@@ -186,9 +186,9 @@ def newton_swept(
     return col.PENDING, spare, orbit
 
 
-@njit(**OPTIONS)
+@kernel
 def floquet(transfer: np.ndarray) -> float:
-    """Return the largest modulus of the multipliers."""
+    """Return the largest modulus of the multipliers: theory, Eq. (stability-3)."""
     half = 0.5 * (transfer[0] + transfer[3])
     product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
     root = half * half - product
@@ -197,9 +197,9 @@ def floquet(transfer: np.ndarray) -> float:
     return abs(half) + math.sqrt(root)
 
 
-@njit(**OPTIONS)
+@kernel
 def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
-    """Fill a result row from a converged orbit."""
+    """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
     omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
@@ -243,7 +243,7 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
     row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
 
 
-@njit(**OPTIONS)
+@kernel
 def report(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
     observe(law, p, lever, tables, orbit, row)
@@ -252,9 +252,9 @@ def report(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
 
 
-@njit(**OPTIONS)
+@kernel
 def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
     """Linearise about a converged orbit and fill its row; returns a status."""
-    if not linearise(law, p, lever, tables, orbit, None):
+    if not linearise(law, p, lever, tables, orbit, no_drift()):
         return col.NOT_CONVERGED
     return report(law, p, lever, tables, orbit, row)

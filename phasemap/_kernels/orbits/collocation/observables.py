@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import interpolate
 from phasemap._kernels.orbits.collocation.system import (
     COS,
@@ -36,7 +36,7 @@ from phasemap._kernels.orbits.collocation.system import (
 from phasemap._kernels.quadrature import NODES, T_END1
 
 
-@njit(**OPTIONS)
+@kernel
 def complete(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill what `observe` leaves of a full row, shape (FULL,), at a linearised orbit."""
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
@@ -86,7 +86,7 @@ def complete(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orb
     row[col.START_Z], row[col.START_V], row[col.START_HELD] = z, v, 0.0 if side == OUTSIDE else 1.0
 
 
-@njit(**OPTIONS)
+@kernel
 def state_at(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, theta: float
 ) -> tuple[float, float, float, float]:
@@ -106,7 +106,7 @@ def state_at(
     return z, v, stiffness * surface_force(law, p, 1.0 / stiffness, side, d, v)[0], side
 
 
-@njit(**OPTIONS)
+@kernel
 def time_trace(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, phase: float, trace: np.ndarray
 ) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, newton, report
@@ -18,14 +18,14 @@ FINEST = 2  # level of refinement
 CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 
 
-@njit(**OPTIONS)
+@kernel
 def tolerance_of(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     """Last change [m] of an orbit that is converged."""
     free = free_amplitude(lever)
     return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(law, p, lever, free))
 
 
-@njit(**OPTIONS)
+@kernel
 def judge(row: np.ndarray) -> int:
     """Whether the controller can hold this orbit: it must be stable, and the feedback must have the right sign."""
     if not row[col.FLOQUET] < 1.0:
@@ -33,7 +33,7 @@ def judge(row: np.ndarray) -> int:
     return col.GOOD if row[col.SLOPE] > 0.0 else col.NO_STABLE_ORBIT
 
 
-@njit(**OPTIONS)
+@kernel
 def polish(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
 ) -> tuple[int, Orbit, Orbit]:

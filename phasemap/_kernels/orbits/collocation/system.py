@@ -5,7 +5,8 @@ With the time origin at the first harmonic, z = A cos(theta) + w(theta), theta =
     omega^2 w'' + 2 alpha0 omega w' + w + g(d, zdot) = P cos(theta) + S sin(theta),     g = F/k + 2 alpha_s zdot,
 
 where (P, S) are the first harmonic of g, so that w has none; the drive closes the system,
-(P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2. Unknown are w, P, S and z0 (or A). The equation is
+(P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2 (theory, Eqs. (collocation-1), (collocation-2) and
+(averaging-4)). Unknown are w, P, S and z0 (or A). The equation is
 linearised about the present orbit, each element is solved for w'' at its Gauss nodes as an affine function of the
 state at its start and of (P, S, z0), and the elements are chained round the period. The product of their transfer
 matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
@@ -20,11 +21,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, STIFFNESS
+from phasemap._kernels.arrays import copy_rows
+from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, ROW, STIFFNESS
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import (
-    OPTIONS,
     Law,
     contact_force,
     contact_slope,
@@ -32,6 +33,7 @@ from phasemap._kernels.law import (
     damping_slope,
     longrange_force,
     longrange_slope,
+    parameters,
 )
 from phasemap._kernels.quadrature import NODES, T_END1, T_END2, T_M1, T_M2, T_NUMBERS, T_SUM1, T_TOTAL
 
@@ -63,14 +65,10 @@ SEVEN = 7
 WIDTH = 16  # of an element's matrix with its right-hand sides, padded for vector instructions
 
 
-class Drift(NamedTuple):
-    """The law's parameters and the lever a step `step` above and below the present m."""
-
-    p_up: tuple[float, ...]
-    p_down: tuple[float, ...]
-    lever_up: np.ndarray
-    lever_down: np.ndarray
-    step: float
+# Where a parameter m moves, `drift`, shape (2, STANDING), has the law's parameters and the lever at m + SMALL and at
+# m - SMALL; elsewhere it has no rows.
+STANDING = ROW + 5
+SMALL = 1e-5
 
 
 class Orbit(NamedTuple):
@@ -83,13 +81,19 @@ class Orbit(NamedTuple):
     head: np.ndarray
 
 
-@njit(**OPTIONS)
+@kernel
 def new_orbit() -> Orbit:
     """Return an orbit's room."""
     return Orbit(np.zeros((MOST_ELEMENTS + 1, FIELDS, NODES)), np.zeros((HEAD, NODES)))
 
 
-@njit(**OPTIONS)
+@kernel
+def no_drift() -> np.ndarray:
+    """`drift` where no parameter moves."""
+    return np.empty((0, STANDING))
+
+
+@kernel
 def eliminate(m: np.ndarray, n: int) -> bool:
     """Solve for the first n columns in place (Gauss-Jordan, row pivoting); the other columns become solutions."""
     width = m.shape[1]
@@ -114,7 +118,7 @@ def eliminate(m: np.ndarray, n: int) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def into(p: np.ndarray, side: float, d: float) -> float:
     """The depth on this side of the surface that is nearest to d: elements may lie a little beside it.
 
@@ -127,7 +131,7 @@ def into(p: np.ndarray, side: float, d: float) -> float:
     return min(d, 0.0)
 
 
-@njit(**OPTIONS)
+@kernel
 def surface_force(
     law: Law, p: np.ndarray, inverse_k: float, side: float, d: float, v: float
 ) -> tuple[float, float, float]:
@@ -147,18 +151,18 @@ def surface_force(
     return inverse_k * longrange_force(law, d, p), inverse_k * longrange_slope(law, d, p), 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def _pushed(
-    law: Law, p: np.ndarray, lever: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float,
-    speed: float,
-) -> float:  # fmt: skip
+    law: Law, standing: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float, speed: float
+) -> float:
     """omega^2 w'' + 2 alpha0 omega w' + w + g at a node, `speed` the change of z by the angle."""
+    lever = standing[ROW:]
     omega = lever[OMEGA]
-    g = surface_force(law, p, 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
+    g = surface_force(law, parameters(standing), 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
     return omega * omega * acceleration + 2.0 * lever[ALPHA0] * omega * u + w + g
 
 
-@njit(**OPTIONS)
+@kernel
 def _element(
     law: Law,
     p: np.ndarray,
@@ -166,10 +170,10 @@ def _element(
     tables: np.ndarray,
     one: np.ndarray,
     value: np.ndarray,
-    drift: Drift | None,
+    drift: np.ndarray,
     m: np.ndarray,
 ) -> bool:
-    """Fill the LOCAL rows of an element; m is scratch, shape (NODES, WIDTH)."""
+    """Fill the LOCAL rows of an element, theory, Eq. (collocation-4); m is scratch, shape (NODES, WIDTH)."""
     omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
     viscous = 2.0 * lever[ALPHA0]
     z0, amplitude = value[Z0], value[A]
@@ -192,13 +196,13 @@ def _element(
         m[j, NODES + RS] = s
         m[j, NODES + RZ] = gd
         m[j, NODES + ONE] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
-        if drift is not None:
+        if len(drift) > 0:
             w, u = one[W, j], one[U, j]
             force = value[P] * c + value[S] * s
             acceleration = (force - viscous * omega * u - w - g) / (omega * omega)
-            up = _pushed(law, drift.p_up, drift.lever_up, side, d, w, u, acceleration, u - amplitude * s)
-            down = _pushed(law, drift.p_down, drift.lever_down, side, d, w, u, acceleration, u - amplitude * s)
-            m[j, NODES + RM] = (down - up) / (2.0 * drift.step)
+            up = _pushed(law, drift[0], side, d, w, u, acceleration, u - amplitude * s)
+            down = _pushed(law, drift[1], side, d, w, u, acceleration, u - amplitude * s)
+            m[j, NODES + RM] = (down - up) / (2.0 * SMALL)
     if not eliminate(m, NODES):
         return False
     for q in range(SEVEN):
@@ -207,17 +211,18 @@ def _element(
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def border_between(p: np.ndarray, before: float, after: float) -> float:
     """The depth [m] at which one side becomes another."""
     return p[RELEASE] if before == NECK and after == OUTSIDE else 0.0
 
 
-@njit(**OPTIONS)
+@kernel
 def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np.ndarray, amplitude: float) -> float:
     """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
 
-    A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long.
+    A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long: theory,
+    Eq. (collocation-5).
     """
     omega, after = lever[OMEGA], one[PLACE, SIDE]
     border = border_between(p, before, after)
@@ -232,10 +237,8 @@ def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 
 
-@njit(**OPTIONS)
-def linearise(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: Drift | None
-) -> bool:
+@kernel
+def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills OPEN and the monodromy matrix."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     elements, head = orbit.elements, orbit.head
@@ -305,7 +308,7 @@ def linearise(
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
     omega, base, amplitude = lever[OMEGA], lever[BASE], head[VALUE, A]
@@ -314,11 +317,11 @@ def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     return (x * x + y * y) / base - base
 
 
-@njit(**OPTIONS)
-def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> None:
+@kernel
+def _with_drive(lever: np.ndarray, head: np.ndarray, drift: np.ndarray) -> None:
     """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
     omega, alpha0, base = lever[OMEGA], lever[ALPHA0], lever[BASE]
-    head[SYSTEM : SYSTEM + 4] = head[OPEN : OPEN + 4]
+    copy_rows(head[OPEN : OPEN + 4], head[SYSTEM:])
     head[SYSTEM + 4 : SYSTEM + SEVEN] = 0.0
     row = head[SYSTEM + 4]
     amplitude, push, drag = head[VALUE, A], head[VALUE, P], head[VALUE, S]
@@ -328,11 +331,11 @@ def _with_drive(lever: np.ndarray, head: np.ndarray, drift: Drift | None) -> Non
     row[RS] = -2 * y / base
     row[RA] = (2 * x * (1 - omega**2) + 4 * y * alpha0 * omega) / base
     row[RIGHT] = (base * base - x * x - y * y + 2 * x * push - 2 * y * drag) / base
-    if drift is not None:
-        row[RM] = (_drive(drift.lever_up, head) - _drive(drift.lever_down, head)) / (2.0 * drift.step)
+    if len(drift) > 0:
+        row[RM] = (_drive(drift[0][ROW:], head) - _drive(drift[1][ROW:], head)) / (2.0 * SMALL)
 
 
-@njit(**OPTIONS)
+@kernel
 def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> bool:
     """Add the drive's equation and what is held, and solve for (w, w', P, S, z0, change of A); True if solvable.
 
@@ -340,7 +343,7 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
     r_z (new z0 - z0) + r_A (new A - A) = 0.
     """
     head = orbit.head
-    _with_drive(lever, head, None)
+    _with_drive(lever, head, no_drift())
     row = head[SYSTEM + 5]
     if hold == HOLD_AMPLITUDE:
         row[RA] = 1.0
@@ -354,11 +357,11 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
     return eliminate(head[SYSTEM : SYSTEM + 6], 6)
 
 
-@njit(**OPTIONS)
+@kernel
 def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     """Leave the derivative along the curve of orbits in the system's last column, with r_z dz0 + r_A dA = 1."""
     head = orbit.head
-    _with_drive(lever, head, None)
+    _with_drive(lever, head, no_drift())
     head[SYSTEM : SYSTEM + 6, RIGHT] = 0.0
     head[SYSTEM + 5, RZ] = r_z
     head[SYSTEM + 5, RA] = r_a
@@ -366,8 +369,8 @@ def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     return eliminate(head[SYSTEM : SYSTEM + 6], 6)
 
 
-@njit(**OPTIONS)
-def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
+@kernel
+def close_swept(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, holds: np.ndarray) -> bool:
     """`close` where m may change too. holds, shape (2, 4): rows (r_z, r_A, r_m, h), r (z0, A, m) = h."""
     head = orbit.head
     _with_drive(lever, head, drift)
@@ -378,8 +381,8 @@ def close_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray
     return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
 
 
-@njit(**OPTIONS)
-def along_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray) -> bool:
+@kernel
+def along_swept(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, holds: np.ndarray) -> bool:
     """`along` where m may change too: the first row of `holds` stays, the second changes by one."""
     head = orbit.head
     _with_drive(lever, head, drift)
@@ -391,7 +394,7 @@ def along_swept(lever: np.ndarray, orbit: Orbit, drift: Drift, holds: np.ndarray
     return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
 
 
-@njit(**OPTIONS)
+@kernel
 def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) -> float:
     """Move the orbit by `share` of the step just solved; return the largest change of the depth [m] over the nodes."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]

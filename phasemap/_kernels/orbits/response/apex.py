@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
-from phasemap._kernels.law import OPTIONS
+from phasemap._kernels.compilation import kernel
 
 
-@njit(**OPTIONS)
+@kernel
 def crest(
     amplitude: float, theta0: float, w0: float, u0: float, theta1: float, w1: float, u1: float
 ) -> tuple[float, float]:

@@ -7,7 +7,8 @@ omega and nu = Im lambda the sum over all harmonics is
 
     G(theta - phi) = Im[exp(lambda (theta - phi)) (E + H(theta - phi))] / (omega^2 nu),   E = 1/(exp(-2 pi lambda) - 1),
 
-H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi). In air w is some
+H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi): theory,
+Eqs. (response-4), (response-5) and (response-6). In air w is some
 hundredths of the indentation, and the passes w -> -G g converge fast; each also moves e to where the drive is the one
 given (`mismatch`; averaging is the pass with w = 0). This file has one pass; `corrected` repeats it.
 """
@@ -17,10 +18,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ALPHA0, OMEGA, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_force, damping, longrange_force
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss, integration_matrix
 
 N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
@@ -32,10 +34,9 @@ IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
 THETA, COS, SIN, WEIGHT, W, U, G = 0, 1, 2, 3, 4, 5, 6
 GROWTH, TURN_COS, TURN_SIN = 7, 8, 9  # exp(-lambda theta), as size and angle
 RE, IM, SUM_RE, SUM_IM, FAR, FAR_WEIGHT, FIELDS = 10, 11, 12, 13, 14, 15, 16
-FREE = {**OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}}  # sums in any order, so in vectors
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray) -> None:
     """Sine and cosine of factor * angle, to 1e-11 up to 2 pi: polynomials at an eighth, doubled three times."""
     for j in range(ALL):
@@ -48,7 +49,7 @@ def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray
         sine[j], cosine[j] = 2.0 * s * (1.0 + less), 1.0 + 2.0 * less * (2.0 + less)
 
 
-@njit(**OPTIONS)
+@kernel
 def grade(f: np.ndarray, amplitude: float, e: float, reach: float, edge: float) -> None:
     """Where the nodes outside contact lie, over the angle from its edge to the far end: sinh(X x)/sinh(X).
 
@@ -64,7 +65,7 @@ def grade(f: np.ndarray, amplitude: float, e: float, reach: float, edge: float) 
         f[FAR, j], f[FAR_WEIGHT, j] = 0.5 * share * (large - 1.0 / large), 0.5 * most * share * (large + 1.0 / large)
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
     theta, weight = f[THETA], f[WEIGHT]
@@ -96,7 +97,7 @@ def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange:
         f[GROWTH, j] = grow * grow
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def _running(f: np.ndarray, first: int) -> tuple[float, float]:
     """Integrals of g exp(-lambda theta) from an element's start to its nodes; returns those over all of it."""
     re, im = f[RE, first : first + N], f[IM, first : first + N]
@@ -115,7 +116,7 @@ def _running(f: np.ndarray, first: int) -> tuple[float, float]:
     return total_re, total_im
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def force(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, touching: bool
 ) -> tuple[float, float, float, float, float, float]:
@@ -156,7 +157,7 @@ def force(
     return mean / (2 * math.pi), push / math.pi, drag / math.pi, work, loss, virial
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def respond(
     f: np.ndarray, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
 ) -> None:
@@ -204,11 +205,11 @@ def respond(
         f[U, j] = -(a * g_im + nu * g_re) - h_re * s - h_im * c
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def relay(f: np.ndarray, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
     """Move the nodes to where the contact is now, and w with them."""
     theta, before = f[THETA], f[RE]
-    before[:] = theta
+    copy(theta, before)
     entry, exit_ = 0.0, 0.0
     if touching:
         entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import OMEGA
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.response.nodes import ALL, FIELDS
 from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
@@ -30,7 +31,7 @@ class Room(NamedTuple):
     fit: np.ndarray
 
 
-@njit(**OPTIONS)
+@kernel
 def farthest(lever: np.ndarray, amplitude: float) -> float:
     """How far [m] an exact orbit may lie from the averaged one and still be on its branch.
 
@@ -42,13 +43,13 @@ def farthest(lever: np.ndarray, amplitude: float) -> float:
     return (FAR_OFF + 1.5 * abs(1.0 - lever[OMEGA] ** 2)) * amplitude
 
 
-@njit(**OPTIONS)
+@kernel
 def new_room() -> Room:
     """Return empty scratch arrays."""
     return Room(np.zeros((FIELDS, ALL)), np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
 
 
-@njit(**OPTIONS)
+@kernel
 def refine(
     law: Law,
     p: np.ndarray,
@@ -70,7 +71,7 @@ def refine(
     return _pass_from(law, p, lever, reach, guess, e, limits, f, state)
 
 
-@njit(**OPTIONS)
+@kernel
 def _pass_from(
     law: Law,
     p: np.ndarray,
@@ -94,11 +95,11 @@ def _pass_from(
     )
 
 
-@njit(**OPTIONS)
+@kernel
 def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
     f, here, there = room.nodes, room.state, room.other
-    there[:] = here
+    copy(here, there)
     move = STEP * here[AMP]
     there[AMP] += move
     there[E] += move

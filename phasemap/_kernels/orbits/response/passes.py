@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
-from phasemap._kernels.law import OPTIONS, Law, contact_slope, longrange_slope
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import mismatch
 from phasemap._kernels.orbits.response.apex import crest
 from phasemap._kernels.orbits.response.nodes import (
     COS,
     ENTRY,
     EXIT,
-    FREE,
     IN,
     OUT,
     THETA,
@@ -42,7 +41,7 @@ MOST_PASSES, MOST_MOVES = 24, 4
 ENOUGH = 0.02  # of the first mismatch in a pass may be left, for the next pass changes it again
 SAFETY = 8.0  # over the error that two changes tell
 FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
-LEAST_TRACE = -0.5  # of the monodromy matrix; a period doubles at -1 - exp(-2 pi/Q)
+DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 CLOSED = 5e-7  # largest energy imbalance
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
 DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
@@ -53,7 +52,7 @@ _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     amplitude = state[AMP]
@@ -63,9 +62,9 @@ def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: 
     return mismatch(lever, amplitude, push, drag)
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
-    """Estimated error of P, S and the mean deflection [m] from the number of nodes.
+    """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
     integral.
@@ -84,7 +83,7 @@ def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
     return 0.1 * rest
 
 
-@njit(**OPTIONS)
+@kernel
 def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
     amplitude, e = state[AMP], state[E]
@@ -101,7 +100,7 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     return True
 
 
-@njit(**OPTIONS)
+@kernel
 def balance(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool, hold: bool
 ) -> float:
@@ -124,14 +123,16 @@ def balance(
     return h
 
 
-@njit(**OPTIONS)
+@kernel
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
     limit_phase: float, limit_height: float,
 ) -> bool:  # fmt: skip
     """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
 
-    The error left is taken from the last two changes as if they went on like a geometric series, many times over.
+    The error left is taken from the last two changes as if they went on like a geometric series, many times over:
+    theory, Eq. (errors-1).
+    Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[4] != 0.0
     touching = state[E] < amplitude
@@ -162,7 +163,8 @@ def converge(
             state[ERR_PHASE] = share * max(phase_change, rest * phase_last) + wrong / lever[BASE] + FLOOR_PHASE
             state[ERR_HEIGHT] = share * max(height_change, rest * height_last) + FLOOR_HEIGHT
             state[ERR_HEIGHT] += wrong * (1.0 + 4.0 / abs(state[SLOPE] * lever[BASE]))
-            if state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
+            closed = hold or abs(closure(lever, state)) < CLOSED
+            if closed and state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
                 return True
             slow += ratio > 0.7
             if slow > 4 or nodes > limit_phase * lever[BASE]:
@@ -172,11 +174,13 @@ def converge(
     return False
 
 
-@njit(**FREE)
+@kernel(fastmath=ANY_ORDER)
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there.
+    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there: theory,
+    Eq. (stability-6). A period doubles where it is -1 less the determinant, which all damping makes smaller; the trace
+    leaves out that of the contact, which would bring it nearer to zero.
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
@@ -184,7 +188,7 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
-    little = 1e-3 * depth
+    little, decay = 1e-3 * depth, -4.0 * math.pi * a
     for k in range(3 * N):
         # In the order of time: the element before contact runs backwards.
         j = N - 1 - k if k < N else k
@@ -195,23 +199,26 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
         if d < -little if in_contact else d > little:
             return False
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
+        if in_contact and p[8] != 0.0:
+            decay += 2.0 / omega * WEIGHTS[j % N] * f[WEIGHT, j] * damping(law, max(d, 0.0), p)
         kick = WEIGHTS[j % N] * f[WEIGHT, j] * inverse_k * slope / (omega * omega * nu)
         c, s = f[TURN_COS, j], f[TURN_SIN, j]
         one, two = kick * (c * x1 + s * y1), kick * (c * x2 + s * y2)
         x1, y1, x2, y2 = x1 + one * s, y1 - one * c, x2 + two * s, y2 - two * c
     c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
     trace = math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
-    return trace > LEAST_TRACE and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
+    far = trace > -DOUBLING * (1.0 + math.exp(-decay))
+    return far and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
 
 
-@njit(**OPTIONS)
+@kernel
 def closure(lever: np.ndarray, state: np.ndarray) -> float:
     """Energy in less energy out over energy in, which is what the conservative force leaves behind."""
     amplitude = state[AMP]
     return state[WORK] / (math.pi * amplitude * (2.0 * lever[ALPHA0] * lever[OMEGA] * amplitude - state[DRAG]))
 
 
-@njit(**OPTIONS)
+@kernel
 def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state[AMP], lever[STIFFNESS]
@@ -231,7 +238,7 @@ def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state[ERR_PHASE], state[ERR_HEIGHT]
 
 
-@njit(**OPTIONS)
+@kernel
 def deepest(f: np.ndarray, amplitude: float) -> float:
     """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
     touching = f[THETA, EXIT] > f[THETA, ENTRY]
@@ -249,7 +256,7 @@ def deepest(f: np.ndarray, amplitude: float) -> float:
     return most
 
 
-@njit(**OPTIONS)
+@kernel
 def _in_contact(f: np.ndarray, angle: float) -> float:
     """Return w at an angle in contact, by the polynomial through all nodes there."""
     centre, half = 0.5 * (f[THETA, ENTRY] + f[THETA, EXIT]), 0.5 * (f[THETA, EXIT] - f[THETA, ENTRY])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import OPTIONS, Law
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.time.march import march_period
 
 ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
@@ -16,7 +16,7 @@ CLOSE = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
 IN_A_ROW = 3  # periods so close
 
 
-@njit(**OPTIONS)
+@kernel
 def land_on(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most: int
 ) -> tuple[int, int]:
@@ -48,7 +48,7 @@ def land_on(
     return -1, most
 
 
-@njit(**OPTIONS)
+@kernel
 def land_free(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, y: np.ndarray, close: float, most: int, row: np.ndarray
 ) -> bool:

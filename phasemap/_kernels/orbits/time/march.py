@@ -3,7 +3,8 @@
     z'' + 2 (alpha0 + alpha_s(d)) z' + z + F(d)/k = u0 cos(omega tau),    d = z - z0          (Wang 1999, Eq. 1)
 
 by an explicit Runge-Kutta method of order 8 (`tableau`) on steps laid out by a smooth density; no error control repeats
-them, so the error is C eta^8. Order 8 needs an analytic right-hand side, and F ~ d^(3/2), alpha_s ~ d^(1/2) are not:
+them, so the error is C eta^8 (theory, Eqs. (time-1) and (time-2)). Order 8 needs an analytic right-hand side, and F ~
+d^(3/2), alpha_s ~ d^(1/2) are not:
 
 * out of contact the state is (d, v) and the independent variable s is the time tau;
 * in contact it is (q, v), q = sqrt(d), with dtau = 2 q ds:    q' = v,    v' = 2 q z'',    tau' = 2 q,
@@ -22,12 +23,12 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
-from phasemap._kernels.orbits.time.runge_kutta import STEADY, fly, press, turn
+from phasemap._kernels.orbits.time.runge_kutta import fly, press, turn
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -40,7 +41,7 @@ REACH, HARD = 0.4, 0.75
 """Weights of approach and of contact in the density of steps; chosen for the least work at 1e-6 to 1e-2 degree."""
 
 
-@njit(**STEADY)
+@kernel
 def _flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
     rate = 1.0
@@ -52,7 +53,7 @@ def _flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
     return math.sqrt(rate)
 
 
-@njit(**STEADY)
+@kernel
 def _contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
     d = fixed[7] + q * q
@@ -62,7 +63,7 @@ def _contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
     return rate
 
 
-@njit(**STEADY)
+@kernel
 def _reach(law: Law, p: Row, fixed: Numbers, q: float, v: float, pull: float) -> float:
     """q of the depth that a tip at (q, v) comes to, roughly.
 
@@ -75,21 +76,21 @@ def _reach(law: Law, p: Row, fixed: Numbers, q: float, v: float, pull: float) ->
     return deep
 
 
-@njit(**STEADY)
+@kernel
 def _cubic(x0: float, v0: float, x1: float, v1: float, h: float) -> tuple[float, float, float]:
     """Coefficients of t, t^2, t^3 of the cubic through both ends of a step, t = 0 ... 1 along it."""
     rise = x1 - x0
     return h * v0, 3 * rise - h * (2 * v0 + v1), h * (v0 + v1) - 2 * rise
 
 
-@njit(**STEADY)
+@kernel
 def _turning(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step with v0 > 0 > v1 the cubic is highest."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     return h * a / (math.sqrt(b * b - 3 * a * c) - b)
 
 
-@njit(**STEADY)
+@kernel
 def _root(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step the cubic last changes sign before its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
@@ -106,14 +107,14 @@ def _root(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     return t * h
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def _advance(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float) -> Numbers:
     if touching:
         return press(law, p, fixed, start, h)
     return fly(law, p, fixed, start, h)
 
 
-@njit(**STEADY)
+@kernel
 def _to_edge(
     law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float, end: Numbers, edge: float
 ) -> tuple[float, Numbers]:
@@ -138,7 +139,7 @@ def _to_edge(
     return h, end
 
 
-@njit(**STEADY)
+@kernel
 def _to_instant(
     law: Law, p: Row, fixed: Numbers, start: Numbers, h: float, end: Numbers, time: float
 ) -> tuple[float, Numbers]:
@@ -158,7 +159,7 @@ def _to_instant(
     return h, end
 
 
-@njit(**STEADY)
+@kernel
 def march_period(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
 ) -> int:

@@ -1,4 +1,7 @@
-"""Periodic orbits in time: Newton's method on the map of one period of the drive, by differences of marched periods."""
+"""Periodic orbits in time: Newton's method on the map of one period of the drive, by differences of marched periods.
+
+See theory, Eqs. (time-3) and (time-4).
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,11 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.runge_kutta import STEADY
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -45,32 +47,32 @@ class Tip(NamedTuple):
     periods: np.ndarray
 
 
-@njit(**STEADY)
+@kernel
 def new_tip(z: float, v: float, z0: float) -> Tip:
     """Return a tip out of contact, or as its depth says."""
     return Tip(np.array([z, v, 0.0, z0]), np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
 
 
-@njit(**STEADY)
+@kernel
 def ring_down(lever: np.ndarray) -> int:
     """Periods in which the amplitude of the free lever falls to 1/e, Q / pi at resonance; at least 1."""
     return int(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0])) + 1
 
 
-@njit(**STEADY)
+@kernel
 def amplitude_of(lever: np.ndarray, acc: np.ndarray) -> float:
     """Amplitude [m] that the detector sees in a period: of the first harmonic of z, less that of the lever's base."""
     return math.hypot(acc[0] - lever[col.SHAKER], acc[1])
 
 
-@njit(**STEADY)
+@kernel
 def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods[0] += 1
     return march_period(law, p, lever, tip.u[3], eta, tip.u, tip.acc) >= 0
 
 
-@njit(**STEADY)
+@kernel
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
     u, acc, linear = tip.u, tip.acc, tip.linear
@@ -90,21 +92,21 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) 
     return True
 
 
-@njit(**STEADY)
+@kernel
 def relaxed(linear: np.ndarray, r0: float, r1: float) -> tuple[float, float]:
     """How far (z, z') goes to rest if it now changes by r a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
     scale = 1 / (linear[4] * linear[9] - linear[8] * linear[5])
     return (linear[8] * r1 - linear[9] * r0) * scale, (linear[5] * r0 - linear[4] * r1) * scale
 
 
-@njit(**STEADY)
+@kernel
 def slope_of(linear: np.ndarray) -> float:
     """dA/dz0 after the transient."""
     z, v = relaxed(linear, linear[12], linear[13])
     return linear[14] + linear[6] * z + linear[10] * v
 
 
-@njit(**STEADY)
+@kernel
 def multiplier_of(linear: np.ndarray) -> float:
     """Largest modulus of the Floquet multipliers: the eigenvalues of P'."""
     half = 1 + 0.5 * (linear[4] + linear[9])
@@ -113,7 +115,7 @@ def multiplier_of(linear: np.ndarray) -> float:
     return abs(half) + math.sqrt(apart) if apart > 0 else math.sqrt(product)
 
 
-@njit(**STEADY)
+@kernel
 def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
     """Way of (z, z', z0) to rest; with `hold`, z0 moves by the amplitude's error after the transient, over slope."""
     z, v = relaxed(linear, r0, r1)
@@ -124,7 +126,7 @@ def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -
     return z + z_move * move, v + v_move * move, move
 
 
-@njit(**STEADY)
+@kernel
 def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float, tip: Tip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
 
@@ -176,7 +178,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
     return False
 
 
-@njit(**STEADY)
+@kernel
 def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, tip: Tip) -> bool:
     """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
     end = tip.periods[0] + most
@@ -194,24 +196,24 @@ def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, ti
     return False
 
 
-@njit(**STEADY)
+@kernel
 def hold_periodic(
-    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, tip: Tip, row: np.ndarray
-) -> int:
+    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, jumps: int, tip: Tip,
+    row: np.ndarray,
+) -> int:  # fmt: skip
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
     Steps of the tip offset get longer as long as the amplitude goes with it as predicted: a tip that sticks is freed.
+    `jumps` says how often the amplitude has jumped across the setpoint on the way here.
 
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
-    for j in range(len(row)):
-        row[j] = math.nan
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = STRIDE * amplitude, max(STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
-    jumps, before = 0, np.empty(4)
+    before = np.empty(4)
     patience = int(PATIENCE * ring_down(lever))
     while not skip(law, p, lever, how, amplitude, tip):
         if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
@@ -233,7 +235,7 @@ def hold_periodic(
         if abs(move) > STRIDE * amplitude:
             if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
                 return col.NOT_SETTLED
-            if abs(math.hypot(tip.acc[0], tip.acc[1]) - amplitude - error + slope * move) > EXPECTED * amplitude:
+            if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > EXPECTED * amplitude:
                 for j in range(4):
                     tip.u[j] = before[j]
                 stride = STRIDE * amplitude
@@ -246,13 +248,15 @@ def hold_periodic(
     return col.GOOD
 
 
-@njit(**STEADY)
+@kernel
 def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
 
-    In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); energy, what the drive gives is dissipated.
+    What that does not say is NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in energy, what
+    the drive gives is dissipated.
     """
     lag = math.atan2(acc[1], acc[0])
+    row[:] = math.nan
     row[col.TIP_OFFSET] = z0
     row[col.MEAN] = acc[2]
     row[col.PHASE] = math.pi / 2 - lag
@@ -265,7 +269,7 @@ def fill(lever: np.ndarray, z0: float, acc: np.ndarray, row: np.ndarray) -> None
     row[col.CLOSURE] = (supplied - acc[3] - acc[6]) / supplied
 
 
-@njit(**STEADY)
+@kernel
 def fill_orbit(lever: np.ndarray, tip: Tip, row: np.ndarray) -> None:
     """Fill a result row from a tip that `skip` has put to rest."""
     fill(lever, tip.u[3], tip.acc, row)

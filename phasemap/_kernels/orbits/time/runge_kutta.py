@@ -12,9 +12,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from numba import njit
-
-from phasemap._kernels.law import OPTIONS, contact_force, damping, longrange_force
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import contact_force, damping, longrange_force
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -22,37 +21,34 @@ if TYPE_CHECKING:
 Numbers = tuple[float, ...]
 Row = Any  # a tuple where formulas are typed for an array: all they do is index it
 
-STEADY: dict[str, Any] = {**OPTIONS, "fastmath": {"contract"}}
-"""How a march is compiled: sums stay in their order, small terms last, and NaN stays NaN (`isfinite` needs that)."""
-
 # fmt: off
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row2(y: float, h: float, k1: float) -> float:
     return y + h * 0.05260015195876773 * k1
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row3(y: float, h: float, k1: float, k2: float) -> float:
     return y + h * 0.0197250569845379 * k1 + h * 0.0591751709536137 * k2
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row4(y: float, h: float, k1: float, k3: float) -> float:
     return y + h * 0.02958758547680685 * k1 + h * 0.08876275643042054 * k3
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row5(y: float, h: float, k1: float, k3: float, k4: float) -> float:
     return y + h * 0.2413651341592667 * k1 - h * 0.8845494793282861 * k3 + h * 0.924834003261792 * k4
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row6(y: float, h: float, k1: float, k4: float, k5: float) -> float:
     return y + h * 0.037037037037037035 * k1 + h * 0.17082860872947386 * k4 + h * 0.12546768756682242 * k5
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row7(y: float, h: float, k1: float, k4: float, k5: float, k6: float) -> float:
     return (
         y + h * 0.037109375 * k1 + h * 0.17025221101954405 * k4 + h * 0.06021653898045596 * k5
@@ -60,7 +56,7 @@ def row7(y: float, h: float, k1: float, k4: float, k5: float, k6: float) -> floa
     )
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row8(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float) -> float:
     return (
         y + h * 0.03709200011850479 * k1 + h * 0.17038392571223998 * k4 + h * 0.10726203044637328 * k5
@@ -68,7 +64,7 @@ def row8(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: flo
     )
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row9(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float) -> float:
     return (
         y + h * 0.6241109587160757 * k1 - h * 3.3608926294469414 * k4 - h * 0.868219346841726 * k5
@@ -76,7 +72,7 @@ def row9(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: flo
     )
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row10(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float) -> float:
     return (
         y + h * 0.47766253643826434 * k1 - h * 2.4881146199716677 * k4 - h * 0.590290826836843 * k5
@@ -85,7 +81,7 @@ def row10(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: fl
     )
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row11(
     y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float, k10: float
 ) -> float:
@@ -96,7 +92,7 @@ def row11(
     )
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def row12(
     y: float, h: float,
     k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float, k10: float, k11: float,
@@ -108,7 +104,7 @@ def row12(
     )
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def total(
     y: float, h: float, k1: float, k6: float, k7: float, k8: float, k9: float, k10: float, k11: float, k12: float
 ) -> float:
@@ -120,7 +116,7 @@ def total(
 # fmt: on
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def turn(angle: float) -> tuple[float, float]:
     """Return cosine and sine of the small angle of one step by Taylor's series, to 1e-16 at 0.6 and 1e-12 at 1."""
     x = angle * angle
@@ -131,7 +127,7 @@ def turn(angle: float) -> tuple[float, float]:
     return cosine, angle * sine
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: float, v: float, time: float) -> Numbers:
     """Slopes w of tau and w z'' of v, and the integrands that `fly` names, at (x, v), `time` after the step's start."""
     omega, alpha0, compliance, base, z0, edge_force, edge_slope, bottom = fixed
@@ -158,7 +154,7 @@ def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: f
     return w, w * a, w * z * c, w * z * s, w * z, w * drag * v * v, -w * (force + drag * v) * z, w * v * v
 
 
-@njit(forceinline=True, **STEADY)
+@kernel(inline=True)
 def _step(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float) -> Numbers:
     x1, v1, _, _ = start
     w1, a1, c1, s1, m1, e1, f1, o1 = stage(law, p, fixed, touching, start, x1, v1, 0.0)
@@ -219,7 +215,7 @@ def _step(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: f
     )
 
 
-@njit(**STEADY)
+@kernel
 def fly(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
     """Take one step out of contact.
 
@@ -242,7 +238,7 @@ def fly(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
     return _step(law, p, fixed, False, start, h)
 
 
-@njit(**STEADY)
+@kernel
 def press(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
     """Take one step in contact or in the neck: as `fly`."""
     return _step(law, p, fixed, True, start, h)

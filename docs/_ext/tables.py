@@ -1,0 +1,92 @@
+"""Tables of results and scenes, written from what the package itself writes and reads files by."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from numpydoc.docscrape import NumpyDocString
+from sphinx.application import Sphinx
+
+
+def table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """A table in Markdown."""
+    heads = list(heads)
+    lines = [heads, ["---"] * len(heads), *([str(cell).replace("|", r"\|") for cell in row] for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def keys(thing: type) -> str:
+    """The keys of a scene's table: the fields of a class, with their defaults and what its docstring says of them."""
+    said = {one.name: " ".join(one.desc) for one in NumpyDocString(inspect.getdoc(thing) or "")["Parameters"]}
+    rows = []
+    for field in dataclasses.fields(thing):
+        default = "none" if field.default is None else f"`{field.default}`"
+        given = "" if field.default is dataclasses.MISSING else default
+        rows.append((f"`{field.name}`", given, said[field.name]))
+    return table(("key", "default", "what it is"), rows)
+
+
+def scenes() -> dict[str, str]:
+    """Tables of the keys of a scene."""
+    import phasemap as pm
+    from phasemap.scenes import surface
+
+    tables: dict[str, type] = {
+        "cantilever": pm.Cantilever, "tip": pm.Tip, "drive": pm.Drive, "interaction": pm.Interaction,
+        "materials": pm.Material, "accuracy": pm.Accuracy, "raster": pm.Raster, "feedback": pm.Feedback,
+        "realism": pm.Realism, "tip_change": pm.TipChange,
+    }  # fmt: skip
+    written = {f"scene_{name}": keys(thing) for name, thing in tables.items()}
+    _, _, of_surface = (inspect.getdoc(surface) or "").partition("\n\n")
+    return {**written, "scene_surface": of_surface + "\n"}
+
+
+def write(app: Sphinx) -> None:
+    """Write all tables into docs/generated."""
+    from phasemap.results.status import Status
+    from phasemap.results.variables import DESCRIPTIONS, FLAGS, FLOATS, IMAGE_VARIABLES, IN_TIME, SCAN_VARIABLES
+
+    def variables(names: Iterable[str]) -> str:
+        rows = []
+        for name in names:
+            if name in FLOATS:
+                more = f"; {DESCRIPTIONS[name]}" if name in DESCRIPTIONS else ""
+                rows.append((f"`{name}`", FLOATS[name].units, FLOATS[name].long_name + more))
+            else:
+                rows.append((f"`{name}`", "flag", FLAGS[name][0]))
+        return table(("variable", "unit", "what it is"), rows)
+
+    def flags() -> str:
+        rows = [
+            (f"`{name}`", ", ".join(f"{value} {word}" for value, word in zip(values, words, strict=True)))
+            for name, (_, values, words) in FLAGS.items()
+        ]
+        return table(("flag", "values"), rows)
+
+    others = [name for name in FLOATS if name not in {*IMAGE_VARIABLES, *SCAN_VARIABLES}]
+    written = {
+        "image_variables": variables(IMAGE_VARIABLES),
+        "scan_variables": variables(SCAN_VARIABLES),
+        "orbit_variables": variables(others),
+        "flags": flags(),
+        "statuses": table(("code", "status", "what it means, and what helps"),
+                          [(one.code, f"`{one.name}`", one.value) for one in Status]),
+        **scenes(),
+        "in_time": table(("attribute", "text"), [(f"`{name}`", text) for name, text in IN_TIME.items()]),
+    }  # fmt: skip
+    folder = Path(app.srcdir) / "generated"
+    folder.mkdir(exist_ok=True)
+    for name, text in written.items():
+        path = folder / f"{name}.md"
+        if not path.exists() or path.read_text() != text:
+            path.write_text(text)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Say to Sphinx what is here."""
+    app.connect("builder-inited", write)
+    return {"parallel_read_safe": False}

@@ -1,0 +1,276 @@
+"""How kernels are compiled: each function once, and only what Python calls is optimised and kept on disk.
+
+numba optimises every compiled function by itself, and again inside each function that calls it, through chains of calls
+that are up to 14 deep. Here a function that other kernels call is typed and lowered once and kept as LLVM code; what
+Python calls, an entry, is linked with the code of all that it reaches, optimised as a whole and emitted. Nothing in an
+entry can be called from another one, so its bits do not depend on what else was compiled or loaded before.
+
+Entries are kept on disk under a digest of all kernel sources: no number can outlive the source of a kernel, however
+deep in the chain of calls.
+"""
+
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import numba
+from llvmlite.binding import Linkage
+from numba.core import sigutils, types
+from numba.core.bytecode import FunctionIdentity
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher, cpu_target
+
+from phasemap._kernels.disk_cache import DiskCache
+from phasemap._kernels.first_use import FirstUse
+
+OPTIONS: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+"""Products and sums may be fused; nothing else is relaxed, for NaN must survive."""
+
+ANY_ORDER = {"contract", "reassoc", "nsz"}
+"""`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
+
+
+def kernel(function: Any = None, *, fastmath: set[str] | None = None, inline: bool = False) -> Any:
+    """Compile a function of numbers and arrays when it is first called, from Python or from another kernel.
+
+    Parameters
+    ----------
+    function : callable
+    fastmath : set of str, optional
+        In place of {"contract"}.
+    inline : bool
+        Whether LLVM must inline every call.
+    """
+    if function is None:
+        return lambda one: kernel(one, fastmath=fastmath, inline=inline)
+    options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
+    if numba.config.DISABLE_JIT:
+        return function
+    return (_Entry if LINKS else _Plain)(function, targetoptions=options)
+
+
+def _plain_type(argument: types.Type) -> types.Type:
+    """What an argument of a call is compiled for: numba has a type of its own for each literal number."""
+    argument = types.unliteral(argument)
+    return types.int64 if isinstance(argument, types.Integer) and argument.signed else argument
+
+
+class _Plain(CPUDispatcher):
+    """As numba compiles, but for types of literals and the cache: what is left with a numba whose parts do not fit."""
+
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any) -> None:
+        super().__init__(py_func, locals, targetoptions, **more)
+        self._cache = DiskCache(py_func)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """For a call from another kernel."""
+        _, args = self._compiler.fold_argument_types(args, kws)
+        return super().get_call_template(tuple(_plain_type(one) for one in args), {})
+
+
+class _Entry(_Plain):
+    """A function as Python calls it, and as other kernels link it."""
+
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **_: Any) -> None:
+        super().__init__(py_func, locals, targetoptions, pipeline_class=_EntryCompiler)
+        self.linked = _Linked(py_func, locals, targetoptions, pipeline_class=_LinkedCompiler)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """For a call from another kernel."""
+        return self.linked.get_call_template(args, kws)
+
+    def get_overload(self, sig: Any) -> Any:
+        """The code that another kernel calls."""
+        return self.linked.get_overload(sig)
+
+
+class _Linked(_Plain):
+    """A function as other kernels link it."""
+
+    def compile(self, sig: Any) -> Any:
+        """Type and lower it for arguments; returns what numba knows the code by."""
+        with global_compiler_lock:
+            args, return_type = sigutils.normalize_signature(sig)
+            if args not in self.overloads:
+                with self._compiling_counter:
+                    result = self._compiler.compile(args, return_type)
+                result = result._replace(entry_point=_Name(f"{self.py_func.__module__}.{self.py_func.__qualname__}"))
+                self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+                self.overloads[args] = result
+            return self.overloads[args].entry_point
+
+
+class _Name(str):
+    """The name of a function's code: another one for each set of arguments."""
+
+    __slots__ = ()
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
+class _OurCode(JITCodeLibrary):
+    """Code that is optimised as a whole only."""
+
+    def add_llvm_module(self, ll_module: Any) -> None:
+        """Take in what was lowered, as it is."""
+        ll_module.data_layout = self._codegen._data_layout
+        self._final_module.link_in(ll_module)
+
+
+class _LinkedCode(_OurCode):
+    """Code to be linked: neither optimised nor emitted."""
+
+    def finalize(self) -> None:
+        """Nothing may be added any more."""
+        self._raise_if_finalized()
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """With the code of the functions that it calls, for callers that are not ours."""
+        whole = self._final_module.clone()
+        _link(self, whole, "linkonce_odr")
+        return whole
+
+
+class _EntryCode(_OurCode):
+    """Code that is linked with all that it reaches, optimised as a whole, and emitted."""
+
+    def finalize(self) -> None:
+        """Link, optimise and emit."""
+        self._raise_if_finalized()
+        _link(self, self._final_module, "internal")
+        self._optimize_final_module()
+        self._final_module.verify()
+        self._finalize_final_module()
+
+
+def _reached(library: Any) -> list[Any]:
+    """The libraries that one needs, each once: what is to be linked does not hold what it calls itself."""
+    found: dict[Any, None] = {}
+    open_ = [library]
+    while open_:
+        for one in open_.pop()._linking_libraries:
+            if one not in found:
+                found[one] = None
+                if isinstance(one, _LinkedCode):
+                    open_.append(one)
+    return list(found)
+
+
+def _link(library: Any, module: Any, linkage: str) -> None:
+    """Add all that a library reaches to its module, with this linkage."""
+    own = {one.name for one in module.functions if not one.is_declaration}
+    for other in _reached(library):
+        library._reload_init.update(other._reload_init)
+        if isinstance(other, _LinkedCode):
+            module.link_in(other._final_module, preserve=True)
+            continue
+        code = other._get_module_for_linking().clone()
+        for one in code.functions:  # LLVM leaves out what may be discarded and is not called yet
+            if one.linkage == Linkage.linkonce_odr:
+                one.linkage = "weak_odr"
+        module.link_in(code)
+    for one in module.functions:
+        if not one.is_declaration and one.name not in own:
+            one.linkage, one.visibility = linkage, "default"
+
+
+class _OurCompiler(Compiler):
+    """numba's compiler, with a library of our own."""
+
+    library: Any
+
+    def compile_extra(self, func: Any) -> CompileResult:
+        """Compile a function."""
+        name = FunctionIdentity.from_function(func).func_qualname
+        self.state.library = self.library(self.state.targetctx.codegen(), name)
+        self.state.library.enable_object_caching()
+        self.state.flags.no_cfunc_wrapper = True
+        return super().compile_extra(func)
+
+
+class _EntryCompiler(_OurCompiler):
+    """For what Python calls."""
+
+    library = _EntryCode
+    first_use: FirstUse | None = None  # what is going on; numba compiles one function at a time
+
+    def compile_extra(self, func: Any) -> CompileResult:
+        """Compile a function, and say so."""
+        waiting = [one for one in _kernels_of(func) if not one.linked.overloads]
+        with FirstUse(func.__name__.replace("_", " "), len(waiting)) as _EntryCompiler.first_use:
+            # The many small objects of a compiler are collected in vain: a tenth of the time.
+            collects = gc.isenabled()
+            gc.disable()
+            try:
+                return super().compile_extra(func)
+            finally:
+                _EntryCompiler.first_use = None
+                if collects:
+                    gc.enable()
+
+
+class _LinkedCompiler(_OurCompiler):
+    """For what other kernels call: up to LLVM code."""
+
+    library = _LinkedCode
+
+    def compile_extra(self, func: Any) -> CompileResult:
+        """Type and lower a function."""
+        self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
+        result = super().compile_extra(func)
+        if _EntryCompiler.first_use is not None:
+            _EntryCompiler.first_use.done += 1
+        return result
+
+
+def _kernels_of(function: Any) -> list[_Entry]:
+    """All kernels that a function calls, and those that they call."""
+    found: dict[_Entry, None] = {}
+    open_ = [function]
+    while open_:
+        one = open_.pop()
+        for name in one.__code__.co_names:
+            other = one.__globals__.get(name)
+            if isinstance(other, _Entry) and other not in found:
+                found[other] = None
+                open_.append(other.py_func)
+    return list(found)
+
+
+def compiled_more_than_once() -> dict[str, int]:
+    """Kernels of this process that were typed for several sets of arguments, and for how many.
+
+    `copy` has a right to two: numbers and indices.
+    """
+    kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
+    return {
+        f"{one.__module__}.{one.__name__}": len(one.linked.overloads)
+        for one in kernels
+        if len(one.linked.overloads) > 1 + (one.__name__ == "copy")
+    }
+
+
+def _fits() -> bool:
+    """Whether this numba has the parts that are replaced here."""
+    parts = ("_final_module", "_linking_libraries", "_reload_init")
+    methods = (
+        "_optimize_final_module",
+        "_finalize_final_module",
+        "_get_module_for_linking",
+        "_finalize_dynamic_globals",
+    )
+    try:
+        library = _LinkedCode(cpu_target.target_context.codegen(), "trial")
+    except Exception:
+        return False
+    return all(hasattr(library, name) for name in parts + methods)
+
+
+LINKS = _fits()

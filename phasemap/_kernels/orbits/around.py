@@ -1,0 +1,110 @@
+"""Nodes along an orbit that is solved, for integrals over it.
+
+`harmonic` takes it as harmonic about its deepest point, d = depth - A (1 - cos(theta)): what the higher harmonics do to
+the depth within a contact is left out; that they lift or lower all of it is not, for the depth is the orbit's own.
+
+Where the nodes of a harmonic orbit lie:
+
+* contact: sin(theta/2) = sin(theta0/2) sin(psi), as in `averaged.harmonics`;
+* outside: tan(theta/2) = tan(start/2) + delta x/(1 - x), delta the distance to the pole of the long-range force;
+* neck: theta = theta_r - (theta_r - theta0) x^2, so that a root of the force at release is smooth.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.quadrature import gauss
+
+N, ROUND = 20, 48
+X, WEIGHTS = gauss(N)
+_COS2, _SIN2 = np.cos(0.5 * np.pi * X) ** 2, np.sin(0.5 * np.pi * X) ** 2
+_TOUCH_W = WEIGHTS * np.pi * np.cos(0.5 * np.pi * X)
+# Rows of the nodes: cos and sin of theta, depth [m], its change with theta [m], weight [rad], whether in contact.
+COS, SIN, DEPTH, RATE, WEIGHT, TOUCHES, ROWS = 0, 1, 2, 3, 4, 5, 6
+MOST = 6 * N
+
+
+@kernel
+def _put(at: np.ndarray, j: int, amplitude: float, c: float, s: float, depth: float, weight: float, on: float) -> None:
+    at[COS, j], at[SIN, j], at[DEPTH, j], at[RATE, j] = c, s, depth, -amplitude * s
+    at[WEIGHT, j], at[TOUCHES, j] = weight, on
+
+
+@kernel
+def _outside(reach: float, amplitude: float, c: float, begin: float, side: float, first: int, at: np.ndarray) -> int:
+    """Nodes from tan(theta/2) = `begin` to theta = pi, way in (side -1) or out (1); returns how many there are."""
+    ratio = 0.5 * (max(c - 1.0, 0.0) + reach / amplitude) * (1.0 + begin * begin) ** 2
+    delta = math.sqrt(begin * begin + ratio) - begin
+    if delta < 1e-4 * begin:
+        delta = 0.5 * ratio / begin
+    there = (1.0 - begin * begin) / (1.0 + begin * begin)
+    for i in range(N):
+        u = begin + delta * X[i] / (1.0 - X[i])
+        below = 1.0 / (1.0 + u * u)
+        weight = 2.0 * delta * WEIGHTS[i] / (1.0 - X[i]) ** 2 * below
+        # cos(begin) - cos(theta) without cancellation
+        more = 2.0 * (u - begin) * (u + begin) * below / (1.0 + begin * begin)
+        depth = -amplitude * (c - there + more)
+        _put(at, first + i, amplitude, 2.0 * below - 1.0, side * 2.0 * u * below, depth, weight, 0.0)
+    return first + N
+
+
+@kernel
+def _contact(amplitude: float, c: float, at: np.ndarray) -> int:
+    """Nodes in contact, |theta| < theta0, |c| < 1."""
+    m2 = 0.5 * (1.0 - c)
+    for i in range(N):
+        y = (1.0 - c) * _COS2[i]
+        weight = math.sqrt(m2) * _TOUCH_W[i] / math.sqrt(1.0 - m2 * _SIN2[i])
+        sine = math.sqrt(max(1.0 - (c + y) ** 2, 0.0))
+        _put(at, i, amplitude, c + y, sine, amplitude * y, weight, 1.0)
+        _put(at, N + i, amplitude, c + y, -sine, amplitude * y, weight, 1.0)
+    return 2 * N
+
+
+@kernel
+def _neck(amplitude: float, c: float, release: float, first: int, at: np.ndarray) -> int:
+    """Nodes in the neck, on the way out from d = 0 to d = `release` < 0."""
+    begin, end = math.acos(c), math.acos(c + release / amplitude)
+    for i in range(N):
+        back = (end - begin) * X[i] * X[i]
+        theta, weight = end - back, 2.0 * (end - begin) * X[i] * WEIGHTS[i]
+        depth = release + 2.0 * amplitude * math.sin(0.5 * back) * math.sin(end - 0.5 * back)
+        _put(at, first + i, amplitude, math.cos(theta), math.sin(theta), depth, weight, 1.0)
+    return first + N
+
+
+@kernel
+def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, at: np.ndarray) -> int:
+    """Fill the nodes of a harmonic orbit, shape (ROWS, MOST); returns how many there are."""
+    c, release = 1.0 - depth / amplitude, p[10]
+    if c <= -1.0 or (release < 0.0 and c < 1.0 and amplitude * (c + 1.0) <= -release):
+        for i in range(ROUND):  # always in contact
+            theta = 2.0 * math.pi * (i + 0.5) / ROUND
+            x = math.cos(theta)
+            _put(at, i, amplitude, x, math.sin(theta), amplitude * (x - c), 2.0 * math.pi / ROUND, 1.0)
+        return ROUND
+    reach, count, begin = reach_of(law, p), 0, 0.0
+    last = c
+    if c < 1.0:
+        count, begin = _contact(amplitude, c, at), math.sqrt((1.0 - c) / (1.0 + c))
+        if release < 0.0:
+            count, last = _neck(amplitude, c, release, count, at), c + release / amplitude
+    if p[4] != 0.0:
+        end = math.sqrt((1.0 - last) / (1.0 + last)) if last < 1.0 else 0.0
+        count = _outside(reach, amplitude, c, begin, -1.0, count, at)
+        count = _outside(reach, amplitude, c, end, 1.0, count, at)
+    return count
+
+
+@kernel
+def moves(row: np.ndarray) -> bool:
+    """Whether a result row has a periodic orbit."""
+    return math.isfinite(row[col.INDENTATION]) and row[col.AMPLITUDE] > 0.0 and not row[col.SPREAD_AMPLITUDE] > 0.0

@@ -1,0 +1,63 @@
+"""``phasemap explore``."""
+
+from __future__ import annotations
+
+import argparse
+
+from phasemap._shared.interrupts import ending_at_once, leave
+from phasemap.cli.run import add_scene
+
+__all__ = ["EXAMPLES", "add_arguments", "explore"]
+
+EXAMPLES = """examples:
+  phasemap explore samples/blend.toml
+  phasemap explore samples/bistable.toml scan.setpoint=0.7 tip.radius=20e-9
+  phasemap explore samples/blend.toml --no-browser --port 8765
+
+The page is served on this machine only (127.0.0.1), under an address that nobody can guess, until Ctrl-C.
+"""
+SWITCH = 5e-4  # seconds that a thread keeps Python to itself, so that no long answer holds up a slider
+GRACE = 0.5  # seconds that an answer which is being made has to end
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of the command.
+    """
+    add_scene(parser)
+    parser.add_argument("--no-browser", action="store_true", help="print the address, and open nothing")
+    parser.add_argument("--port", type=_port, metavar="N", default=0, help="to listen on; default: any that is free")
+
+
+def explore(arguments: argparse.Namespace) -> None:
+    """Serve the page until Ctrl-C."""
+    import sys
+    import threading
+
+    sys.setswitchinterval(SWITCH)
+    with ending_at_once("the explorer had not started"):
+        from phasemap.explorer.explore import serve
+        from phasemap.explorer.subject import subject_of
+
+        subject = subject_of(arguments.scene, overrides=arguments.overrides)
+        explorer = serve(subject, arguments.port, not arguments.no_browser)
+    try:
+        print(f"the explorer is at {explorer.url}\nCtrl-C ends it.", flush=True)
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        print("\nphasemap: the explorer is closed.")
+    finally:
+        explorer.close()
+        if not explorer.idle.wait(GRACE):
+            leave(explorer.idle)
+
+
+def _port(text: str) -> int:
+    """A number of a port."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port, a whole number from 0 to 65535")
+    return int(text)

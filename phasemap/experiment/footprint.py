@@ -1,0 +1,163 @@
+"""Edges as a tip sees them: what it touches and attracts is an area, and not a point.
+
+Around the point below its apex a tip at the depth d touches a disc of radius a = sqrt(R d) (Hertz; Johnson, Contact
+Mechanics, 1985, section 4.2), which it presses most in the middle, as sqrt(1 - r^2/a^2). Outside, the surface is
+(r^2 - a^2)/(2 R) farther from the tip than where they touch, and the inverse-square attraction of a sphere is that of
+a pressure that falls with the cube of the distance (Derjaguin 1934): as (1 + (r^2 - a^2)/(2 R d0))^-3.
+
+The law of mixing is that of parts that act side by side: of the plane-strain modulus E/(1 - nu^2) and of Poisson's
+ratio the mean under the pressure, of damping that over the disc, of adhesion that over the disc and the reach of the
+attraction. The disc is that of the material right below the tip, so that what lies deeper where the sample is softer
+has a wider edge on that side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.errors import InputError
+from phasemap.experiment.lever import lever_of
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
+
+if TYPE_CHECKING:
+    from phasemap.experiment.surface import Surface
+
+Array = NDArray[np.float64]
+
+LEVELS = 12  # discs of different size that a map is seen with; between two of them it is interpolated
+HALVINGS = 60
+FINE = 12  # points a side at which a weight is taken within a pixel
+DIGITS = 6  # of the way from the lowest to the highest value of a map
+FAINTEST = 2e-3  # of the attraction's pressure, where its reach ends
+
+
+def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: float) -> Array:
+    """Largest indentation of the repulsive orbit, to first order in depth over amplitude [m]; NaN without a material.
+
+    For d = D - A theta^2/2 in contact the first harmonics of the DMT force (Wang 1999, Eqs. 2-4) are P =
+    (3 pi/8) sqrt(2/A) K sqrt(R) D^2/(pi k) - f0 (2 sqrt(2 D/A) + tail)/(pi k), where tail is that of the attraction
+    outside, and S = (omega alpha1/(4 A^2 sqrt(R))) (2 A)^(3/2) D^2 of the damping.
+
+    Parameters
+    ----------
+    materials : ndarray, shape (n, 4)
+        As for `phasemap.experiment.properties.properties`.
+    viscous : bool
+    scope : Microscope
+    setpoint : float
+    """
+    stiffness, adhesion, damping = properties(materials, viscous, scope)
+    omega, alpha0, k, drive, _ = lever_of(scope)
+    amplitude, radius = setpoint * scope.free_amplitude, scope.tip.radius
+    pull = scope.interaction.law.pull(stiffness, adhesion, radius)
+    reach = scope.interaction.decay_length
+
+    def miss(depth: Array) -> Array:
+        # Outside, the gap is sqrt(2 A D) x + A x^2/2 at an angle x from contact: exact for large D and for D = 0.
+        steep = np.sqrt(2 * amplitude * depth)
+        tail = 0.0 if reach is None else 2 * reach / (steep + np.sqrt(8 * amplitude * reach) / np.pi)
+        push = 0.375 * np.sqrt(2 / amplitude) * stiffness * np.sqrt(radius) * depth**2 / k
+        push = push - pull * (2 * np.sqrt(2 * depth / amplitude) + tail) / (np.pi * k)
+        drag = omega * damping / np.sqrt(radius) * (2 / amplitude) ** 1.5 * amplitude * depth**2 / 4
+        across = push + amplitude * (1 - omega**2)
+        missing: Array = np.sign(across) * across**2 + (2 * alpha0 * omega * amplitude + drag) ** 2 - drive**2
+        return missing
+
+    low, high = np.zeros(len(materials)), np.full(len(materials), amplitude)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        deep = miss(middle) > 0
+        low, high = np.where(deep, low, middle), np.where(deep, middle, high)
+    return np.where(np.isfinite(stiffness + adhesion + damping), 0.5 * (low + high), np.nan)
+
+
+def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array | None) -> Surface:
+    """See `phasemap.Surface.seen_by`."""
+    if depth is None:
+        materials, inverse = surface.unique()
+        depth = typical_depth(materials, surface.viscosity is not None, scope, setpoint)[inverse]
+    elif np.shape(depth) not in ((), surface.shape):
+        raise InputError("shape of depth", np.shape(depth), f"{surface.shape}, or one number")
+    radius = np.sqrt(scope.tip.radius * np.maximum(np.broadcast_to(depth, surface.shape), 0.0))
+    seen = _Seen(np.nan_to_num(radius), surface.pixel_size)
+    reach = scope.interaction.decay_length
+    far = 0.0 if reach is None else 2 * scope.tip.radius * reach
+
+    def disc(r2: Array, a: float) -> Array:
+        return np.where(r2 <= a * a, 1.0, 0.0)
+
+    def pressure(r2: Array, a: float) -> Array:
+        return np.asarray(np.sqrt(np.maximum(1 - r2 / (a * a), 0.0))) if a > 0 else disc(r2, a)
+
+    def attraction(r2: Array, a: float) -> Array:
+        return np.asarray((1 + np.maximum(r2 - a * a, 0.0) / far) ** -3) if far > 0 else disc(r2, a)
+
+    beyond = np.sqrt(far * (FAINTEST ** (-1 / 3) - 1))
+    loss = "viscosity" if surface.damping is None else "damping"
+    poisson_ratio = seen(surface.poisson_ratio, pressure)
+    plane = surface.modulus / (1 - surface.poisson_ratio**2)
+    stiff = seen(plane, pressure)
+    same = (stiff == plane) & (poisson_ratio == surface.poisson_ratio)
+    changed: dict[str, Any] = {
+        "modulus": np.where(same, surface.modulus, stiff * (1 - poisson_ratio**2)), "poisson_ratio": poisson_ratio,
+        "adhesion": seen(surface.adhesion, attraction, float(beyond)), loss: seen(getattr(surface, loss), disc),
+    }  # fmt: skip
+    return replace(surface, **changed)
+
+
+class _Seen:
+    """Maps under a weight whose radius changes from pixel to pixel."""
+
+    def __init__(self, radius: Array, pixel_size: tuple[float, float]) -> None:
+        self.radius, self.pixel_size = radius, pixel_size
+        levels = np.unique(radius)
+        self.levels = levels if len(levels) <= LEVELS else np.linspace(levels[0], levels[-1], LEVELS)
+
+    def __call__(self, values: Array, weight: Callable[[Array, float], Array], beyond: float = 0.0) -> Array:
+        """The mean of a map under ``weight(r2, a)`` [1 of m2, m], which ends at hypot(a, beyond)."""
+        if np.nanmin(values) == np.nanmax(values):
+            return values
+        found = np.zeros(values.shape)
+        at = np.interp(self.radius, self.levels, np.arange(len(self.levels)))
+        for level, a in enumerate(self.levels):
+            part = np.maximum(1 - np.abs(at - level), 0.0)
+            if part.any():
+                found += np.where(part > 0, part * self._mean(values, weight, float(a), beyond), 0.0)
+        return found
+
+    def _mean(self, values: Array, weight: Callable[[Array, float], Array], a: float, beyond: float) -> Array:
+        """The mean under the weight of one disc; NaN where there is no material, which counts nowhere else."""
+        from scipy.ndimage import maximum_filter, minimum_filter
+        from scipy.signal import fftconvolve
+
+        end = float(np.hypot(a, beyond))
+        half = [int(np.ceil(end / step)) for step in self.pixel_size]
+        if not any(half):
+            return values
+        sides = []
+        for count, step in zip(half, self.pixel_size, strict=True):
+            fine = (np.arange((2 * count + 1) * FINE) + 0.5) / FINE - count - 0.5
+            sides.append(fine * step)
+        r2 = sides[0][:, None] ** 2 + sides[1] ** 2
+        shares = weight(r2, a) * (r2 <= end * end)
+        kernel = shares.reshape(2 * half[0] + 1, FINE, 2 * half[1] + 1, FINE).sum(axis=(1, 3))
+        if not kernel.any():
+            return values
+        pad = [(count, count) for count in half]
+        known = np.pad(np.isfinite(values) * 1.0, pad, mode="edge")
+        padded = np.pad(np.nan_to_num(values), pad, mode="edge")
+        low, high = np.nanmin(values), np.nanmax(values)
+        total, count = (fftconvolve(one, kernel, mode="valid") for one in (padded, known))
+        with np.errstate(all="ignore"):
+            share = np.clip((total / count - low) / (high - low), 0.0, 1.0)
+        mean = low + (high - low) * share.round(DIGITS)
+        # What is the same all around stays so to the last bit, and no material is made that differs by rounding alone.
+        size = kernel.shape
+        least, most = minimum_filter(values, size, mode="nearest"), maximum_filter(values, size, mode="nearest")
+        return np.where(np.isfinite(values), np.where(least == most, values, mean), np.nan)

@@ -1,0 +1,53 @@
+"""What of a material acts under a microscope: the stiffness of the contact, adhesion, and damping."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasemap._shared.errors import InputError
+from phasemap.experiment.microscope import Microscope, Tip
+
+Array = np.ndarray
+
+
+def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
+    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (theory, Eq. (model-6)).
+
+    Examples
+    --------
+    >>> contact_stiffness(np.array([0.0, 0.75e9]), np.array([0.0, 0.0]), Tip(1e-8)).tolist()
+    [0.0, 1000000000.0]
+    """
+    tip_compliance = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
+    with np.errstate(all="ignore"):  # what is not finite has a status of its own
+        stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * tip_compliance)
+    return stiffness
+
+
+def damping_of(viscosity: Array, scope: Microscope) -> Array:
+    """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta R omega_c / (2 k).
+
+    Raises
+    ------
+    InputError
+        If the damping exponent is not 1/2, the one of Kelvin-Voigt Hertz contact.
+    """
+    if scope.interaction.damping_exponent != 0.5:
+        raise InputError("damping_exponent", scope.interaction.damping_exponent, "0.5 where materials have a viscosity")
+    omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
+    return np.asarray(viscosity * (scope.tip.radius * omega_c / (2 * scope.cantilever.stiffness)))
+
+
+def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
+    """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
+
+    Parameters
+    ----------
+    materials : ndarray, shape (n, 4)
+        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1].
+    viscous : bool
+    scope : Microscope
+    """
+    modulus, adhesion, loss, poisson_ratio = materials.T
+    stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
+    return stiffness, adhesion, damping_of(loss, scope) if viscous else loss

@@ -1,0 +1,313 @@
+"""What the page asks: the image, the curves, and the map of the contrast, each at one setting.
+
+Every answer is made of what anybody calls: `phasemap.simulate`, `sweep_distance` and `contrast`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.errors import InputError
+from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import lever_of, lost_in_air, supplied
+from phasemap.experiment.material import Material
+from phasemap.explorer.setting import Setting
+from phasemap.explorer.words import Found, lines_of
+from phasemap.imaging.simulation import simulate
+from phasemap.plot.figure import describe_failures
+from phasemap.results.status import Status
+from phasemap.results.variables import FLAGS
+from phasemap.scenes.scene import scene_from_tables
+from phasemap.solvers.pixel import solve_pixel
+from phasemap.solvers.problem import make_work
+from phasemap.sweeps.contrasts.contrast_map import contrast
+from phasemap.sweeps.contrasts.pair import BISTABLE, regimes
+from phasemap.sweeps.sweep import sweep_distance
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Picture", "contrast_map", "curves", "image", "map_key", "picture", "scan"]
+
+Check = Callable[[int, int], None]
+"""Called while a long answer is made, with what is done and all; raises to stop it."""
+
+VARIABLES = (
+    "height", "phase", "tip_offset", "indentation", "dissipation", "virial", "branch", "motion", "status", "solver",
+)  # fmt: skip
+POINTS, SAMPLES = 48, 192  # of a curve, and of a period
+DEEPEST, HIGHEST = 0.15, 1.12  # tip offsets of a curve, over the free amplitude
+BEYOND = 6e-9  # m above the free amplitude from where the tip is attracted
+SETPOINTS = np.linspace(0.3, 0.96, 18)
+AMPLITUDES = np.geomspace(0.4, 2.5, 13)  # of the map, over the one in its middle
+SAME = 1.0  # degrees between the orbit that engaging finds and the same on a curve
+
+
+class Picture(NamedTuple):
+    """An image as the page draws it.
+
+    Attributes
+    ----------
+    about : dict
+        Everything but the maps, as JSON has it.
+    height, phase : ndarray of float32, shape (ny, nx)
+        [nm] above the lowest point, and [degree]; NaN where a pixel has no solution.
+    """
+
+    about: dict[str, Any]
+    height: NDArray[np.float32]
+    phase: NDArray[np.float32]
+
+
+def picture(setting: Setting) -> Picture:
+    """Answer a drag: the image of every pixel engaged from far, and what each material does.
+
+    Parameters
+    ----------
+    setting : Setting
+
+    Returns
+    -------
+    Picture
+    """
+    surface = setting.shown
+    ds = simulate(surface, setting.scope, setting.setpoint, setting.solver, variables=VARIABLES, threads=1)
+    labels = setting.subject.sample_under(setting.scope.tip).labels
+    step = setting.subject.step
+    found = _materials(setting, ds, np.ascontiguousarray(labels[::step, ::step]))
+    first, second = (found[name] for name in setting.pair)
+    about = {
+        "materials": [None if one is None else _plain(one) for one in found.values()],
+        "why": lines_of(first, second) if first is not None and second is not None else [],
+        "free_amplitude": setting.scope.free_amplitude,
+        "step": step,
+    }
+    return _picture(ds, about)
+
+
+def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
+    """The whole image, as the scene of the subject says it is taken; what the page saves.
+
+    Parameters
+    ----------
+    setting : Setting
+    progress : callable, optional
+        As of `phasemap.simulate`.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    subject = setting.subject
+    if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
+        scene = scene_from_tables(setting.tables(), subject.folder, setting.surface)
+        return scene.simulate(progress=progress)
+    solver = setting.solver if setting.exact else subject.options["solver"]
+    options = {**subject.options, "setpoint": setting.setpoint, "solver": solver}
+    return simulate(setting.surface, setting.scope, **options, progress=progress)
+
+
+def scan(setting: Setting, progress: Check) -> Picture:
+    """The whole image for the page to draw; of one that is taken in two directions the trace."""
+    ds = image(setting, progress)
+    about: dict[str, Any] = {"step": 1, "free_amplitude": setting.scope.free_amplitude}
+    return _picture(ds.isel(direction=0) if "direction" in ds.dims else ds, about)
+
+
+def curves(setting: Setting) -> dict[str, Any]:
+    """Amplitude and phase against the distance, and one period at the working point, of both materials of the pair.
+
+    Parameters
+    ----------
+    setting : Setting
+
+    Returns
+    -------
+    dict
+        For each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable, piece), the
+        jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a period. None for one
+        that the law of contact cannot have.
+    """
+    found: dict[str, Any] = {}
+    for name in dict.fromkeys(setting.pair):
+        try:
+            found[name] = _curve(setting, setting.materials[name])
+        except InputError:  # a material that the law of contact cannot have; the picture says so
+            found[name] = None
+    return found
+
+
+def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
+    """The contrast of the pair against setpoint and free amplitude.
+
+    Parameters
+    ----------
+    setting : Setting
+    progress : callable
+        As of `phasemap.contrast`.
+
+    Returns
+    -------
+    dict
+        Axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence and
+        the point, None where there is none.
+    """
+    first, second = setting.pair
+    amplitudes = AMPLITUDES * middle_of(setting)
+    ds = contrast(
+        setting.materials[first], setting.materials[second], setting.scope, SETPOINTS, amplitudes,
+        solver=setting.solver, names=(first, second), progress=progress, threads=1,
+    )  # fmt: skip
+    return {
+        "setpoints": SETPOINTS.tolist(),
+        "amplitudes": (amplitudes * 1e9).tolist(),
+        "contrast": _numbers(ds["contrast"].values, 2),
+        "zeros": [ds["inversion_setpoint"].values.tolist(), (ds["inversion_free_amplitude"].values * 1e9).tolist()],
+        "recommendation": ds.attrs["recommendation"],
+        "best": _numbers(np.array([ds.attrs["best_setpoint"], ds.attrs["best_free_amplitude"] * 1e9]), 6),
+    }
+
+
+def middle_of(setting: Setting) -> float:
+    """The free amplitude [m] in the middle of the map: the subject's, or times a power of 4, so that maps can stay."""
+    base = setting.subject.scope.drive.free_amplitude
+    return float(base * 4.0 ** round(math.log(setting.scope.drive.free_amplitude / base, 4.0)))
+
+
+def map_key(setting: Setting) -> object:
+    """What the map of the contrast depends on: settings that have the same share it."""
+    scope = setting.scope
+    around = replace(scope, drive=replace(scope.drive, free_amplitude=middle_of(setting)))
+    return around, [(name, setting.materials[name]) for name in setting.pair], setting.exact
+
+
+def _picture(ds: xr.Dataset, about: dict[str, Any]) -> Picture:
+    """The maps of an image as the page wants them."""
+    height = ds["height"].values * 1e9
+    lowest = float(np.nanmin(height)) if np.isfinite(height).any() else 0.0
+    dy, dx = (2 * float(ds[dim][0]) for dim in ("y", "x"))
+    about |= {"shape": list(height.shape), "pixel": [dy, dx], "failed": describe_failures(ds)}
+    return Picture(about, (height - lowest).astype(np.float32), ds["phase"].values.astype(np.float32))
+
+
+def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> dict[str, Found | None]:
+    """What each material does, read off one pixel of it; None for one that is in no pixel."""
+    used, first = np.unique(labels, return_index=True)
+    at = dict(zip(used.tolist(), first.tolist(), strict=True))
+    rows, viscous = _rows(setting)
+    codes = regimes(make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.free_amplitude))
+    return {
+        name: _found(setting, name, ds, at[i], bool(codes[i] == BISTABLE)) if i in at else None
+        for i, name in enumerate(setting.materials)
+    }
+
+
+def _rows(setting: Setting) -> tuple[NDArray[np.float64], bool]:
+    """The materials as solvers take them, and whether they are viscous."""
+    viscous = setting.subject.viscous
+    rows = [
+        (one.modulus, one.adhesion, (one.viscosity or 0.0) if viscous else one.damping, one.poisson_ratio)
+        for one in setting.materials.values()
+    ]
+    return np.array(rows), viscous
+
+
+def _found(setting: Setting, name: str, ds: xr.Dataset, pixel: int, bistable: bool) -> Found:
+    """What the material of one pixel does."""
+    values = {key: ds[key].values.reshape(-1)[pixel].item() for key in VARIABLES}
+    words = {key: _word(key, values[key]) for key in ("branch", "motion", "solver")}
+    lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.free_amplitude
+    tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
+    status = Status.of(values["status"])
+    return Found(
+        name=name,
+        regime=words["branch"],
+        bistable=bistable,
+        motion=words["motion"],
+        solver=words["solver"],
+        advice="" if status is Status.good else status.value,
+        phase=values["phase"],
+        tip_phase=math.degrees(float(tip_phase)),
+        lost=values["dissipation"],
+        air=float(lost_in_air(lever, tip_amplitude)),
+        most=float(supplied(lever, tip_amplitude, np.zeros(()))),
+        virial=values["virial"],
+        indentation=values["indentation"],
+        tip_offset=values["tip_offset"],
+        height=values["tip_offset"] - amplitude,
+    )
+
+
+def _word(name: str, code: int) -> str:
+    """What a flag means."""
+    _, values, meanings = FLAGS[name]
+    return dict(zip(values, meanings, strict=True)).get(code, "none")
+
+
+def _plain(found: Found) -> dict[str, Any]:
+    """A material as JSON has it."""
+    values = found._asdict()
+    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()}
+
+
+def _curve(setting: Setting, material: Material) -> dict[str, Any]:
+    """The curve of one material."""
+    scope = setting.scope
+    pixel = solve_pixel(material, scope, setting.setpoint, setting.solver)
+    free = scope.free_amplitude
+    low, high = DEEPEST * free, max(HIGHEST * free, free + BEYOND)
+    axis = np.linspace(low, high, POINTS)
+    works = math.isfinite(pixel.tip_offset)
+    if works:
+        low, high = min(low, pixel.tip_offset - 0.1 * free), max(high, pixel.tip_offset + 0.1 * free)
+        axis = np.unique(np.append(np.linspace(low, high, POINTS), pixel.tip_offset))
+    ds = sweep_distance(material, scope, axis[::-1], samples=SAMPLES)
+    answer: dict[str, Any] = {
+        "distance": _numbers(ds["curve_tip_offset"].values * 1e9, 3),
+        "amplitude": _numbers(ds["curve_amplitude"].values * 1e9, 3),
+        "phase": _numbers(ds["curve_phase"].values, 2),
+        "stable": ds["curve_stable"].values.tolist(),
+        "piece": ds["curve_piece"].values.tolist(),
+        "jumps": [
+            [_numbers(ds[f"jump_{end}_{name}"].values * size, 3) for name, size in (("amplitude", 1e9), ("phase", 1.0))]
+            for end in ("from", "to")
+        ],
+        "jump_distance": _numbers(ds["jump_tip_offset"].values * 1e9, 3),
+        "jump_direction": ds["jump_direction"].values.tolist(),
+        "range": [low * 1e9, high * 1e9],
+        "point": None,
+        "period": None,
+    }
+    if works:
+        answer["point"] = [pixel.tip_offset * 1e9, pixel.amplitude * 1e9, pixel.phase]
+        answer["period"] = _period(ds, pixel.tip_offset, pixel.phase)
+    return answer
+
+
+def _period(ds: xr.Dataset, tip_offset: float, phase: float) -> dict[str, Any] | None:
+    """One period of the orbit at this distance, in the direction in which the curve is on it."""
+    traces = ds[["phase", "trace_deflection", "trace_force"]]
+    here = traces.isel(tip_offset=int(np.argmin(np.abs(ds["tip_offset"].values - tip_offset))))
+    away = np.abs(here["phase"].values - phase)
+    if not (away < SAME).any():
+        return None
+    one = here.isel(direction=int(np.nanargmin(away)))
+    return {
+        "surface": tip_offset * 1e9,
+        "deflection": _numbers(one["trace_deflection"].values * 1e9, 4),
+        "force": _numbers(one["trace_force"].values * 1e9, 4),
+    }
+
+
+def _numbers(values: NDArray[Any], digits: int) -> Any:
+    """Numbers as JSON has them, None for NaN."""
+    rounded = np.round(values, digits)
+    plain = rounded.astype(object)
+    plain[~np.isfinite(rounded)] = None
+    return plain.tolist()

@@ -1,0 +1,228 @@
+"""What the buttons give: the scene, the image, a picture of it, and the Python that makes them."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from phasemap._shared.errors import InputError
+from phasemap.explorer.answers import Check, image
+from phasemap.explorer.setting import Setting
+from phasemap.io.netcdf import save
+from phasemap.plot import plot
+from phasemap.scenes.scene import scene_from_tables
+from phasemap.scenes.tables import read_tables
+from phasemap.scenes.writing import toml_of, written
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["SAVED", "File", "python_of", "scene_file"]
+
+HEADING = ["Saved from phasemap explore.", "Every length is in m, every other quantity in SI units."]
+
+
+class File(NamedTuple):
+    """What the browser downloads.
+
+    Attributes
+    ----------
+    name, kind : str
+        Of the file, and its media type.
+    content : bytes
+    """
+
+    name: str
+    kind: str
+    content: bytes
+
+
+def scene_file(setting: Setting, _progress: Check) -> File:
+    """The scene as TOML; of a surface that came from no scene with names, together with its maps in an archive.
+
+    Parameters
+    ----------
+    setting : Setting
+
+    Returns
+    -------
+    File
+        Files that the scene names are where they were, by their whole paths.
+
+    Raises
+    ------
+    InputError
+        If a scene cannot say it.
+    """
+    tables, name = setting.tables(), _name(setting)
+    if setting.subject.scene is not None:
+        tables["surface"] = _from_anywhere(tables["surface"], setting)
+        tables.pop("output", None)
+        return File(f"{name}.toml", "application/toml", toml_of(tables, heading=HEADING).encode())
+    maps = f"{name}_maps.nc"
+    relief = setting.subject.sample.topography
+    tables["surface"] = {
+        "kind": "labels",
+        "labels": {"file": maps, "variable": "labels"},
+        **({} if relief is None else {"topography": {"file": maps, "variable": "topography"}}),
+        "pixel_size": list(setting.subject.pixel_size),
+        "materials": list(setting.materials),
+    }
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as parts:
+        parts.writestr(f"{name}.toml", toml_of(tables, heading=HEADING))
+        parts.writestr(maps, _written_by(lambda path: save(_maps(setting), path), ".nc"))
+    return File(f"{name}.zip", "application/zip", archive.getvalue())
+
+
+def image_file(setting: Setting, progress: Check) -> File:
+    """The whole image as netCDF."""
+    ds = image(setting, progress)
+    return File(f"{_name(setting)}.nc", "application/x-netcdf", _written_by(lambda path: save(ds, path), ".nc"))
+
+
+def picture_file(setting: Setting, progress: Check) -> File:
+    """A picture of the whole image, as ``phasemap plot`` draws it."""
+    ds = image(setting, progress)
+    return File(f"{_name(setting)}.png", "image/png", _written_by(lambda path: plot(ds, path), ".png"))
+
+
+def python_file(setting: Setting, _progress: Check) -> File:
+    """The Python that makes the image."""
+    return File(f"{_name(setting)}.py", "text/x-python", python_of(setting).encode())
+
+
+SAVED: dict[str, Callable[[Setting, Check], File]] = {
+    "scene": scene_file, "image": image_file, "picture": picture_file, "python": python_file
+}  # fmt: skip
+"""What can be saved, by the name of its button."""
+
+
+def python_of(setting: Setting) -> str:
+    """Write the Python that makes the image of this setting.
+
+    Parameters
+    ----------
+    setting : Setting
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If the scene was read from no file.
+
+    Examples
+    --------
+    >>> from phasemap.explorer.subject import subject_of
+    >>> print(python_of(Setting.of(subject_of("samples/step.toml"), {"setpoint": 0.6})), end="")
+    import phasemap as pm
+    <BLANKLINE>
+    scene = pm.load_scene("samples/step.toml", [
+        "scan.setpoint=0.6",
+    ])
+    image = scene.simulate()
+    pm.plot.plot(image, "step_explored.png")
+    """
+    drawn = f'pm.plot.plot(image, "{_name(setting)}.png")\n'
+    if setting.subject.scene is None:
+        return _python_of_surface(setting) + drawn
+    source = setting.subject.scene.source
+    if source is None:
+        raise InputError("the scene", "of no file", "one that was read from a file", "Save the scene instead.")
+    before = scene_from_tables(read_tables(source), source.parent, setting.shown).config
+    changed = _differences(before, {**setting.tables(), "files": before["files"]})
+    lines = [f"scene = pm.load_scene({written(str(source))}"]
+    if changed:
+        lines = [lines[0] + ", ["]
+        lines += [f"    {written(f'{key}={written(value)}')}," for key, value in changed.items()]
+        lines += ["])"]
+    else:
+        lines[0] += ")"
+    return "\n".join(["import phasemap as pm", "", *lines, "image = scene.simulate()", drawn])
+
+
+def _python_of_surface(setting: Setting) -> str:
+    """The same for a surface and a microscope, which only the user's own Python knows."""
+    scope, subject = setting.scope, setting.subject
+    materials = "\n".join(
+        f"    {i}: pm.Material(modulus={one.modulus!r}, adhesion={one.adhesion!r}, {loss}={getattr(one, loss)!r}, "
+        f"poisson_ratio={one.poisson_ratio!r}),"
+        for i, one in enumerate(setting.materials.values())
+        for loss in ["viscosity" if subject.viscous else "damping"]
+    )
+    solver = "orbit" if setting.exact else subject.options["solver"]
+    return f"""from dataclasses import replace
+
+import phasemap as pm
+
+# surface and scope are those that were given to pm.explore
+scope = replace(
+    scope,
+    tip=replace(scope.tip, radius={scope.tip.radius!r}),
+    drive=replace(scope.drive, free_amplitude={scope.drive.free_amplitude!r}, frequency={scope.drive.frequency!r}),
+)
+materials = {{
+{materials}
+}}
+surface = pm.Surface.from_labels(
+    surface.unique()[1], materials, pixel_size=surface.pixel_size, topography=surface.topography
+)
+image = pm.simulate(surface, scope, setpoint={setting.setpoint!r}, solver={solver!r})
+"""
+
+
+def _differences(before: Mapping[str, Any], after: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """The keys whose values differ, by their names as overrides have them."""
+    changed: dict[str, Any] = {}
+    for key, value in after.items():
+        name, old = f"{path}{key}", before.get(key)
+        if isinstance(value, Mapping) and isinstance(old, Mapping):
+            changed |= _differences(old, value, f"{name}.")
+        elif value != old:
+            if "." in key:
+                raise InputError("key", key, "a name without dots, to be set from Python", "Save the scene instead.")
+            changed[name] = value
+    return changed
+
+
+def _from_anywhere(table: Any, setting: Setting) -> Any:
+    """The table of a surface with whole paths for the files that it names, for the scene is saved elsewhere."""
+    scene = setting.subject.scene
+    files = set() if scene is None else set(scene.config["files"])
+    if isinstance(table, Mapping):
+        return {key: _from_anywhere(value, setting) for key, value in table.items()}
+    if isinstance(table, str) and table in files and not table.startswith("package:"):
+        return str((setting.subject.folder / table).resolve())
+    return table
+
+
+def _maps(setting: Setting) -> xr.Dataset:
+    """Labels and topography of the whole surface."""
+    import xarray as xr
+
+    sample, whole = setting.subject.sample, setting.surface
+    y, x = whole.coords()
+    data: dict[str, Any] = {"labels": (("y", "x"), sample.labels, {"long_name": "number of the material"})}
+    if sample.topography is not None:
+        data["topography"] = (("y", "x"), sample.topography, {"long_name": "topography", "units": "m"})
+    return xr.Dataset(data, {"y": ("y", y, {"units": "m"}), "x": ("x", x, {"units": "m"})})
+
+
+def _name(setting: Setting) -> str:
+    """Of the files, without a suffix."""
+    return f"{setting.subject.name}_explored"
+
+
+def _written_by(write: Callable[[Path], object], suffix: str) -> bytes:
+    """The bytes of a file that a function writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"whole{suffix}")
+        write(path)
+        return path.read_bytes()

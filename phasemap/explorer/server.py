@@ -1,0 +1,317 @@
+"""The explorer's page and its answers over HTTP, for this machine alone.
+
+Only 127.0.0.1 listens, every address begins with a token that nobody can guess, and a request that names another host
+is refused: a page of somebody else's whose name was pointed here (DNS rebinding) gets nothing. The page may load
+nothing from elsewhere (Content-Security-Policy), and neither it nor the server asks anything of another machine.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import secrets
+import socketserver
+import struct
+import sys
+import threading
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from phasemap._shared.errors import PhasemapError
+from phasemap.explorer.subject import Subject
+
+if TYPE_CHECKING:
+    from phasemap.explorer.answers import Picture
+
+__all__ = ["HOST", "Server"]
+
+HOST = "127.0.0.1"
+LARGEST = 1 << 16  # bytes of what a page sends
+PATIENCE = 60.0  # seconds after which a silent connection is closed
+LENIENCE = 1.0  # seconds that a long answer waits for one that a slider wants
+PAGE = {
+    "": ("index.html", "text/html; charset=utf-8"),
+    "page.css": ("page.css", "text/css; charset=utf-8"),
+    "page.js": ("page.js", "text/javascript; charset=utf-8"),
+    "draw.js": ("draw.js", "text/javascript; charset=utf-8"),
+}
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+JSON = "application/json"
+BINARY = "application/octet-stream"
+
+log = logging.getLogger(__name__)
+
+
+class Superseded(Exception):
+    """The page wants another answer by now."""
+
+
+class Server(ThreadingHTTPServer):
+    """Serves one subject.
+
+    Parameters
+    ----------
+    subject : Subject
+    port : int
+        0 is any that is free.
+    """
+
+    daemon_threads = True
+    block_on_close = False
+    allow_reuse_address = os.name == "posix"  # elsewhere it would let others listen too
+
+    def __init__(self, subject: Subject, port: int = 0) -> None:
+        self.subject = subject
+        self.token = secrets.token_urlsafe(18)
+        self.closing = False
+        self.busy = Count()
+        self.dragged = Count()
+        self._latest: dict[str, object] = {}
+        self._mapped: object = None
+        super().__init__((HOST, port), _Handler)
+
+    def server_bind(self) -> None:
+        """Bind, without looking up a name for the address as `HTTPServer` does."""
+        socketserver.TCPServer.server_bind(self)
+        self.server_name, self.server_port = HOST, self.server_address[1]
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that goes away in the middle is no error."""
+        if not isinstance(sys.exception(), ConnectionError):
+            log.exception("the explorer lost a connection")
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self.server_port}/{self.token}/"
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        """What the header Host may say."""
+        return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
+
+    def newest(self, kind: str) -> Callable[[int, int], None]:
+        """What a long answer calls as its progress.
+
+        It stops the answer where the page wants another one of its kind, and holds it up while a slider moves.
+        """
+        mine = self._latest[kind] = object()
+
+        def check(_done: int, _total: int) -> None:
+            if self.closing or self._latest.get(kind) is not mine:
+                raise Superseded
+            self.dragged.none.wait(LENIENCE)
+
+        return check
+
+    def map_for(self, key: object) -> None:
+        """Stop the map of the contrast that is being made if it is not the one of this key."""
+        if key != self._mapped:
+            self._mapped = key
+            self._latest.pop("contrast", None)
+
+
+class Count:
+    """How many answers are being made.
+
+    Attributes
+    ----------
+    none : threading.Event
+        Set while there are none.
+    """
+
+    def __init__(self) -> None:
+        self._many, self._lock = 0, threading.Lock()
+        self.none = threading.Event()
+        self.none.set()
+
+    def __enter__(self) -> None:
+        self._add(1)
+
+    def __exit__(self, *_: object) -> None:
+        self._add(-1)
+
+    def _add(self, more: int) -> None:
+        with self._lock:
+            self._many += more
+            (self.none.clear if self._many else self.none.set)()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    server: Server
+    protocol_version = "HTTP/1.1"
+    timeout = PATIENCE
+    disable_nagle_algorithm = True
+    wbufsize = -1
+
+    def do_GET(self) -> None:
+        """Give a file of the page, or what it begins with."""
+        if (name := self._asked()) is None:
+            return
+        if name == "start":
+            self._answer(lambda: (JSON, _start(self.server.subject)))
+        elif name in PAGE:
+            file, kind = PAGE[name]
+            self._send(200, kind, files("phasemap.explorer").joinpath("page", file).read_bytes())
+        else:
+            self._refuse(404, "There is nothing at this address.")
+
+    def do_POST(self) -> None:
+        """Answer a setting."""
+        if (name := self._asked()) is None:
+            return
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > LARGEST:
+            self._refuse(413, f"A message has a Content-Length of at most {LARGEST} bytes.")
+            return
+        body = self.rfile.read(int(length))
+        try:
+            message = json.loads(body)
+        except (ValueError, RecursionError):
+            self._refuse(400, "The message is not JSON.")
+            return
+        if (answer := _answers().get(name)) is None:
+            self._refuse(404, "There is nothing at this address.")
+        else:
+            self._answer(lambda: answer(self.server, message))
+
+    def _asked(self) -> str | None:
+        """What is asked for; None if it is refused."""
+        token, _, name = self.path.partition("?")[0].removeprefix("/").partition("/")
+        if self.headers.get("Host", "") not in self.server.hosts:
+            self._refuse(403, "This address is not served under that name.")
+        elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self._refuse(403, "The address lacks its token; take the whole one that phasemap explore printed.")
+        else:
+            return name
+        return None
+
+    def _answer(self, make: Callable[[], tuple[str, bytes]]) -> None:
+        """Send what is made, or say why it cannot be."""
+        try:
+            with self.server.busy:
+                kind, content = make()
+        except Superseded:
+            self._send(204, JSON, b"")
+        except PhasemapError as error:
+            self._refuse(422, str(error))
+        except Exception as error:
+            log.exception("the explorer could not answer %s", self.path.rpartition("/")[2])
+            self._refuse(500, f"Something is wrong in phasemap ({type(error).__name__}: {error}). Please report it.")
+        else:
+            self._send(200, kind, content)
+
+    def _refuse(self, code: int, sentence: str) -> None:
+        """Say what is wrong, and close: what was sent may not have been read."""
+        self.close_connection = self.close_connection or code in (403, 413)
+        self._send(code, JSON, json.dumps({"error": sentence}).encode())
+
+    def _send(self, code: int, kind: str, content: bytes) -> None:
+        """Send an answer; a page that went away does not want it."""
+        try:
+            self.send_response(code)
+            for name, value in {**HEADERS, "Content-Type": kind, "Content-Length": str(len(content))}.items():
+                self.send_header(name, value)
+            if self.close_connection:
+                self.send_header("Connection", "close")
+            self.end_headers()
+            self.wfile.write(content)
+            self.wfile.flush()
+        except (ConnectionError, TimeoutError):
+            self.close_connection = True
+
+    def version_string(self) -> str:
+        """What the header Server says."""
+        return "phasemap"
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing is said of a request."""
+
+
+def _start(subject: Subject) -> bytes:
+    """What the page begins with: sliders, materials, and colours."""
+    import matplotlib
+    import numpy as np
+
+    from phasemap.explorer.knobs import knobs_of
+
+    colours = {
+        name: np.round(255 * matplotlib.colormaps[cmap](np.linspace(0, 1, 256))[:, :3]).astype(int).ravel().tolist()
+        for name, cmap in (("height", "afmhot"), ("phase", "cividis"), ("contrast", "coolwarm"))
+    }
+    return _json(
+        {
+            "name": subject.name,
+            "knobs": [knob._asdict() for knob in knobs_of(subject)],
+            "materials": list(subject.materials),
+            "resonance": subject.scope.cantilever.resonance_frequency,
+            "driven": subject.scope.drive.frequency,
+            "control": None if subject.plain else str(subject.options.get("control") or "with its imperfections"),
+            "colours": colours,
+        }
+    )
+
+
+def _answers() -> dict[str, Callable[[Server, object], tuple[str, bytes]]]:
+    """What can be asked with a setting."""
+    from phasemap.explorer import answers
+    from phasemap.explorer.saving import SAVED
+    from phasemap.explorer.setting import Setting
+
+    def picture(server: Server, message: object) -> tuple[str, bytes]:
+        setting = Setting.of(server.subject, message)
+        server.map_for(answers.map_key(setting))
+        with server.dragged:
+            return BINARY, _packed(answers.picture(setting))
+
+    def scan(server: Server, message: object) -> tuple[str, bytes]:
+        return BINARY, _packed(answers.scan(Setting.of(server.subject, message), server.newest("scan")))
+
+    def curves(server: Server, message: object) -> tuple[str, bytes]:
+        setting = Setting.of(server.subject, message)
+        with server.dragged:
+            return JSON, _json(answers.curves(setting))
+
+    def contrast(server: Server, message: object) -> tuple[str, bytes]:
+        setting = Setting.of(server.subject, message)
+        server.map_for(answers.map_key(setting))
+        return JSON, _json(answers.contrast_map(setting, server.newest("contrast")))
+
+    def save(name: str) -> Callable[[Server, object], tuple[str, bytes]]:
+        def saved(server: Server, message: object) -> tuple[str, bytes]:
+            file = SAVED[name](Setting.of(server.subject, message), server.newest(name))
+            about = _json({"name": file.name, "kind": file.kind})
+            return BINARY, _with_length(about) + file.content
+
+        return saved
+
+    asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast}
+    return asked | {f"save/{name}": save(name) for name in SAVED}
+
+
+def _packed(picture: Picture) -> bytes:
+    """A picture: the length of its JSON, the JSON, and two maps of 32-bit floats."""
+    return _with_length(_json(picture.about)) + picture.height.tobytes() + picture.phase.tobytes()
+
+
+def _with_length(text: bytes) -> bytes:
+    """Text with its length before it, which is a multiple of 4."""
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<I", len(text)) + text
+
+
+def _json(value: object) -> bytes:
+    """JSON that every browser reads."""
+    return json.dumps(value, allow_nan=False, ensure_ascii=True).encode()

@@ -1,0 +1,221 @@
+"""What is explored: a sample of a few materials, the microscope that looks at it, and where both came from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from string import ascii_uppercase
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.errors import InputError, Word
+from phasemap.experiment.control import Engage
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope, Tip
+from phasemap.experiment.surface import Surface
+from phasemap.scenes.scene import Scene, load_scene
+from phasemap.scenes.surface import build_surface, dilate
+
+__all__ = ["Sample", "Subject", "subject_of"]
+
+MOST = 8  # materials, each with three sliders
+SIDE = 256  # pixels of the longer side of the image that is solved while a slider moves
+
+
+class Sample(NamedTuple):
+    """Where each material is, and the relief.
+
+    Attributes
+    ----------
+    labels : ndarray of int32, shape (ny, nx)
+        Number of the material.
+    topography : ndarray, shape (ny, nx), or None
+        [m].
+    """
+
+    labels: NDArray[np.int32]
+    topography: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A sample of a few materials under a microscope.
+
+    Parameters
+    ----------
+    name : str
+        Of the files that are saved.
+    scope : Microscope
+    materials : mapping of str to Material
+        By name; the labels of the sample count them.
+    pixel_size : (float, float)
+        (dy, dx) [m].
+    options : mapping
+        What `phasemap.simulate` takes besides, as the scene says; at least setpoint and solver.
+    sample : Sample
+    scene : Scene or None
+        Where it came from, if that was a scene.
+    """
+
+    name: str
+    scope: Microscope
+    materials: Mapping[str, Material]
+    pixel_size: tuple[float, float]
+    options: Mapping[str, Any]
+    sample: Sample = field(repr=False)
+    scene: Scene | None = field(default=None, repr=False)
+    _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def viscous(self) -> bool:
+        """Whether the materials have a viscosity in place of a damping."""
+        return any(material.viscosity for material in self.materials.values())
+
+    @property
+    def plain(self) -> bool:
+        """Whether engaging every pixel from far, with nothing added, is all that the scene asks for."""
+        bare = type(self.options["realism"])() if self.options.get("realism") is not None else None
+        return isinstance(self.options.get("control", Engage()), Engage) and self.options.get("realism") == bare
+
+    @property
+    def folder(self) -> Path:
+        """Where the names of files in the scene start."""
+        return _folder_of(self.scene)
+
+    @property
+    def step(self) -> int:
+        """Every how many pixels one is solved while a slider moves."""
+        return -(-max(map(int, self.sample.labels.shape)) // SIDE)
+
+    def sample_under(self, tip: Tip) -> Sample:
+        """The sample as this tip meets it: another one only where the scene asks for a tip of finite size."""
+        if self.scene is None or not self.scene.config["surface"].get("dilate") or tip == self.scope.tip:
+            return self.sample
+        sample = self._dilated.get(tip)
+        if sample is None:
+            sample = _sample_of(self.scene, tuple(self.materials), tip)
+            self._dilated.clear()  # the last one is enough while a slider moves
+            self._dilated[tip] = sample
+        return sample
+
+
+def subject_of(
+    explored: Surface | Scene | str | os.PathLike[str],
+    scope: Microscope | None = None,
+    setpoint: float | None = None,
+    overrides: Iterable[str] = (),
+) -> Subject:
+    """Make the subject of what the user gives.
+
+    Parameters
+    ----------
+    explored : Surface, Scene or path-like
+        A surface, or a scene or its file.
+    scope : Microscope, optional
+        For a surface, which has none.
+    setpoint : float, optional
+        To begin with; that of the scene, or 0.7 for a surface.
+    overrides : iterable of str
+        As in `phasemap.load_scene`, for a file.
+
+    Returns
+    -------
+    Subject
+
+    Raises
+    ------
+    InputError
+        If it is none of these, has more than eight materials, or the microscope is missing or one too many.
+
+    Examples
+    --------
+    >>> list(subject_of("samples/step.toml").materials)
+    ['compliant', 'stiff']
+    """
+    if isinstance(explored, (str, os.PathLike)):
+        explored = load_scene(explored, overrides)
+    if isinstance(explored, Scene):
+        if scope is not None:
+            raise InputError("scope", scope, "nothing beside a scene, which has its own microscope")
+        return _of_scene(explored, setpoint)
+    if not isinstance(explored, Surface):
+        raise InputError("what is explored", type(explored).__name__, "a Surface, a Scene or the file of a scene")
+    if not isinstance(scope, Microscope):
+        raise InputError("scope", scope, "a Microscope, which a surface has none of")
+    options = {"setpoint": 0.7 if setpoint is None else setpoint, "solver": "auto"}
+    return _of_surface(explored, scope, options)
+
+
+def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
+    """The subject that a scene is."""
+    options = {**scene.options, **({} if setpoint is None else {"setpoint": setpoint})}
+    if scene.config["surface"]["kind"] == "maps":
+        hint = "Maps of few materials can be explored in Python: pm.explore(scene.surface, scene.microscope)."
+        raise InputError("[surface] kind", "maps", "a kind whose materials have names, to be explored", hint)
+    every = _alike({name: Material(**values) for name, values in scene.config["materials"].items()})
+    sample = _sample_of(scene, tuple(every), scene.microscope.tip)
+    used, labels = np.unique(sample.labels, return_inverse=True)
+    names = [list(every)[i] for i in used]
+    _check_count(len(names))
+    if len(names) < len(every):
+        every = {name: every[name] for name in names}
+        sample = Sample(labels.reshape(sample.labels.shape).astype(np.int32), sample.topography)
+    name = scene.source.stem if scene.source is not None else "scene"
+    return Subject(name, scene.microscope, every, scene.surface.pixel_size, options, sample, scene)
+
+
+def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any]) -> Subject:
+    """The subject that a surface and a microscope are."""
+    if surface.lazy:
+        raise InputError("surface", Word("in Dask arrays"), "maps in memory", "Take surface.compute().")
+    rows, labels = surface.unique()
+    _check_count(len(rows))
+    if np.isnan(rows).any():
+        raise InputError("surface", Word("without a material in some pixels"), "a material in every pixel")
+    loss = "viscosity" if surface.viscosity is not None else "damping"
+    materials = {
+        f"material {ascii_uppercase[i]}": Material(modulus, adhesion, **{loss: value}, poisson_ratio=ratio)
+        for i, (modulus, adhesion, value, ratio) in enumerate(rows.tolist())
+    }
+    sample = Sample(labels, surface.topography)
+    return Subject("surface", scope, materials, surface.pixel_size, options, sample)
+
+
+def _check_count(count: int) -> None:
+    """Refuse a sample with more materials than a page has room for."""
+    if count > MOST:
+        hint = "Maps of many materials have no slider each; take Surface.from_labels or a scene with labels."
+        raise InputError("number of materials", count, f"at most {MOST} in what is explored", hint)
+
+
+def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
+    """The materials with a viscosity each where one of them has one, since a surface cannot have both losses."""
+    if not any(material.viscosity for material in materials.values()):
+        return {
+            name: Material(one.modulus, one.adhesion, one.damping, poisson_ratio=one.poisson_ratio)
+            for name, one in materials.items()
+        }
+    return {
+        name: Material(one.modulus, one.adhesion, viscosity=one.viscosity or 0.0, poisson_ratio=one.poisson_ratio)
+        for name, one in materials.items()
+    }
+
+
+def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
+    """Find which material is where: the surface is made of stand-ins, which differ even where the materials do not."""
+    stand_ins = {name: Material(modulus=1.0 + i) for i, name in enumerate(names)}
+    every = {name: stand_ins.get(name, Material(modulus=1.0)) for name in scene.config["materials"]}
+    table = scene.config["surface"]
+    surface = dilate(table, build_surface(dict(table), every, _folder_of(scene))[0], tip)
+    labels = np.round(surface.modulus - 1.0).astype(np.int32)
+    labels.setflags(write=False)
+    return Sample(labels, surface.topography)
+
+
+def _folder_of(scene: Scene | None) -> Path:
+    """Where the names of files in a scene start."""
+    return scene.source.parent if scene is not None and scene.source is not None else Path()

@@ -1,0 +1,208 @@
+"""What a setting shows, in words: which regime each material is in, and why the contrast has the sign that it has.
+
+Of a stable orbit at amplitude A under a drive u0, the balance of energy and that of the conservative forces say
+
+    pi k u0 A cos(phase) = E_contact + E_air,        u0 sin(phase) = A (omega_e^2 - omega^2)
+
+(Cleveland 1998; Wang 1999, Eqs. 5-8). The setpoint fixes A, and with it E_air: |phase| follows from the energy lost in
+contact alone, and only the sign of the phase tells what the conservative force does. So the contrast of two materials
+whose phases have one sign is the difference of their losses, however different their moduli are; where the signs
+differ, it is what two lossless materials would show there, +- arccos(E_air / (pi k u0 A)), and the losses take from it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+__all__ = ["Found", "lines_of"]
+
+ELECTRONVOLT = 1.602176634e-19  # J
+LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
+SHARE = 0.2  # of the contrast that the losses may leave open
+DEGREES = "°"
+
+
+class Found(NamedTuple):
+    """One material at the working point.
+
+    Attributes
+    ----------
+    name : str
+    regime : str
+        "attractive", "repulsive" or "none".
+    bistable : bool
+        Whether the controller can hold the setpoint in the other regime too.
+    motion : str
+        "periodic", "irregular" or "none".
+    solver : str
+    advice : str
+        What is wrong and what helps; empty where nothing is.
+    phase : float
+        [degree]; NaN without a solution, as all that follows.
+    tip_phase : float
+        Of the tip's position [degree]: the same, unless the detector sees the deflection.
+    lost, air, most : float
+        Energy [J per cycle] lost in contact and in air, and the most that the drive can give, pi k u0 A.
+    virial : float
+        [J].
+    indentation, tip_offset, height : float
+        [m]; the height is that of a flat surface at 0.
+    """
+
+    name: str
+    regime: str
+    bistable: bool
+    motion: str
+    solver: str
+    advice: str
+    phase: float
+    tip_phase: float
+    lost: float
+    air: float
+    most: float
+    virial: float
+    indentation: float
+    tip_offset: float
+    height: float
+
+    @property
+    def stiffens(self) -> bool:
+        """Whether the phase is positive."""
+        return self.tip_phase > 0
+
+    @property
+    def sine(self) -> float:
+        """sin(phase)."""
+        return math.sin(math.radians(self.tip_phase))
+
+    @property
+    def lossless(self) -> float:
+        """The phase [degree] that a material without loss would have on the same side."""
+        return self._balanced(self.air)
+
+    @property
+    def explained(self) -> float:
+        """The phase [degree] that the losses give, if higher harmonics lose nothing."""
+        return self._balanced(self.air + self.lost)
+
+    def _balanced(self, energy: float) -> float:
+        """The phase [degree] at which the drive gives this energy [J per cycle]."""
+        return math.copysign(math.degrees(math.acos(max(-1.0, min(1.0, energy / self.most)))), self.tip_phase)
+
+
+def lines_of(first: Found, second: Found) -> list[str]:
+    """Say why the second material is brighter or darker in the phase image than the first.
+
+    Parameters
+    ----------
+    first, second : Found
+        Twice the same where there is one material only.
+
+    Returns
+    -------
+    list of str
+        Sentences, the most important one first.
+
+    Examples
+    --------
+    >>> here = dict(bistable=False, motion="periodic", solver="orbit", advice="", virial=0.0, indentation=1e-9)
+    >>> here |= dict(air=70 * ELECTRONVOLT, most=100 * ELECTRONVOLT, tip_offset=2e-8, height=0.0)
+    >>> hard = Found("PS", "repulsive", phase=43.9, tip_phase=43.9, lost=2 * ELECTRONVOLT, **here)
+    >>> soft = Found("LDPE", "repulsive", phase=18.2, tip_phase=18.2, lost=25 * ELECTRONVOLT, **here)
+    >>> lines_of(hard, soft)[0]
+    'LDPE is 25.7° darker than PS, because it loses more energy: 25 against 2 eV per cycle in contact.'
+    """
+    unsolved = [one for one in dict.fromkeys((first, second)) if math.isnan(one.phase)]
+    if unsolved:
+        return [f"{one.name} has no orbit here. {one.advice}" for one in unsolved]
+    if first.name == second.name:
+        said = [_alone(first)]
+    elif first.stiffens != second.stiffens:
+        said = _of_two_signs(first, second)
+    else:
+        said = _of_one_sign(first, second)
+    return said + [line for one in dict.fromkeys((first, second)) for line in _warnings(one)]
+
+
+def _of_one_sign(first: Found, second: Found) -> list[str]:
+    """Both phases are positive, or both negative."""
+    contrast, explained = second.phase - first.phase, second.explained - first.explained
+    energies = f"{_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact"
+    if abs(explained - contrast) > max(LEAST, SHARE * abs(contrast)):
+        return [
+            f"{_compared(first, second)}.",
+            f"The losses ({energies}) would make it {_signed(explained, '.2g')}{DEGREES}: the rest is that higher "
+            "harmonics lose energy in air too, which tells on so soft or damped a lever.",
+        ]
+    sign = "positive" if first.stiffens else "negative"
+    law = f"Both phases are {sign}, and at one amplitude their size then follows from the energy lost alone"
+    if abs(contrast) < LEAST:
+        return [
+            f"{second.name} and {first.name} look alike ({abs(contrast):.2g}{DEGREES}), because their losses differ by "
+            f"little: {_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact, of "
+            f"{_shown(first.most)} that the drive can give.",
+            f"{law}: stiffness and adhesion act only through it.",
+        ]
+    more = "more" if second.lost > first.lost else "less"
+    towards = "darker" if first.stiffens else "brighter"
+    return [
+        f"{_compared(first, second)}, because it loses {more} energy: {energies}.",
+        f"{law}: loss pulls the phase towards 0, which is {towards} here.",
+    ]
+
+
+def _of_two_signs(first: Found, second: Found) -> list[str]:
+    """One phase is positive, the other negative."""
+    lossless, contrast = second.lossless - first.lossless, second.phase - first.phase
+    positive, negative = (first, second) if first.stiffens else (second, first)
+    if positive.regime == negative.regime:
+        why = "the conservative force and the drive off resonance pull to opposite sides"
+    else:
+        why = f"{positive.name} is {positive.regime} and {negative.name} {negative.regime}"
+    sines = " and ".join(f"{_signed(one.sine, '.2f')} on {one.name}" for one in (positive, negative))
+    return [
+        f"{_compared(first, second)}, because {why}.",
+        f"The conservative force turns the sign of sin(phase): {sines}. Without any loss in contact the contrast would "
+        f"be {_signed(lossless, '.3g')}{DEGREES}; the losses ({_shown(second.lost)} and {_shown(first.lost)} eV per "
+        f"cycle) change it by {_signed(contrast - lossless, '.2g')}{DEGREES}.",
+    ]
+
+
+def _alone(one: Found) -> str:
+    """What fixes the phase of a single material."""
+    return (
+        f"{one.name} has the phase {one.phase:.3g}{DEGREES}: cos(phase) is the energy lost, {_shown(one.lost)} eV per "
+        f"cycle in contact and {_shown(one.air)} in air, over the {_shown(one.most)} that the drive can give."
+    )
+
+
+def _compared(first: Found, second: Found) -> str:
+    """How the second material looks beside the first."""
+    contrast = second.phase - first.phase
+    word = "brighter" if contrast > 0 else "darker"
+    return f"{second.name} is {abs(contrast):.3g}{DEGREES} {word} than {first.name}"
+
+
+def _warnings(one: Found) -> list[str]:
+    """What to know of a material besides."""
+    said = []
+    if one.bistable:
+        other = "repulsive" if one.regime == "attractive" else "attractive"
+        said.append(
+            f"{one.name} is bistable: the controller can hold this setpoint in the {other} regime too, so that a scan "
+            "may jump there."
+        )
+    if one.motion == "irregular":
+        said.append(f"The motion on {one.name} is not periodic: amplitude and phase are means.")
+    return said
+
+
+def _shown(energy: float) -> str:
+    """An energy in eV."""
+    return f"{energy / ELECTRONVOLT:.3g}" if abs(energy) < 1000 * ELECTRONVOLT else f"{energy / ELECTRONVOLT:.0f}"
+
+
+def _signed(value: float, digits: str) -> str:
+    """A number with its sign, as it is printed."""
+    return f"{value:+{digits}}".replace("-", "−")

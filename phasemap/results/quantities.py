@@ -1,0 +1,264 @@
+"""Derived channels: what amplitude and phase, and the orbit where it is known, tell of the surface.
+
+A channel is a name, a unit, a function of the motion of the tip, and the paper that the function is from. To add one,
+add an entry to `CHANNELS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
+from phasemap.experiment.microscope import Microscope, Mode
+
+__all__ = ["CHANNELS", "Channel", "Motion", "motion_of"]
+
+Array = NDArray[np.float64]
+
+ELECTRONVOLT = 1.602176634e-19  # [J]
+FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is no contact to divide by
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What is known of the tip's motion in some pixels.
+
+    Parameters
+    ----------
+    lever : ndarray, shape (5,)
+        As of `phasemap.experiment.lever.lever_of`.
+    scope : Microscope
+    amplitude, phase : ndarray
+        Of the first harmonic of the tip's position [m, rad].
+    orbit : mapping of str to ndarray
+        Variables of an image, of the same pixels, that were integrated over the orbit; may be empty.
+    """
+
+    lever: Array
+    scope: Microscope
+    amplitude: Array
+    phase: Array
+    orbit: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def frequency(self) -> float:
+        """Of the drive [Hz]."""
+        return self.scope.frequency_ratio * self.scope.cantilever.resonance_frequency
+
+    @property
+    def dissipation(self) -> Array:
+        """Energy that the surface takes per cycle, as amplitude and phase tell it [J]."""
+        left: Array = supplied(self.lever, self.amplitude, self.phase) - lost_in_air(self.lever, self.amplitude)
+        return left
+
+    @property
+    def virial(self) -> Array:
+        """Virial of the surface's force, as amplitude and phase tell it, positive for attraction [J]."""
+        return virial_of(self.lever, self.amplitude, self.phase)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A derived channel.
+
+    Parameters
+    ----------
+    name, long_name, units : str
+    value : callable
+        ``value(motion)``, of a `Motion`.
+    source : str
+        Where the formula is from.
+    needs : tuple of str
+        Variables that the orbit must have; without them there is no such channel.
+    of_orbit : str
+        The variable that the orbit may have, of which this is a multiple; else it comes from amplitude and phase.
+    bimodal : bool
+        Whether it is of a second mode, which the drive must have.
+    """
+
+    name: str
+    long_name: str
+    units: str
+    value: Callable[[Motion], Array]
+    source: str
+    needs: tuple[str, ...] = ()
+    of_orbit: str = ""
+    bimodal: bool = False
+
+
+def motion_of(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None) -> Motion:
+    """The motion of the tip, from the amplitude [m] and phase [degree] that the detector shows."""
+    lever = lever_of(scope)
+    size, angle = of_tip(lever, amplitude, np.radians(phase))
+    return Motion(lever, scope, size, angle, orbit or {})
+
+
+def _dissipation(motion: Motion) -> Array:
+    return motion.orbit.get("dissipation", motion.dissipation)
+
+
+def _virial(motion: Motion) -> Array:
+    return motion.orbit.get("virial", motion.virial)
+
+
+def _over(loss: Array, virial: Array, whole: Array) -> Array:
+    """Loss over 2 pi times the virial of repulsion, NaN where that is next to nothing."""
+    with np.errstate(all="ignore"):
+        return np.where(np.abs(virial) > FAINT * np.abs(whole), -loss / (2 * np.pi * virial), np.nan)
+
+
+def _loss_tangent(motion: Motion) -> Array:
+    with np.errstate(all="ignore"):
+        tangent: Array = -motion.dissipation / (2 * np.pi * motion.virial)
+    return tangent
+
+
+def _corrected(motion: Motion) -> Array:
+    attraction = motion.orbit["adhesion_virial"]
+    loss = motion.dissipation - motion.orbit["adhesion_loss"]
+    return _over(loss, motion.virial - attraction, np.abs(motion.virial) + np.abs(attraction))
+
+
+def _second(motion: Motion) -> tuple[Mode, Array, Array]:
+    """The second mode, and what the surface adds to its stiffness over k2, and to its 1/Q2."""
+    mode, lever = motion.scope.drive.second, motion.lever
+    assert mode is not None
+    first = 2 * np.pi * motion.scope.cantilever.resonance_frequency
+    drag = motion.orbit["mean_damping"] * lever[col.STIFFNESS] / first  # [kg/s]
+    gradient = motion.orbit["mean_gradient"]
+    aside = motion.orbit["sideband_stiffness"] + 1j * motion.orbit["sideband_loss"]
+    with np.errstate(all="ignore"):
+        # To second order in the slope, and to all where the contact is short against the second mode's period.
+        felt = np.where(gradient == 0.0, 0.0, gradient / (1 + aside / gradient))
+    lossy = (drag * 2 * np.pi * mode.frequency + felt.imag) / mode.stiffness
+    return mode, felt.real / mode.stiffness, lossy
+
+
+def _mode2_shift(motion: Motion) -> Array:
+    mode, stiffer, _ = _second(motion)
+    shift: Array = mode.frequency * (np.sqrt(1 + stiffer) - 1)
+    return shift
+
+
+def _mode2_answer(motion: Motion) -> Array:
+    """Drive over answer of the second mode at its free resonance, 1/Q2 without a surface (complex)."""
+    mode, stiffer, lossy = _second(motion)
+    return np.asarray(stiffer + 1j * (1 / mode.quality_factor + lossy))
+
+
+def _mode2_amplitude(motion: Motion) -> Array:
+    mode, _, lossy = _second(motion)
+    if mode.detection == "fm":  # a loop holds it
+        return np.where(np.isfinite(lossy), mode.free_amplitude, np.nan)
+    return np.asarray(mode.free_amplitude / mode.quality_factor / np.abs(_mode2_answer(motion)))
+
+
+def _mode2_phase(motion: Motion) -> Array:
+    mode, _, lossy = _second(motion)
+    if mode.detection == "fm":
+        return np.where(np.isfinite(lossy), 0.0, np.nan)
+    return np.degrees(np.pi / 2 - np.angle(_mode2_answer(motion)))
+
+
+def _stiffness_2(motion: Motion) -> Array:
+    """<k>2 [N/m] as the instrument has it of what the second mode shows."""
+    mode, stiffer, _ = _second(motion)
+    if mode.detection == "fm":
+        return 2 * mode.stiffness * _mode2_shift(motion) / mode.frequency
+    return mode.stiffness * stiffer  # (k2/Q2)(A02/A2) sin(phase), the real part of the answer
+
+
+def _stiffness_1(motion: Motion) -> Array:
+    return -2 * motion.virial / motion.amplitude**2
+
+
+def _modulus(motion: Motion) -> Array:
+    radius = motion.scope.tip.radius
+    with np.errstate(all="ignore"):
+        found = np.sqrt(2) * _stiffness_2(motion) ** 2 / (_stiffness_1(motion) * np.sqrt(radius * motion.amplitude))
+    return np.where((_stiffness_1(motion) > 0) & (_stiffness_2(motion) > 0), found, np.nan)
+
+
+def _depth(motion: Motion) -> Array:
+    with np.errstate(all="ignore"):
+        found = motion.amplitude * _stiffness_1(motion) / _stiffness_2(motion)
+    return np.where((_stiffness_1(motion) > 0) & (_stiffness_2(motion) > 0), found, np.nan)
+
+
+def _too_large(motion: Motion) -> Array:
+    with np.errstate(all="ignore"):
+        share: Array = _mode2_amplitude(motion) / np.maximum(motion.orbit["indentation"], 0.0)
+    return share
+
+
+LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"
+OF_SECOND = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss")
+CLEVELAND = "Cleveland et al., Appl. Phys. Lett. 72, 2613 (1998)"
+PROKSCH = "Proksch and Yablon, Appl. Phys. Lett. 100, 073106 (2012)"
+CHANNELS: dict[str, Channel] = {
+    channel.name: channel
+    for channel in (
+        Channel(
+            "dissipation", "energy dissipated in the surface per cycle", "J", _dissipation, CLEVELAND,
+            of_orbit="dissipation",
+        ),
+        Channel(
+            "dissipation_ev", "energy dissipated in the surface per cycle", "eV",
+            lambda motion: _dissipation(motion) / ELECTRONVOLT, CLEVELAND, of_orbit="dissipation",
+        ),
+        Channel(
+            "dissipated_power", "power dissipated in the surface", "W",
+            lambda motion: _dissipation(motion) * motion.frequency, CLEVELAND, of_orbit="dissipation",
+        ),
+        Channel(
+            "virial", "virial of the tip-surface force, positive attractive", "J", _virial,
+            "San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001)", of_orbit="virial",
+        ),
+        Channel(
+            "loss_tangent", "loss tangent by the instrument's formula", "1", _loss_tangent,
+            f"{PROKSCH}: energy dissipated over 2 pi times the virial, negative where the force attracts",
+        ),
+        Channel(
+            "loss_tangent_corrected", "loss tangent corrected for adhesion", "1", _corrected,
+            f"{PROKSCH}, less the virial of the attraction and the energy of necks",
+            needs=("adhesion_virial", "adhesion_loss"),
+        ),
+        Channel(
+            "mode2_frequency_shift", "shift of the second mode's resonance", "Hz", _mode2_shift, LABUDA, OF_SECOND,
+            bimodal=True,
+        ),
+        Channel(
+            "mode2_amplitude", "amplitude of the second mode", "m", _mode2_amplitude, LABUDA, OF_SECOND, bimodal=True,
+        ),
+        Channel(
+            "mode2_phase", "phase of the second mode, 0 where free", "degree", _mode2_phase, LABUDA, OF_SECOND,
+            bimodal=True,
+        ),
+        Channel(
+            "effective_stiffness_1", "effective stiffness of the surface, of the first mode", "N m-1", _stiffness_1,
+            LABUDA, bimodal=True,
+        ),
+        Channel(
+            "effective_stiffness_2", "effective stiffness of the surface, of the second mode", "N m-1", _stiffness_2,
+            LABUDA, OF_SECOND, bimodal=True,
+        ),
+        Channel(
+            "bimodal_modulus", "plane-strain modulus by the bimodal formula for a paraboloid on Hertz contact", "Pa",
+            _modulus, LABUDA, OF_SECOND, bimodal=True,
+        ),
+        Channel(
+            "bimodal_indentation", "indentation by the bimodal formula", "m", _depth, LABUDA, OF_SECOND, bimodal=True,
+        ),
+        Channel(
+            "mode2_over_depth", "amplitude of the second mode over the indentation", "1", _too_large,
+            "the others of the second mode hold where this is small", (*OF_SECOND, "indentation"), bimodal=True,
+        ),
+    )
+}  # fmt: skip
+"""Every channel by name."""

@@ -1,0 +1,308 @@
+"""The explorer: what a setting shows is what Python gives, and the reasons that it states are those of the physics."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import phasemap as pm
+from phasemap._shared.errors import InputError
+from phasemap.explorer import answers
+from phasemap.explorer.knobs import knobs_of
+from phasemap.explorer.saving import SAVED, python_of
+from phasemap.explorer.setting import Setting
+from phasemap.explorer.subject import Subject, subject_of
+from phasemap.explorer.words import Found, lines_of
+from phasemap.scenes.scene import load_scene
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+STEP = str(SAMPLES / "step.toml")
+SMALL = "surface.shape=[6, 8]"
+LEVER = pm.Cantilever(40.0, 300e3, 400.0)
+SCOPE = pm.Microscope(LEVER, pm.Tip(10e-9), pm.Drive(20e-9))
+SOFT, HARD = pm.Material(0.5e9, 0.1, 0.1, poisson_ratio=0.48), pm.Material(3e9, 0.05, 0.005)
+
+
+def always(_done: int, _total: int) -> None:
+    """Never stop a long answer."""
+
+
+def surface_of(*materials: pm.Material) -> pm.Surface:
+    labels = np.arange(4 * len(materials)).reshape(2, -1) % len(materials)
+    return pm.Surface.from_labels(labels, dict(enumerate(materials)), pixel_size=4e-9)
+
+
+def step(**message: Any) -> Setting:
+    return Setting.of(subject_of(STEP, overrides=[SMALL]), message)
+
+
+def shown(setting: Setting) -> list[Found]:
+    """What the page is told of each material."""
+    told = answers.picture(setting).about["materials"]
+    return [Found(**{key: math.nan if value is None else value for key, value in one.items()}) for one in told]
+
+
+def test_the_image_of_a_setting_is_the_one_that_the_scene_has_with_these_values() -> None:
+    moved = step(setpoint=0.6, radius=12e-9, materials=[{"modulus": 0.4e9}, {}])
+    overrides = [SMALL, "scan.setpoint=0.6", "tip.radius=12e-9", "materials.compliant.modulus=0.4e9"]
+    expected = load_scene(STEP, overrides).simulate()
+    xr.testing.assert_equal(answers.image(moved), expected)
+    picture = answers.picture(moved)
+    np.testing.assert_array_equal(picture.phase, expected.phase.values.astype(np.float32))
+    heights = (expected.height.values - expected.height.values.min()) * 1e9
+    np.testing.assert_allclose(picture.height, heights, rtol=1e-6, atol=1e-6)
+
+
+def test_exact_orbits_are_solved_where_they_are_asked_for() -> None:
+    assert {found.solver for found in shown(step(exact=True))} <= {"orbit", "corrected"}
+    assert answers.image(step(exact=True)).attrs["configuration"].count('"solver": "orbit"') == 1
+
+
+# cos(phase) = (E_contact + E_air) / (pi k u0 A), of the first harmonic; the higher ones take a little too.
+@pytest.mark.parametrize("frequency", [None, 299.8e3])
+@pytest.mark.parametrize("setpoint", [0.6, 0.8])
+def test_the_losses_that_are_stated_give_the_phase_that_is_stated(setpoint: float, frequency: float | None) -> None:
+    subject = subject_of(surface_of(SOFT, HARD), replace(SCOPE, drive=pm.Drive(20e-9, frequency)), setpoint)
+    for found in shown(Setting.of(subject, {})):
+        assert (found.lost + found.air) / found.most == pytest.approx(math.cos(math.radians(found.tip_phase)), abs=2e-3)
+
+
+def test_a_lossier_material_is_darker_where_both_are_repulsive_and_the_reason_is_said() -> None:
+    lossy = replace(HARD, damping=0.1)
+    subject = subject_of(surface_of(HARD, lossy), replace(SCOPE, drive=pm.Drive(40e-9)), 0.7)
+    hard, soft = shown(Setting.of(subject, {}))
+    assert hard.regime == soft.regime == "repulsive" and soft.lost > hard.lost and soft.phase < hard.phase
+    first, second = lines_of(hard, soft)
+    assert first.startswith(
+        f"material B is {hard.phase - soft.phase:.3g}° darker than material A, because it loses more"
+    )
+    assert "loss pulls the phase towards 0, which is darker here" in second
+
+
+def test_where_the_regimes_differ_they_and_not_the_losses_are_the_reason() -> None:
+    subject = subject_of(SAMPLES / "particles.toml", setpoint=0.7)
+    hard, soft = shown(Setting.of(subject, {}))
+    assert (hard.regime, soft.regime) == ("repulsive", "attractive")
+    first, second = lines_of(hard, soft)
+    assert "darker than matrix, because matrix is repulsive and rubber attractive" in first
+    # Lossless materials would show +- arccos(setpoint) at resonance.
+    assert f"the contrast would be −{2 * math.degrees(math.acos(0.7)):.3g}°" in second
+
+
+def test_losses_are_no_reason_where_they_do_not_give_the_phases() -> None:
+    hard, soft = shown(step())
+    assert hard.explained == pytest.approx(hard.phase, abs=0.2)
+    assert lines_of(hard, soft)[0].split(",")[1].startswith(" because it loses")
+    odd = soft._replace(phase=hard.phase + 1.0, tip_phase=hard.phase + 1.0)
+    first, second = lines_of(hard, odd)
+    assert first == "stiff is 1° brighter than compliant." and "higher harmonics" in second
+
+
+def test_equal_materials_look_alike() -> None:
+    subject = subject_of(STEP, overrides=[SMALL])
+    same = {"modulus": 1e9, "adhesion": 0.05, "damping": 0.01}
+    both = replace(HARD, modulus=1e9, adhesion=0.05, damping=0.01)
+    alike = Setting(subject, SCOPE, 0.7, dict.fromkeys(subject.materials, both), ("compliant", "stiff"))
+    assert lines_of(*shown(alike))[0].startswith("stiff and compliant look alike (0°)")
+    assert [knob.material for knob in knobs_of(alike.subject)] == [None] * 4 + [0] * 3 + [1] * 3
+    assert Setting.of(subject, {"materials": [same, same]}).shown.unique()[0].shape[0] <= 2
+
+
+def test_a_material_without_an_orbit_says_what_helps() -> None:
+    stuck = pm.Microscope(pm.Cantilever(0.1, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(2e-9))
+    found = shown(Setting.of(subject_of(surface_of(pm.Material(0.0)), stuck, 0.7), {}))
+    assert math.isnan(found[0].phase) and found[0].advice
+    assert lines_of(found[0], found[0]) == [f"material A has no orbit here. {found[0].advice}"]
+
+
+def test_a_bistable_material_has_both_branches_on_its_curve_and_is_said_to_be_bistable() -> None:
+    subject = subject_of(surface_of(pm.Material(2e9, 0.1)), replace(SCOPE, drive=pm.Drive(16e-9)), 0.8)
+    (found,) = shown(Setting.of(subject, {}))
+    assert found.bistable
+    assert "the controller can hold this setpoint in the repulsive regime too" in lines_of(found, found)[1]
+    curve = answers.curves(Setting.of(subject, {}))["material A"]
+    assert 0 in curve["stable"] and len(curve["jump_distance"]) == 2
+    assert min(curve["phase"]) < -10 and max(curve["phase"]) > 10
+
+
+def test_the_working_point_lies_on_the_curve_and_its_period_goes_as_deep_as_the_tip_indents() -> None:
+    setting = step()
+    for found in shown(setting):
+        curve = answers.curves(setting)[found.name]
+        distance, amplitude, phase = curve["point"]
+        assert distance == pytest.approx(found.tip_offset * 1e9) and phase == pytest.approx(found.phase)
+        near = int(np.argmin(np.abs(np.array(curve["distance"]) - distance)))
+        assert curve["amplitude"][near] == pytest.approx(amplitude, abs=2e-3)
+        deepest = max(curve["period"]["deflection"]) - curve["period"]["surface"]
+        # 192 samples of a period miss the turning point by at most half a sample: A (pi / 192)^2 / 2.
+        assert deepest == pytest.approx(found.indentation * 1e9, abs=1e-2 + amplitude * (math.pi / 192) ** 2 / 2)
+
+
+def test_the_map_has_the_contrast_of_the_image_and_is_shared_by_settings_that_differ_in_its_axes_only() -> None:
+    setting = step(setpoint=float(answers.SETPOINTS[9]))
+    first, second = shown(setting)
+    mapped = answers.contrast_map(setting, always)
+    middle = len(answers.AMPLITUDES) // 2
+    assert mapped["amplitudes"][middle] == pytest.approx(setting.scope.drive.free_amplitude * 1e9)
+    assert mapped["contrast"][middle][9] == pytest.approx(second.phase - first.phase, abs=0.02)
+    assert 0 < mapped["best"][0] < 1 and mapped["recommendation"].startswith("setpoint ")
+    assert answers.map_key(step(setpoint=0.9, free_amplitude=45e-9)) == answers.map_key(setting)
+    for other in (step(radius=12e-9), step(exact=True), step(materials=[{"damping": 0.1}, {}])):
+        assert answers.map_key(other) != answers.map_key(setting)
+
+
+def test_a_material_that_the_law_cannot_have_has_no_curve() -> None:
+    necks = replace(SCOPE, interaction=pm.Interaction("jkr", decay_length=None))
+    subject = subject_of(surface_of(pm.Material(0.0, adhesion=0.1), HARD), necks)
+    assert answers.curves(Setting.of(subject, {"pair": [0, 0]})) == {"material A": None}
+
+
+def test_a_map_on_which_nothing_holds_recommends_no_point() -> None:
+    subject = subject_of(surface_of(pm.Material(0.0), pm.Material(0.0, damping=0.1)), SCOPE)
+    mapped = answers.contrast_map(Setting.of(subject, {}), always)
+    assert mapped["best"] == [None, None] and mapped["contrast"][0][0] is None
+    json.dumps(mapped, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ({"setpoint": 1.2}, "setpoint is 1.2"),
+        ({"setpoint": float("nan")}, "setpoint is nan"),
+        ({"radius": -1e-9}, "tip radius is -1e-09"),
+        ({"radius": "a"}, "tip radius is 'a'"),
+        ({"free_amplitude": None}, "free_amplitude is None"),
+        ({"frequency": 0}, "drive frequency is 0"),
+        ({"materials": [{}]}, "a list of 2 tables"),
+        ({"materials": [{"modulus": None}, {}]}, "compliant modulus is None"),
+        ({"materials": [{"damping": -1}, {}]}, "damping is -1"),
+        ({"materials": [{"viscosity": 1.0}, {}]}, "compliant viscosity is unknown"),
+        ({"pair": [0, 2]}, "number of a material is 2"),
+        ({"pair": 1}, "two numbers of materials"),
+        ({"exact": 1}, "true or false"),
+        ({"setpiont": 0.5}, "Did you mean 'setpoint'?"),
+        ([], "the message is []"),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_refused_by_name(message: object, said: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Setting.of(subject_of(STEP, overrides=[SMALL]), message)
+    assert said in str(refused.value)
+
+
+def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    np.save(folder / "map.npy", np.arange(12).reshape(3, 4) % 2)
+    text = Path(STEP).read_text()
+    head, _, rest = text.partition("[surface]")
+    rest = rest[rest.index("[materials") :]
+    surface = '[surface]\nkind = "labels"\nlabels = "map.npy"\npixel_size = 4e-9\nmaterials = ["stiff", "compliant"]\n'
+    (folder / "scene.toml").write_text(head + surface + rest)
+    moved = Setting.of(
+        subject_of(folder / "scene.toml"), {"setpoint": 0.55, "materials": [{"modulus": 2000000000}, {}]}
+    )
+    file = SAVED["scene"](moved, always)
+    assert file.name == "scene_explored.toml" and b"modulus = 2.0e9" in file.content
+    (tmp_path / file.name).write_bytes(file.content)
+    xr.testing.assert_equal(load_scene(tmp_path / file.name).simulate(), answers.image(moved))
+
+
+def test_the_python_that_is_copied_makes_the_same_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = subject_of(STEP, overrides=[SMALL])
+    moved = Setting.of(
+        subject, {"free_amplitude": 35e-9, "frequency": 299.9e3, "exact": True, "materials": [{}, {"modulus": 2e9}]}
+    )
+    monkeypatch.chdir(tmp_path)
+    known: dict[str, Any] = {}
+    exec(python_of(moved), known)
+    xr.testing.assert_equal(known["image"], answers.image(moved))
+    assert (tmp_path / "step_explored.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("materials", [(SOFT, HARD), (pm.Material(1e9, 0.05, viscosity=20.0), pm.Material(3e9, 0.05))])
+def test_a_surface_can_be_explored_and_saved_without_a_scene(
+    materials: tuple[pm.Material, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = surface_of(*materials)
+    subject = subject_of(surface, SCOPE)
+    moved = Setting.of(subject, {"setpoint": 0.65, "radius": 12e-9, "materials": [{}, {"modulus": 2e9}]})
+    image = answers.image(moved)
+    monkeypatch.chdir(tmp_path)
+    file = SAVED["scene"](moved, always)
+    with zipfile.ZipFile(io.BytesIO(file.content)) as archive:
+        archive.extractall(tmp_path)
+    xr.testing.assert_equal(load_scene(tmp_path / "surface_explored.toml").simulate(), image)
+    known: dict[str, Any] = {"surface": surface, "scope": SCOPE}
+    exec(python_of(moved), known)
+    xr.testing.assert_equal(known["image"], image)
+
+
+def test_what_a_scene_cannot_say_is_refused_where_it_is_saved() -> None:
+    bare = replace(SCOPE, interaction=pm.Interaction(decay_length=None))
+    with pytest.raises(InputError, match=r"decay_length is None.*Copy the Python instead"):
+        SAVED["scene"](Setting.of(subject_of(surface_of(SOFT), bare), {}), always)
+
+
+def test_a_large_image_is_shown_with_fewer_pixels_and_saved_whole() -> None:
+    labels = np.zeros((300, 700), int)
+    labels[:, 350:] = 1
+    relief = np.linspace(0, 1e-9, labels.size).reshape(labels.shape)
+    surface = pm.Surface.from_labels(labels, {0: SOFT, 1: HARD}, pixel_size=1e-9, topography=relief)
+    subject = subject_of(surface, SCOPE)
+    setting = Setting.of(subject, {})
+    assert subject.step == 3 and setting.shown.shape == (100, 234)
+    assert setting.shown.pixel_size == pytest.approx((3e-9, 3e-9))
+    np.testing.assert_array_equal(setting.shown.topography, relief[::3, ::3])
+    assert setting.surface == surface
+
+
+def test_a_sample_that_is_dilated_is_dilated_by_the_tip_of_the_slider() -> None:
+    subject = subject_of(STEP, overrides=["surface.shape=[4, 64]", "surface.dilate=true"])
+    wide = Setting.of(subject, {"radius": 40e-9}).surface
+    assert wide == load_scene(STEP, ["surface.shape=[4, 64]", "surface.dilate=true", "tip.radius=40e-9"]).surface
+    assert Setting.of(subject, {}).surface == load_scene(STEP, ["surface.shape=[4, 64]", "surface.dilate=true"]).surface
+
+
+def test_sliders_begin_where_the_scene_is_and_reach_around_it() -> None:
+    for name in ("step", "blend", "bistable", "copolymer", "particles"):
+        for knob in knobs_of(subject_of(SAMPLES / f"{name}.toml")):
+            assert knob.low <= knob.start <= knob.high and knob.low < knob.high, (name, knob)
+
+
+def refused(*arguments: Any) -> str:
+    with pytest.raises(InputError) as error:
+        subject_of(*arguments)
+    return str(error.value)
+
+
+def test_what_cannot_be_explored_is_refused(tmp_path: Path) -> None:
+    many = pm.Surface(modulus=np.linspace(1e9, 2e9, 12).reshape(3, 4), pixel_size=4e-9)
+    assert "number of materials is 12; allowed: at most 8" in refused(many, SCOPE)
+    assert "a Microscope" in refused(surface_of(SOFT))
+    assert "has its own microscope" in refused(STEP, SCOPE)
+    assert "a Surface, a Scene or the file of a scene" in refused(3, SCOPE)
+    holes = pm.Surface(modulus=[[1e9, np.nan]], pixel_size=4e-9, allow_nan=True)
+    assert "a material in every pixel" in refused(holes, SCOPE)
+    maps = tmp_path / "maps.toml"
+    text = Path(STEP).read_text()
+    head, rest = text.partition("[surface]")[0], text[text.index("[cantilever]") :]
+    maps.write_text(f'{head}[surface]\nkind = "maps"\nmodulus = [[1e9, 2e9]]\npixel_size = 4e-9\n\n{rest}')
+    assert "a kind whose materials have names" in refused(maps)
+
+
+def test_a_material_that_is_in_no_pixel_has_no_sliders() -> None:
+    scene = load_scene(STEP, [SMALL, 'surface.materials=["stiff", "stiff"]'])
+    subject: Subject = subject_of(scene)
+    assert list(subject.materials) == ["stiff"]
+    assert Setting.of(subject, {}).surface == scene.surface
+    xr.testing.assert_equal(answers.image(Setting.of(subject, {})), scene.simulate())

@@ -1,0 +1,275 @@
+"""The explorer's server: it answers the page that knows its token, on this machine, and nobody else."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import webbrowser
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+from phasemap.cli import main
+from phasemap.explorer.explore import Explorer, serve
+from phasemap.explorer.server import HOST, LARGEST, Superseded
+from phasemap.explorer.subject import subject_of
+from phasemap.scenes.scene import load_scene
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+STEP = str(SAMPLES / "step.toml")
+SMALL = "surface.shape=[6, 8]"
+
+
+@pytest.fixture(scope="module")
+def explorer() -> Iterator[Explorer]:
+    with serve(subject_of(STEP, overrides=[SMALL])) as served:
+        yield served
+
+
+def ask(explorer: Explorer, name: str, message: Any = None, **more: Any) -> tuple[int, dict[str, str], bytes]:
+    """Ask for an address below the token, by POST if there is a message; `more` replaces token, host, method, body."""
+    url = urlsplit(explorer.url)
+    connection = http.client.HTTPConnection(HOST, url.port or 0, timeout=120)
+    body = more.get("body", None if message is None else json.dumps(message).encode())
+    method = more.get("method", "GET" if body is None else "POST")
+    with contextlib.closing(connection):
+        connection.putrequest(method, more.get("token", url.path.strip("/")).join("//") + name, skip_host=True)
+        if (host := more.get("host", url.netloc)) is not None:
+            connection.putheader("Host", host)
+        if body is not None:
+            connection.putheader("Content-Length", str(more.get("length", len(body))))
+        connection.endheaders(body)
+        answer = connection.getresponse()
+        return answer.status, {key.lower(): value for key, value in answer.getheaders()}, answer.read()
+
+
+def unpacked(content: bytes) -> tuple[dict[str, Any], bytes]:
+    (length,) = struct.unpack("<I", content[:4])
+    return json.loads(content[4 : 4 + length]), content[4 + length :]
+
+
+def test_the_page_and_all_its_parts_are_served_and_may_load_nothing_from_elsewhere(explorer: Explorer) -> None:
+    code, headers, content = ask(explorer, "")
+    assert code == 200 and b"<title>phasemap explorer</title>" in content
+    policy = headers["content-security-policy"]
+    assert policy.startswith("default-src 'none'") and "http" not in policy and "*" not in policy
+    assert headers["referrer-policy"] == "no-referrer" and headers["cache-control"] == "no-store"
+    parts = re.findall(r'(?:src|href)="(?!data:)([^"]+)"', content.decode())
+    scripts = [files("phasemap.explorer").joinpath("page", part).read_text() for part in parts]
+    parts += [part for script in scripts for part in re.findall(r'from "\./([^"]+)"', script)]
+    assert sorted(parts) == ["draw.js", "page.css", "page.js"]
+    for part in parts:
+        code, headers, content = ask(explorer, part)
+        assert code == 200 and headers["content-type"].startswith(("text/css", "text/javascript"))
+        assert b"http:" not in content and b"https:" not in content
+
+
+def test_what_the_page_begins_with_names_sliders_materials_and_colours(explorer: Explorer) -> None:
+    start = json.loads(ask(explorer, "start")[2])
+    assert start["materials"] == ["compliant", "stiff"] and start["name"] == "step" and start["control"] is None
+    assert [knob["key"] for knob in start["knobs"]][:4] == ["setpoint", "free_amplitude", "frequency", "radius"]
+    assert {len(colours) for colours in start["colours"].values()} == {3 * 256}
+
+
+@pytest.mark.parametrize("name", ["", "start", "page.js"])
+@pytest.mark.parametrize("token", ["", "wrong", "wrong" * 99, "%00"])
+def test_an_address_without_its_token_gets_nothing(explorer: Explorer, token: str, name: str) -> None:
+    code, _, content = ask(explorer, name, token=token)
+    assert code == 403 and "token" in json.loads(content)["error"]
+
+
+@pytest.mark.parametrize("host", [None, "", "example.org", "127.0.0.1", "127.0.0.1:1", "rebound.example:{port}"])
+def test_a_request_that_names_another_host_gets_nothing(explorer: Explorer, host: str | None) -> None:
+    port = urlsplit(explorer.url).port
+    code, _, content = ask(explorer, "", host=host and host.format(port=port))
+    assert code == 403 and b"title" not in content
+    assert ask(explorer, "", host=f"localhost:{port}")[0] == 200
+
+
+def test_only_this_machine_can_reach_it(explorer: Explorer) -> None:
+    assert explorer._server.socket.getsockname()[0] == "127.0.0.1"
+
+
+def test_a_picture_is_the_image_that_simulate_gives(explorer: Explorer) -> None:
+    code, headers, content = ask(explorer, "picture", {"setpoint": 0.6})
+    about, maps = unpacked(content)
+    assert code == 200 and headers["content-type"] == "application/octet-stream" and about["shape"] == [6, 8]
+    height, phase = np.frombuffer(maps, "<f4").reshape(2, 6, 8)
+    image = load_scene(STEP, [SMALL, "scan.setpoint=0.6"]).simulate()
+    np.testing.assert_array_equal(phase, image.phase.values.astype(np.float32))
+    assert float(height.min()) == 0.0
+    assert [one["name"] for one in about["materials"]] == ["compliant", "stiff"] and about["why"]
+
+
+def test_curves_the_scan_and_the_map_of_the_contrast_are_answered(explorer: Explorer) -> None:
+    curves = json.loads(ask(explorer, "curves", {})[2])
+    assert list(curves) == ["compliant", "stiff"] and len(curves["stiff"]["period"]["force"]) == 192
+    about, maps = unpacked(ask(explorer, "scan", {})[2])
+    assert about["shape"] == [6, 8] and len(maps) == 2 * 4 * 48
+    contrast = json.loads(ask(explorer, "contrast", {})[2])
+    assert np.shape(contrast["contrast"]) == (len(contrast["amplitudes"]), len(contrast["setpoints"]))
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "begins"),
+    [
+        ("scene", "step_explored.toml", b"# Saved from phasemap explore."),
+        ("image", "step_explored.nc", b"\x89HDF"),
+        ("picture", "step_explored.png", b"\x89PNG"),
+        ("python", "step_explored.py", b"import phasemap as pm"),
+    ],
+)
+def test_each_button_saves_a_file(explorer: Explorer, what: str, name: str, begins: bytes) -> None:
+    code, _, content = ask(explorer, f"save/{what}", {"setpoint": 0.6})
+    about, file = unpacked(content)
+    assert code == 200 and about["name"] == name and file.startswith(begins)
+
+
+@pytest.mark.parametrize("name", ["picture", "curves", "contrast", "scan", "save/scene", "save/image"])
+def test_a_bad_value_is_refused_in_the_sentence_that_python_raises(explorer: Explorer, name: str) -> None:
+    code, _, content = ask(explorer, name, {"setpoint": 1.5})
+    assert code == 422 and json.loads(content)["error"].startswith("setpoint is 1.5; allowed: a number above 0")
+
+
+@pytest.mark.parametrize(
+    ("code", "name", "more"),
+    [
+        (400, "picture", {"body": b"{"}),
+        (400, "picture", {"body": b"[" * 20000}),
+        (400, "picture", {"body": b"\xff\xfe"}),
+        (404, "nothing", {}),
+        (404, "nothing", {"body": b"{}"}),
+        (404, "../page.js", {}),
+        (404, "page/index.html", {}),
+        (413, "picture", {"body": b"", "length": LARGEST + 1}),
+        (413, "picture", {"body": b"", "length": "a"}),
+        (501, "picture", {"body": b"{}", "method": "PUT"}),
+    ],
+)
+def test_what_makes_no_sense_is_refused(explorer: Explorer, code: int, name: str, more: dict[str, Any]) -> None:
+    assert ask(explorer, name, **more)[0] == code
+    assert ask(explorer, "start")[0] == 200  # and the next one is answered
+
+
+def test_a_browser_that_goes_away_in_the_middle_is_no_error(
+    explorer: Explorer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    url = urlsplit(explorer.url)
+    for _ in range(5):
+        with socket.create_connection((HOST, url.port or 0)) as gone:
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close is a reset
+            gone.sendall(f"GET {url.path}start HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode())
+    assert ask(explorer, "start")[0] == 200
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_error_of_ours_is_an_answer_too(explorer: Explorer, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr("phasemap.explorer.answers.picture", broken)
+    code, _, content = ask(explorer, "picture", {})
+    assert code == 500 and "ZeroDivisionError: by nothing" in json.loads(content)["error"]
+
+
+def test_a_long_answer_stops_where_another_is_wanted() -> None:
+    with serve(subject_of(STEP, overrides=[SMALL])) as explorer:
+        server = explorer._server
+        server.map_for("one setting")
+        older = server.newest("contrast")
+        older(0, 1)
+        server.map_for("one setting")
+        older(0, 1)  # the same map is still wanted
+        newer = server.newest("contrast")
+        with pytest.raises(Superseded):
+            older(0, 1)
+        newer(0, 1)
+        server.map_for("another")
+        with pytest.raises(Superseded):
+            newer(0, 1)
+        last = server.newest("image")
+    with pytest.raises(Superseded):
+        last(0, 1)
+
+
+def test_explore_gives_an_address_shows_itself_in_a_notebook_and_closes() -> None:
+    explorer = pm.explore(STEP, browser=False)
+    port = urlsplit(explorer.url).port
+    assert explorer.url in repr(explorer)
+    assert f'<iframe src="{explorer.url}"' in explorer._repr_html_()
+    assert ask(explorer, "")[0] == 200
+    explorer.close()
+    explorer.close()
+    assert repr(explorer) == "Explorer(closed)" and "iframe" not in explorer._repr_html_()
+    with pytest.raises(ConnectionRefusedError), socket.create_connection((HOST, port or 0)):
+        pass
+
+
+def test_every_explorer_has_a_token_of_its_own() -> None:
+    subject = subject_of(STEP, overrides=[SMALL])
+    with serve(subject) as one, serve(subject) as other:
+        tokens = [urlsplit(explorer.url).path.strip("/") for explorer in (one, other)]
+        assert tokens[0] != tokens[1] and min(map(len, tokens)) >= 24
+        assert ask(other, "", token=tokens[0])[0] == 403
+
+
+@pytest.mark.parametrize(("browser", "opened"), [(None, 1), (True, 1), (False, 0)])
+def test_the_browser_opens_by_itself(browser: bool | None, opened: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    addresses: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", addresses.append)
+    with pm.explore(STEP, browser=browser) as explorer:
+        assert addresses == [explorer.url] * opened
+
+
+def test_a_port_that_is_taken_is_said(capsys: pytest.CaptureFixture[str], explorer: Explorer) -> None:
+    port = urlsplit(explorer.url).port
+    assert main(["explore", STEP, SMALL, "--no-browser", "--port", str(port)]) == 2
+    assert f"cannot serve on 127.0.0.1 port {port}" in capsys.readouterr().err
+
+
+def test_the_command_serves_until_ctrl_c_and_ends_cleanly() -> None:
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # as in a terminal
+    code += f"from phasemap.cli import main; raise SystemExit(main(['explore', {STEP!r}, {SMALL!r}, '--no-browser']))"
+    command = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert command.stdout is not None
+    line = command.stdout.readline()
+    url = urlsplit(line.removeprefix("the explorer is at ").strip())
+    connection = http.client.HTTPConnection(HOST, url.port or 0, timeout=60)
+    with contextlib.closing(connection):
+        connection.request("GET", url.path + "start")
+        assert connection.getresponse().status == 200
+    os.kill(command.pid, signal.SIGINT)
+    out, err = command.communicate(timeout=60)
+    assert command.returncode == 0 and err == "" and "the explorer is closed" in out
+
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+def test_a_real_browser_draws_the_page(explorer: Explorer, tmp_path: Path) -> None:
+    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
+    flags += ("--disable-background-networking", "--disable-component-update", "--disable-sync")
+    waits = ("--virtual-time-budget=60000", f"--user-data-dir={tmp_path}", "--dump-dom")
+    done = subprocess.run(
+        [str(CHROMIUM), *flags, *waits, explorer.url], capture_output=True, text=True, timeout=300, check=True
+    )
+    page = done.stdout
+    assert re.search(r'id="state"[^>]*>image in \d+ ms, curves in \d+ ms<', page)
+    assert re.search(r'id="problem"[^>]* hidden=""[^>]*></p>', page)
+    assert page.count('type="range"') == 10 and "stiff is " in page and page.count("<tr><td>") == 2

@@ -1,0 +1,168 @@
+"""Kernels are compiled once, for all laws, to the same bits in every process, and never outlive their sources."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import phasemap as pm
+from phasemap._kernels import disk_cache
+from phasemap._kernels.first_use import FirstUse
+
+PACKAGE = Path(pm.__file__).parent
+SMALL = """
+import json, sys
+import numpy as np
+from phasemap._kernels import compilation
+{before}
+from phasemap._kernels.neck import loop_energies
+from phasemap.experiment.interaction import Interaction
+interaction = Interaction("jkr")
+rows = interaction.columns(np.array([1e9]), np.array([0.05]), np.array([0.0]), 10e-9)
+entry = loop_energies
+print(json.dumps([float(loop_energies(interaction.token(), rows)[0]).hex(), sum(entry._cache_hits.values())]))
+"""
+"""The energy that a neck loses: an entry, a chain of kernels, and formulas that are called by their address."""
+
+
+def python(code: str, package: Path = PACKAGE, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a process of its own."""
+    path = os.pathsep.join([str(package.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    variables = {**os.environ, "PYTHONPATH": path, "PHASEMAP_QUIET": "1", **environment}
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=package.parent, env=variables, capture_output=True, text=True, check=False
+    )
+
+
+def small(package: Path = PACKAGE, before: str = "", **environment: str) -> tuple[str, int]:
+    """The energy, bit by bit, and how often compiled code was found on disk."""
+    done = python(SMALL.format(before=before), package, **environment)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    energy, hits = json.loads(done.stdout)
+    return energy, hits
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """The package in another place."""
+    return Path(shutil.copytree(PACKAGE, tmp_path / "phasemap", ignore=shutil.ignore_patterns("__pycache__")))
+
+
+def test_code_outlives_no_source(copy: Path, tmp_path: Path) -> None:
+    place = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    first, hits = small(copy, **place)
+    assert hits == 0
+    assert small(copy, **place) == (first, 1)
+    leaf = copy / "_kernels" / "law.py"
+    times, before = os.stat(leaf), leaf.read_text()
+    leaf.write_text(before.replace("return force - p[BIAS]", "return 2.0 * force - p[BIAS]"))
+    assert leaf.read_text() != before
+    os.utime(leaf, ns=(times.st_atime_ns, times.st_mtime_ns))
+    changed, hits = small(copy, **place)
+    assert hits == 0 and changed != first
+
+
+def test_a_damaged_file_is_compiled_anew(tmp_path: Path) -> None:
+    place = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    whole = small(**place)[0]
+    files = list(tmp_path.rglob("*" + disk_cache.SUFFIX))
+    assert files
+    for damage in (lambda _: b"", lambda _: b"nonsense", lambda content: content[:-100]):
+        for file in files:
+            file.write_bytes(damage(file.read_bytes()))
+        assert small(**place) == (whole, 0)
+    assert small(**place) == (whole, 1)
+
+
+def test_without_a_place_for_it_code_is_compiled_in_every_process(tmp_path: Path) -> None:
+    nowhere = "from phasemap._kernels import disk_cache\ndisk_cache.places = lambda: []"
+    done = python(SMALL.format(before=nowhere))
+    assert done.returncode == 0 and json.loads(done.stdout)[1] == 0
+    assert done.stderr.count("\n") == 1 and "compiled code cannot be kept" in done.stderr
+
+
+def test_a_place_where_others_may_write_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "phasemap").mkdir()
+    (tmp_path / "phasemap").chmod(0o777)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert disk_cache.folder.__wrapped__() != tmp_path / "phasemap"
+
+
+def test_two_processes_may_compile_at_once(tmp_path: Path) -> None:
+    code, variables = SMALL.format(before=""), {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PHASEMAP_QUIET": "1"}
+    both = [
+        subprocess.Popen([sys.executable, "-c", code], env=variables, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    said = {json.loads(one.communicate()[0])[0] for one in both}
+    assert all(one.returncode == 0 for one in both) and len(said) == 1
+
+
+def test_where_numba_has_other_parts_kernels_are_compiled_as_numba_does(tmp_path: Path) -> None:
+    plain = small(before="compilation.LINKS = False", NUMBA_CACHE_DIR=str(tmp_path))[0]
+    linked = small()[0]
+    assert float.fromhex(plain) == pytest.approx(float.fromhex(linked), rel=1e-13)
+
+
+IMAGE = """
+import hashlib, sys
+import numpy as np
+import phasemap as pm
+scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+modulus, adhesion = np.meshgrid(np.linspace(1e9, 4e9, 16), np.linspace(0.0, 0.1, 16))
+image = pm.simulate(pm.Surface(modulus, adhesion=adhesion, pixel_size=2e-9), scope, 0.8, "averaging")
+from phasemap._kernels.compilation import compiled_more_than_once
+assert not compiled_more_than_once(), compiled_more_than_once()
+print(hashlib.sha256(b"".join(image[name].values.tobytes() for name in sorted(image.data_vars))).hexdigest())
+"""
+
+
+def test_the_process_that_compiles_gives_the_bits_of_those_that_load(tmp_path: Path) -> None:
+    cold = python(IMAGE, NUMBA_CACHE_DIR=str(tmp_path))
+    warm = python(IMAGE, NUMBA_CACHE_DIR=str(tmp_path))
+    assert cold.returncode == warm.returncode == 0, cold.stderr + warm.stderr
+    assert cold.stdout == warm.stdout != ""
+
+
+def test_a_formula_is_compiled_alone() -> None:
+    code = """
+import numpy as np, phasemap as pm
+from phasemap._kernels.disk_cache import DiskCache
+class Cone(pm.ContactLaw):
+    @staticmethod
+    def force(d, p):
+        return 0.3 * p[0] * d * d
+found = []
+keep = DiskCache.save_overload
+DiskCache.save_overload = lambda self, sig, data: (found.append(self._function.__name__), keep(self, sig, data))
+scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9), pm.Interaction(Cone()))
+assert pm.solve_pixel(pm.Material(2e9, 0.1), scope, 0.8, "averaging").status == 0
+print(*sorted(found))
+"""
+    pm.solve_pixel(
+        pm.Material(2e9, 0.1), pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9)), 0.8,
+        "averaging",
+    )  # fmt: skip
+    done = python(code)
+    assert done.returncode == 0, done.stderr
+    assert set(done.stdout.split()) <= {"force", "slope"}  # and nothing of the kernels
+
+
+def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    import phasemap._kernels.first_use as first_use
+
+    monkeypatch.setattr(first_use, "PATIENCE", 0.0)
+    monkeypatch.delenv("PHASEMAP_QUIET", raising=False)
+    with FirstUse("cheap rows", 80) as use:
+        use.done = 40
+        use._started -= 3.0
+        while "compiling" not in (said := capsys.readouterr().err):
+            pass
+    assert said.startswith("phasemap: compiling cheap rows for its first use, about 5 s left")  # 3 s for 0.375 of it
+    assert "\r" not in said

@@ -1,0 +1,103 @@
+"""What a second mode shows, against two modes that were integrated in time (tests/data/bimodal.json)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import Case, load
+
+import phasemap as pm
+
+CASES = load("bimodal")
+SMALL, LARGE = CASES[:4], CASES[4:]  # A2 of 0.1 nm; the first case over with 0.5, 1 and 2 nm
+
+
+def scope_of(case: Case, detection: str = "fm") -> pm.Microscope:
+    mode = pm.Mode(
+        case["second_stiffness"], case["second_frequency"], case["second_quality_factor"],
+        case["second_free_amplitude"], detection,
+    )  # fmt: skip
+    return pm.Microscope(
+        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
+        pm.Tip(case["tip_radius"]),
+        pm.Drive(case["free_amplitude"], second=mode),
+        pm.Interaction("dmt", 0.3e-9),
+    )
+
+
+def surface_of(case: Case) -> pm.Surface:
+    return pm.Surface(
+        modulus=[[case["modulus"]]], adhesion=case["adhesion"], viscosity=case["viscosity"],
+        poisson_ratio=case["poisson_ratio"], pixel_size=1e-9,
+    )  # fmt: skip
+
+
+def found(case: Case, detection: str = "fm") -> dict[str, float]:
+    image = pm.simulate(surface_of(case), scope_of(case, detection), case["setpoint"])
+    assert image.status.item() == 0
+    return {str(name): float(values.item()) for name, values in image.data_vars.items()}
+
+
+def reported(case: Case) -> tuple[float, float]:
+    """E* [Pa] and indentation [m] that an instrument reports of the motion in time (Labuda 2016)."""
+    first = case["stiffness"] / case["quality_factor"] * case["free_amplitude"] / case["amplitude"]
+    first *= np.sin(np.radians(case["phase"]))
+    second = 2 * case["second_stiffness"] * case["frequency_shift"] / case["second_frequency"]
+    modulus = np.sqrt(2) * second**2 / (first * np.sqrt(case["tip_radius"] * case["amplitude"]))
+    return float(modulus), float(case["amplitude"] * first / second)
+
+
+@pytest.mark.parametrize("case", SMALL, ids=range(len(SMALL)))
+def test_a_second_mode_shows_what_it_does_in_time(case: Case) -> None:
+    image = found(case)
+    # What is left: sidebands beyond second order, and an A2 of 2 to 7 hundredths of the depth, squared.
+    assert image["mode2_frequency_shift"] == pytest.approx(case["frequency_shift"], rel=4e-3)
+    modulus, depth = reported(case)
+    assert image["bimodal_modulus"] == pytest.approx(modulus, rel=0.01)
+    assert image["bimodal_indentation"] == pytest.approx(depth, rel=0.01)
+    assert image["mode2_over_depth"] < 0.1
+
+
+def test_the_modulus_is_too_low_where_the_second_mode_moves_much() -> None:
+    image = found(LARGE[0])
+    shifts = [case["frequency_shift"] for case in LARGE]
+    assert image["mode2_frequency_shift"] > shifts[0] > shifts[1] > shifts[2]
+    # 0.5 nm is a fifth of the depth: 2 % in the modulus, as the documentation says.
+    assert image["bimodal_modulus"] == pytest.approx(reported(LARGE[0])[0], rel=0.025)
+    assert found(LARGE[1])["mode2_over_depth"] > 0.3
+
+
+def test_both_ways_of_detection_report_the_same_modulus() -> None:
+    case = SMALL[1]
+    shift, answer = found(case), found(case, "am")
+    assert answer["bimodal_modulus"] == pytest.approx(
+        shift["bimodal_modulus"], rel=2e-3
+    )  # 2 df/f2 is k/k2 to first order
+    assert shift["mode2_amplitude"] == case["second_free_amplitude"] and shift["mode2_phase"] == 0.0
+    assert answer["mode2_amplitude"] < case["second_free_amplitude"] and answer["mode2_phase"] > 0.0
+    # <k>2 = (k2/Q2) (A02/A2) cos(lag) is how an instrument has it of amplitude and phase.
+    stiffness = case["second_stiffness"] / case["second_quality_factor"]
+    stiffness *= case["second_free_amplitude"] / answer["mode2_amplitude"] * np.sin(np.radians(answer["mode2_phase"]))
+    assert stiffness == pytest.approx(answer["effective_stiffness_2"], rel=1e-12)
+
+
+def test_a_scene_has_a_second_mode_and_its_file_knows_it(tmp_path: Path) -> None:
+    sample = Path(__file__).parents[2] / "samples" / "step.toml"
+    second = "drive.second={stiffness = 1600.0, frequency = 1.88e6, quality_factor = 600.0, free_amplitude = 1e-10}"
+    scene = pm.load_scene(sample, ["surface.shape=[2, 4]", second])
+    assert scene.microscope.drive.second == pm.Mode(1600.0, 1.88e6, 600.0, 1e-10)
+    names = ["phase", "amplitude", "indentation", "mean_gradient", "mean_damping"]
+    names += ["sideband_stiffness", "sideband_loss"]
+    image = pm.simulate(scene.surface, scene.microscope, 0.7, variables=names)
+    again = pm.channels(image)
+    assert again.bimodal_modulus.equals(scene.simulate()["bimodal_modulus"])
+    with pytest.raises(pm.InputError, match=r"\[drive.second\]"):
+        pm.load_scene(sample, ["drive.second={stiffness = 1600.0}"])
+    without = replace(scene.microscope, drive=pm.Drive(40e-9))
+    with pytest.raises(pm.InputError, match="variables is 'bimodal_modulus'"):
+        pm.simulate(scene.surface, without, 0.7, variables=["bimodal_modulus"])
+    with pytest.raises(pm.InputError, match="detection is 'pm'"):
+        pm.Mode(1600.0, 1.88e6, 600.0, 1e-10, "pm")
