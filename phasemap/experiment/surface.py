@@ -19,7 +19,7 @@ from phasemap._shared.dask_arrays import chunks_of, is_lazy, lazy_map
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import question, unquestioned
-from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
+from phasemap._shared.quantities import NotThatUnit, Scalar, array_in_si, with_unit
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
@@ -447,7 +447,7 @@ class Surface:
         self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
 
-    def seen_by(self, scope: Microscope, setpoint: float, *, depth: ArrayLike | None = None) -> Surface:
+    def seen_by(self, scope: Microscope, setpoint: Scalar, *, depth: ArrayLike | None = None) -> Surface:
         """Return the surface as a tip sees it that touches and attracts an area: edges between materials are blurred.
 
         Parameters

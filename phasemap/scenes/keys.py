@@ -11,14 +11,14 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever, Drive, Tip
+from phasemap.experiment.microscope import Cantilever, Drive, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
 
 __all__ = ["plain", "unit_of"]
 
 OWNERS: dict[str, type] = {
-    "cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction, "control": Feedback,
-    "accuracy": Accuracy, "realism": Realism, "realism.tip_change": TipChange,
+    "cantilever": Cantilever, "tip": Tip, "drive": Drive, "drive.second": Mode, "interaction": Interaction,
+    "control": Feedback, "accuracy": Accuracy, "realism": Realism, "realism.tip_change": TipChange,
 }  # fmt: skip
 
 
