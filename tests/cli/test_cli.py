@@ -186,7 +186,7 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["validate", "nowhere.toml"], "cannot read the scene nowhere.toml: No such file or directory."),
         (
             ["validate", STEP, "drive.frequncy=1"],
-            "[drive] frequncy is unknown; allowed: free_amplitude, frequency, excitation.",
+            "[drive] frequncy is unknown; allowed: free_amplitude, frequency, excitation, second.",
         ),
         (["validate", STEP, "scan.setpoint=1.2"], "[scan] setpoint is 1.2; allowed: a number above 0 and below 1 (the"),
         (["validate", STEP, "setpoint"], "override is 'setpoint'; allowed: table.key=value"),
