@@ -144,7 +144,7 @@ class _EntryCode(_OurCode):
     def finalize(self) -> None:
         """Link, optimise and emit."""
         self._raise_if_finalized()
-        _link(self, self._final_module, "internal")
+        _link(self, self._final_module, "private")  # LLVM finds even an "internal" name from other modules
         self._optimize_final_module()
         self._final_module.verify()
         self._finalize_final_module()
@@ -242,6 +242,12 @@ def _kernels_of(function: Any) -> list[_Entry]:
                 found[other] = None
                 open_.append(other.py_func)
     return list(found)
+
+
+def compiled() -> int:
+    """How many functions were typed in this process, as entries or to be linked."""
+    kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
+    return sum(len(one.linked.overloads) + sum(one._cache_misses.values()) for one in kernels)
 
 
 def compiled_more_than_once() -> dict[str, int]:

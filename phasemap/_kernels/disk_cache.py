@@ -32,6 +32,14 @@ SUFFIX = ".compiled"
 _DIGEST = hashlib.sha256().digest_size
 
 
+_written: list[int] = []  # sizes of files
+
+
+def written() -> int:
+    """How much this process has kept on disk [bytes]."""
+    return sum(_written)
+
+
 class DiskCache(_Cache):
     """The files of one function, as numba's dispatchers ask for them."""
 
@@ -67,6 +75,7 @@ class DiskCache(_Cache):
             part = path.with_suffix(f".{uuid.uuid4().hex}")
             part.write_bytes(hashlib.sha256(content).digest() + content)
             os.replace(part, path)
+            _written.append(len(content) + _DIGEST)
         except OSError as error:
             _say_once(f"compiled code cannot be kept in {path.parent} ({error.strerror}); the next run compiles again.")
 

@@ -17,7 +17,7 @@ from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
 from phasemap._shared.plausible import once, strict_units
 from phasemap._shared.quantities import is_number
-from phasemap.cli import check, compare, contrast, explore, invert, sweep
+from phasemap.cli import check, compare, contrast, explore, invert, sweep, warm
 from phasemap.cli import measured as cli_measured
 from phasemap.cli import presets as cli_presets
 from phasemap.cli import run as cli_run
@@ -69,6 +69,7 @@ BENCH_EXAMPLES = """examples:
   phasemap bench --box --materials 1000 --microscopes 100
   phasemap bench --scan
   phasemap bench --blocks
+  phasemap bench --compile
 
 Peers (numbalsoda, heyoka, scipy) are measured where they are installed: pip install "afm-phasemap[bench]".
 A full run takes some four minutes, and times mean something only if nothing else runs on the machine.
@@ -203,6 +204,8 @@ def _parser() -> argparse.ArgumentParser:
 
     about = "open a page with a slider for every knob, and see at once what it does"
     explore.add_arguments(command("explore", explore.explore, about, explore.EXAMPLES))
+    about = "compile ahead what is otherwise compiled when it is first used"
+    warm.add_arguments(command("warm", warm.warm, about, warm.EXAMPLES))
 
     sweep.add_arguments(
         command(
@@ -273,6 +276,9 @@ def _parser() -> argparse.ArgumentParser:
     instead.add_argument("--box", action="store_true", help=about)
     instead.add_argument("--scan", action="store_true", help="compare the two engines of a scan in time instead")
     instead.add_argument("--blocks", action="store_true", help="measure simulation block by block with Dask instead")
+    instead.add_argument(
+        "--compile", action="store_true", help="say what the first use of each kind of work takes instead"
+    )
     bench.add_argument("--pixels", type=_positive, metavar="N", help="cases a regime that are compared; default: 40")
     bench.add_argument("--materials", type=_positive, metavar="N", help="with --box, in all; default: 10000")
     bench.add_argument("--microscopes", type=_positive, metavar="N", help="with --box; default: 300")
@@ -339,7 +345,7 @@ def _complain(sentence: str) -> int:
 
 def _bench(arguments: argparse.Namespace) -> None:
     """Measure every solver, or what there are tables of their own for."""
-    if arguments.hard or arguments.box or arguments.scan or arguments.blocks:
+    if arguments.hard or arguments.box or arguments.scan or arguments.blocks or arguments.compile:
         _bench_of_its_own(arguments)
         return
     for name in ("materials", "microscopes"):
@@ -371,7 +377,7 @@ def _bench(arguments: argparse.Namespace) -> None:
 
 def _bench_of_its_own(arguments: argparse.Namespace) -> None:
     """Solve the hard cases or those of a box, compare the engines of a scan in time, or measure block by block."""
-    kind = next(name for name in ("hard", "box", "scan", "blocks") if getattr(arguments, name))
+    kind = next(name for name in ("hard", "box", "scan", "blocks", "compile") if getattr(arguments, name))
     for name in ("output", "plot", "pixels", *(() if kind == "box" else ("materials", "microscopes"))):
         if getattr(arguments, name) is not None:
             raise PhasemapError(f"--{name} does not go with --{kind}, which prints a table of its own cases.")
@@ -389,6 +395,10 @@ def _bench_of_its_own(arguments: argparse.Namespace) -> None:
             from phasemap.validation.bench.scan import scan
 
             said = scan(progress=say)
+        elif kind == "compile":
+            from phasemap.validation.bench.compiling import table
+
+            said = table(say)
         else:
             from phasemap.validation.bench.blocks import blocks
 

@@ -14,6 +14,7 @@ import pytest
 import phasemap as pm
 from phasemap._kernels import disk_cache
 from phasemap._kernels.first_use import FirstUse
+from phasemap.validation import kinds_of_work
 
 PACKAGE = Path(pm.__file__).parent
 SMALL = """
@@ -166,3 +167,18 @@ def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch
             pass
     assert said.startswith("phasemap: compiling cheap rows for its first use, about 5 s left")  # 3 s for 0.375 of it
     assert "\r" not in said
+
+
+def test_every_kind_of_work_is_compiled_ahead() -> None:
+    assert {kind for group in kinds_of_work.ALL for kind in group} == set(kinds_of_work.KINDS)
+    assert {kind for group in kinds_of_work.USUAL for kind in group} <= set(kinds_of_work.KINDS)
+    costs: list[kinds_of_work.Cost] = []
+    kinds_of_work.in_processes([["image"], ["spring"]], costs.append)
+    assert {cost.kind for cost in costs} == {"image", "spring"}
+    kinds_of_work.in_processes([["image"]], costs.append)
+    assert costs[-1].functions == 0 and costs[-1].size == 0 and costs[-1].seconds > 0  # found on disk by now
+
+
+def test_a_kind_of_work_that_fails_is_said_to_fail() -> None:
+    with pytest.raises(subprocess.CalledProcessError):
+        kinds_of_work.in_processes([["no such kind"]], lambda cost: None)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -63,6 +64,24 @@ class ColdStart:
             self._process.kill()
             self._process.communicate()
             self._folder.cleanup()
+
+
+def table(progress: Callable[[str], None]) -> str:
+    """What the first use of each kind of work takes, in a process that finds nothing on disk and does all in order."""
+    from phasemap.validation.kinds_of_work import Cost, in_an_empty_cache
+
+    costs: list[Cost] = []
+
+    def told(cost: Cost) -> None:
+        costs.append(cost)
+        progress(f"{cost.kind}: {cost.seconds:.1f} s")
+
+    in_an_empty_cache(told)
+    lines = [f"{'first use of':24s} {'processor':>10s} {'functions':>10s} {'on disk':>9s}"]
+    lines += [f"{one.kind:24s} {one.seconds:8.1f} s {one.functions:10d} {one.size / 1e6:6.2f} MB" for one in costs]
+    functions, size = sum(one.functions for one in costs), sum(one.size for one in costs)
+    lines.append(f"{'all of them':24s} {sum(one.seconds for one in costs):8.1f} s {functions:10d} {size / 1e6:6.2f} MB")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

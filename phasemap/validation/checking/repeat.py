@@ -21,7 +21,7 @@ from phasemap.solvers.solver import by_name
 from phasemap.validation.checking.again import solve_again
 from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import FAILS, OPEN, Claim, judged
-from phasemap.validation.checking.tolerance import Errors, allowed, spread, values_again
+from phasemap.validation.checking.tolerance import AGAIN, Errors, allowed, spread, values_again
 
 __all__ = ["repeat"]
 
@@ -47,7 +47,7 @@ def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | No
         Flat.
     threads : int, optional
     """
-    names = [str(name) for name in picture.image.data_vars]
+    names = [str(name) for name in picture.image.data_vars if name in AGAIN]
     again = _made_again(picture, surface, pixels, threads)
     largest = _largest(picture, pixels, again)
     wrong, at = np.zeros(picture.shape, bool), np.zeros(picture.shape, bool)

@@ -17,13 +17,14 @@ from phasemap.results.variables import IMAGE_VARIABLES, OF_ADHESION
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import MEAN, Picture
 
-__all__ = ["IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]
+__all__ = ["AGAIN", "IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 QUANTITIES = ("phase", "height", "mean_deflection", "indentation", "dissipation", "virial")
 AGAIN = tuple(name for name in IMAGE_VARIABLES if name not in OF_ADHESION)
+"""Variables that are solved again; what is integrated over their orbits afterwards is not."""
 SAMPLED = 1e-3  # of the amplitude: the deepest of the points at which a solver evaluates the force; 5e-4 was measured
 OF = {"phase": "phase", "height": "amplitude"}  # whose spread goes with the mean of each
 IRREGULAR = 0.1, 20e-12  # [degree, m] to which the mean of irregular motion is known, beside what its spread leaves

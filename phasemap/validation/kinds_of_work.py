@@ -1,0 +1,216 @@
+"""Every kind of work once, as small as it can be: what compiles the kernels ahead, and says what that costs.
+
+Run as ``python -m phasemap.validation.kinds_of_work KIND...``; prints a line of JSON for each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.interaction import ContactLaw, Interaction, Neck
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.surface import Surface
+
+SCOPE = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(16e-9))
+MATERIAL, OTHER = Material(2e9, 0.05, 0.01), Material(1e9, 0.02, 0.02)
+TWO = Surface(2e9, adhesion=np.repeat([[0.02, 0.1]], 2, axis=0), damping=0.01, pixel_size=2e-9)
+
+
+class _Own(ContactLaw):
+    """A law that nobody compiled before."""
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return float(0.3 * p[0] * d * d)
+
+
+def _image(solver: str = "auto", control: Control | None = None) -> None:
+    from phasemap.imaging.simulation import simulate
+
+    simulate(TWO, SCOPE, 0.8, solver, control or Engage())
+
+
+def _interpolated() -> None:
+    from phasemap.imaging.simulation import simulate
+
+    many = np.linspace(1e9, 3e9, 10_000).reshape(100, 100)
+    simulate(Surface(many, adhesion=0.02, pixel_size=2e-9), SCOPE, 0.8)
+
+
+def _distance(interaction: Interaction | None = None) -> None:
+    from phasemap.sweeps.sweep import sweep_distance
+
+    scope = SCOPE if interaction is None else Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, interaction)
+    sweep_distance(MATERIAL, scope, np.linspace(30e-9, 5e-9, 20))
+
+
+def _frequency() -> None:
+    from phasemap.sweeps.sweep import sweep_frequency
+
+    sweep_frequency(MATERIAL, SCOPE, np.linspace(295e3, 305e3, 20), tip_offset=10e-9)
+
+
+def _contrast() -> None:
+    from phasemap.sweeps.contrasts.contrast_map import contrast
+
+    contrast(MATERIAL, OTHER, SCOPE, np.linspace(0.4, 0.9, 3))
+
+
+def _orbits() -> None:
+    from phasemap.sweeps.orbits import orbits
+
+    orbits(MATERIAL, SCOPE, setpoint=0.8)
+
+
+def _check() -> None:
+    from phasemap.imaging.simulation import simulate
+    from phasemap.validation.checking.check import check
+
+    check(simulate(TWO, SCOPE, 0.8), TWO)
+
+
+def _invert() -> None:
+    from phasemap.imaging.simulation import simulate
+    from phasemap.inference.images.images import invert
+
+    invert([simulate(TWO, SCOPE, one) for one in (0.8, 0.6)], SCOPE, phase_zero=0.0)
+
+
+def _pixel(contact: str | ContactLaw, bias: float = 0.0) -> None:
+    from phasemap.solvers.pixel import solve_pixel
+
+    solve_pixel(MATERIAL, Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, Interaction(contact, bias=bias)), 0.8)
+
+
+KINDS: dict[str, Callable[[], None]] = {
+    "image": _image,
+    "continuous maps": _interpolated,
+    "distance sweep": _distance,
+    "frequency sweep": _frequency,
+    "contrast": _contrast,
+    "raster": lambda: _image(control=Raster()),
+    "feedback, slow flow": lambda: _image(control=Feedback()),
+    "feedback, full equation": lambda: _image("march", Feedback()),
+    "orbit": lambda: _image("orbit"),
+    "every orbit": _orbits,
+    "march": lambda: _image("march"),
+    "check": _check,
+    "invert": _invert,
+    "JKR pixel": lambda: _pixel("jkr"),
+    "JKR sweep": lambda: _distance(Interaction("jkr")),
+    "Maugis pixel": lambda: _pixel("maugis"),
+    "spring": lambda: _pixel("spring"),
+    "neck": lambda: _pixel(Neck(1e-9)),
+    "bias": lambda: _pixel("dmt", 1.0),
+    "one's own law": lambda: _pixel(_Own()),
+}
+_IN_TIME = (
+    "march",
+    "feedback, full equation",
+    "raster",
+    "feedback, slow flow",
+    "JKR pixel",
+    "JKR sweep",
+    "Maugis pixel",
+)
+USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("raster", "feedback, slow flow"))
+"""What `phasemap warm` compiles, in processes side by side: kinds that share kernels stand together."""
+ALL = (
+    tuple(kind for kind in KINDS if kind not in _IN_TIME),
+    _IN_TIME,
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the first use of a kind of work took in a process that had done those before it.
+
+    Attributes
+    ----------
+    kind : str
+    seconds : float
+        Of the processor.
+    functions : int
+        Kernels that were compiled.
+    size : int
+        Of what was kept on disk [bytes].
+    """
+
+    kind: str
+    seconds: float
+    functions: int
+    size: int
+
+
+def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
+    """Do work of these kinds in this process."""
+    from phasemap._kernels.compilation import compiled
+    from phasemap._kernels.disk_cache import written
+
+    for kind in kinds:
+        started, functions, size = time.process_time(), compiled(), written()
+        KINDS[kind]()
+        yield Cost(kind, time.process_time() - started, compiled() - functions, written() - size)
+
+
+def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None]) -> None:
+    """Do work of these kinds, each group in a process of its own.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        If one fails.
+    """
+    import threading
+
+    def follow(process: subprocess.Popen[str]) -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            told(Cost(**json.loads(line)))
+
+    command = [sys.executable, "-m", "phasemap.validation.kinds_of_work"]
+    quiet = {**os.environ, "PHASEMAP_QUIET": "1"}
+    processes = [subprocess.Popen([*command, *group], env=quiet, stdout=subprocess.PIPE, text=True) for group in groups]
+    threads = [threading.Thread(target=follow, args=(process,)) for process in processes]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    except BaseException:
+        for process in processes:
+            process.kill()
+        raise
+    for process in processes:
+        if process.wait():
+            raise subprocess.CalledProcessError(process.returncode, command)
+
+
+def in_an_empty_cache(told: Callable[[Cost], None]) -> None:
+    """Do work of all kinds, one after the other, in a process that finds nothing on disk."""
+    with tempfile.TemporaryDirectory(prefix="phasemap-bench-") as folder:
+        before = os.environ.get("NUMBA_CACHE_DIR")
+        os.environ["NUMBA_CACHE_DIR"] = str(Path(folder))
+        try:
+            in_processes([KINDS], told)
+        finally:
+            del os.environ["NUMBA_CACHE_DIR"]
+            if before is not None:
+                os.environ["NUMBA_CACHE_DIR"] = before
+
+
+if __name__ == "__main__":
+    for cost in try_out(sys.argv[1:]):
+        print(json.dumps(asdict(cost)), flush=True)
