@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
+    from phasemap._shared.plausible import PlausibilityWarning, strict_units
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.pixel import Pixel, solve_pixel
     from phasemap.sweeps.contrasts.contrast_map import contrast
+    from phasemap.sweeps.force_curve import force_curve
     from phasemap.sweeps.orbits import orbits
     from phasemap.sweeps.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
     from phasemap.validation.checking.check import check
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
+    "_shared.plausible": ("PlausibilityWarning", "strict_units"),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
@@ -71,6 +74,7 @@ _NAMES = {
     "scenes.scene": ("load_scene",),
     "solvers.pixel": ("Pixel", "solve_pixel"),
     "sweeps.contrasts.contrast_map": ("contrast",),
+    "sweeps.force_curve": ("force_curve",),
     "sweeps.orbits": ("orbits",),
     "sweeps.sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
     "validation.checking.check": ("check",),
@@ -81,12 +85,12 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
-    "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "Raster", "Realism", "Registration",
-    "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare", "contrast", "explore",
-    "export", "fit_distance", "fit_frequency", "fit_regions", "generate", "interaction", "invert", "level",
-    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image", "register", "scene_from",
-    "sensitivity", "simulate", "solve_pixel", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
-    "write_gsf", "write_gwy",
+    "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster",
+    "Realism", "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare",
+    "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions", "force_curve", "generate",
+    "interaction", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image",
+    "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "strict_units", "sweep_distance",
+    "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

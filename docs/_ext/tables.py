@@ -36,7 +36,8 @@ def scenes() -> dict[str, str]:
     from phasemap.scenes import surface
 
     tables: dict[str, type] = {
-        "cantilever": pm.Cantilever, "tip": pm.Tip, "drive": pm.Drive, "interaction": pm.Interaction,
+        "cantilever": pm.Cantilever, "tip": pm.Tip, "drive": pm.Drive, "second": pm.Mode,
+        "interaction": pm.Interaction,
         "materials": pm.Material, "accuracy": pm.Accuracy, "raster": pm.Raster, "feedback": pm.Feedback,
         "realism": pm.Realism, "tip_change": pm.TipChange,
     }  # fmt: skip

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
 
 # Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11.
 CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12

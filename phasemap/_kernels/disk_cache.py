@@ -130,7 +130,7 @@ def _user() -> int:
 
 @functools.cache
 def folder() -> pathlib.Path | None:
-    """Where compiled code is kept: beside the kernels, in the user's cache folder, or in a temporary one; or nowhere."""
+    """Where compiled code is kept: the first of `places` that can be written by this user only; None without one."""
     for place in places():
         try:
             place.mkdir(mode=0o755, parents=True, exist_ok=True)
@@ -141,9 +141,8 @@ def folder() -> pathlib.Path | None:
                 return place
         except OSError:
             continue
-    _say_once(
-        "compiled code cannot be kept: neither beside the package, nor in the user's cache folder, nor in a temporary one can be written."
-    )
+    tried = ", ".join(map(str, places())) or "no place"
+    _say_once(f"compiled code cannot be kept ({tried}): every run compiles again.")
     return None
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
+from typing import Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import KINDS, NotThatUnit, array_in_si, in_si, is_quantity, range_in_si, with_unit
 
 LONGEST = 10**8  # pixels along a side, so that numbers of pixels and of bytes fit into 64 bits
 WIDEST = 1e100  # m, of a pixel or a disc, so that their squares are finite
@@ -23,15 +26,73 @@ def number(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> float:
-    """Return `value` as a float, or raise `InputError` with the range that is allowed."""
-    if isinstance(value, Real) and not isinstance(value, bool):
+    """Return a number, text with a unit or a quantity as a float in `unit`.
+
+    Raises
+    ------
+    InputError
+        If it is something else or outside the range, with the range that is allowed.
+
+    Examples
+    --------
+    >>> number("radius", "20 nm", "m", above=0)
+    2e-08
+    """
+    given = value
+    if isinstance(value, str) or is_quantity(value):
         try:
-            x = float(value)
+            given = in_si(value, unit)
+        except NotThatUnit:
+            allowed = in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below)
+            raise InputError(
+                name, value, allowed + (f", or {with_unit(unit)}" if unit not in ("1", "") else "")
+            ) from None
+    if isinstance(given, Real) and not isinstance(given, bool):
+        try:
+            x = float(given)
         except OverflowError:
             x = math.inf
         if math.isfinite(x) and minimum <= x <= maximum and above < x < below:
             return x
+        if abs(x) <= WIDEST:  # a limit beyond is for arithmetic, and of no interest to people
+            minimum, above = (limit if limit > -WIDEST else -math.inf for limit in (minimum, above))
+            maximum, below = (limit if limit < WIDEST else math.inf for limit in (maximum, below))
     raise InputError(name, value, in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below))
+
+
+def numbers(name: str, values: Any, unit: str) -> Any:
+    """Return what may be many numbers, but for those with units, as it is, and those as a float or an array in `unit`.
+
+    Parameters
+    ----------
+    name : str
+    values : object
+        Text ("40 nm", "60 nm:10 nm:100"), a quantity, lists of them, or anything else.
+    unit : str
+
+    Raises
+    ------
+    InputError
+        If a unit is another one.
+
+    Examples
+    --------
+    >>> numbers("tip_offsets", "60 nm:20 nm:3", "m").tolist(), numbers("tip_offsets", ["1 nm", 2e-9], "m")
+    ([6e-08, 4e-08, 2e-08], [1e-09, 2e-09])
+    """
+    try:
+        if not isinstance(values, str):
+            return array_in_si(values, unit)
+        found = range_in_si(values, unit)
+    except NotThatUnit:
+        example = KINDS[unit][1]
+        allowed = f"numbers{f' in {unit}' if unit != '1' else ''}, with units such as {example!r}, or START:STOP:N"
+        raise InputError(name, values, allowed) from None
+    if len(found) == 1:
+        return found[0]
+    import numpy as np
+
+    return np.linspace(found[0], found[1], int(found[2]))
 
 
 def in_words(
@@ -59,7 +120,7 @@ def in_words(
     if min(below, maximum) < math.inf:
         of = "" if bounds else "of "
         bounds.append(f"below {below:g}" if below <= maximum else f"{of}at most {maximum:g}")
-    shown = "" if unit == "1" else f" {unit}" if bounds else f", in {unit}"
+    shown = "" if unit in ("1", "") else f" {unit}" if bounds else f", in {unit}"
     return " ".join(["a finite number", " and ".join(bounds)]).rstrip() + shown
 
 
@@ -73,6 +134,27 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
             maximum = HIGHEST
     allowed = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
     raise InputError(name, value, f"a whole number {allowed}")
+
+
+def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
+    """Refuse what is not one of the choices.
+
+    Parameters
+    ----------
+    name : str
+        The table and key.
+    value : object
+        The value met.
+    choices : iterable of str
+
+    Raises
+    ------
+    InputError
+    """
+    choices = list(choices)
+    if value not in choices:
+        near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
+        raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")
 
 
 def shape_pair(value: object) -> tuple[int, int]:
@@ -91,11 +173,12 @@ def pixel_pair(value: object) -> tuple[float, float]:
         if len(value) != 2:
             raise InputError("pixel_size", value, "one length in m, or two, (dy, dx)")
         return _side("pixel_size dy", value[0]), _side("pixel_size dx", value[1])
+    if getattr(getattr(value, "magnitude", None), "shape", ()) == (2,):
+        return pixel_pair(list(value))  # type: ignore[call-overload]
     size = _side("pixel_size", value)
     return size, size
 
 
 def _side(name: str, value: object) -> float:
     """Return the side of a pixel [m]; the size of the largest image can still be squared."""
-    number(name, value, "m", above=0)
-    return number(name, value, "m", maximum=WIDEST)
+    return number(name, value, "m", above=0, maximum=WIDEST)

@@ -10,6 +10,7 @@ PREFIXES = {
     1e-18: "a", 1e-21: "z",
 }  # fmt: skip
 WRITTEN = {"N m-1": "N/m", "J m-2": "J/m²", "degree": "degrees", "1": ""}
+UDUNITS = {"N/m": "N m-1", "J/m2": "J m-2"}  # of what they write otherwise
 BARE = ("degree", "1", "eV", "N m-1", "J m-2")  # never with a prefix
 
 

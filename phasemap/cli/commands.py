@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, NoReturn
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
+from phasemap._shared.plausible import once, strict_units
+from phasemap._shared.quantities import is_number
 from phasemap.cli import check, compare, contrast, explore, invert, sweep, warm
 from phasemap.cli import measured as cli_measured
+from phasemap.cli import presets as cli_presets
 from phasemap.cli import run as cli_run
 from phasemap.cli.console import plain_warnings
 
@@ -38,6 +41,7 @@ EXAMPLES = """examples:
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap export blend.nc blend.gwy
   phasemap check blend.nc
+  phasemap presets PS
   phasemap validate samples/particles.toml
   phasemap bench --quick
 """
@@ -93,7 +97,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
         arguments.overrides += rest
-    with interrupted_once(), plain_warnings():
+    asking = strict_units() if getattr(arguments, "strict_units", False) else once()
+    with interrupted_once(), plain_warnings(), asking:
         code = _called(arguments)
         if still_busy():
             sys.stdout.flush()
@@ -120,7 +125,7 @@ def _called(arguments: argparse.Namespace) -> int:
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:
     """Whether a word that stands behind an option belongs to the words before it."""
     if "axis" in arguments:
-        return not word.startswith("-") or sweep.is_number(word)
+        return not word.startswith("-") or is_number(word)
     return "overrides" in arguments and "=" in word and not word.startswith("-")
 
 
@@ -191,7 +196,7 @@ def _parser() -> argparse.ArgumentParser:
         "--quantities", metavar="A,B", help="of a sweep or an image, such as phase,dissipation; a panel each"
     )
     what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
-    what.add_argument("--trace", metavar="AT", type=float, help="of a sweep with --samples: one period at this value")
+    what.add_argument("--trace", metavar="AT", help="of a sweep with --samples: one period at this value")
     plot.add_argument(
         "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
     )
@@ -250,8 +255,16 @@ def _parser() -> argparse.ArgumentParser:
     about = "solve a sample of an image's pixels again, and say whether what it says of itself holds"
     check.add_arguments(command("check", check.check, about, check.EXAMPLES), _positive)
 
+    about = "list usual materials and levers, or one of them with its sources"
+    cli_presets.add_arguments(command("presets", cli_presets.presets, about, cli_presets.EXAMPLES))
+
     validate = command("validate", cli_run.validate, "check a scene and say what would be simulated")
     cli_run.add_scene(validate)
+
+    for name in ("run", "sweep", "contrast", "invert", "scene", "validate"):
+        commands.choices[name].add_argument(
+            "--strict-units", action="store_true", help="numbers outside all practice are errors, not warnings"
+        )
 
     bench = command("bench", _bench, "measure time against error of every solver, and of general tools", BENCH_EXAMPLES)
     bench.add_argument("--quick", action="store_true", help="few cases, in under a minute")
@@ -290,6 +303,11 @@ def _plot(arguments: argparse.Namespace) -> None:
     from phasemap.plot import curve, plot, trace
     from phasemap.plot.sweep import is_sweep
 
+    if arguments.file.suffix == ".toml":
+        image = arguments.file.with_suffix(".nc").name
+        raise PhasemapError(
+            f"{arguments.file} is a scene: phasemap run {arguments.file} -o {image}, then plot {image}."
+        )
     output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
     ds = load(arguments.file) if arguments.sample is None else load_sample(arguments.file, arguments.sample)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,7 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
         "--regions", type=positive, default=2, metavar="N", help="materials told apart, at most 4; default: 2"
     )
     parser.add_argument(
-        "--limit", type=float, metavar="METRES", help="longest shift; 0 for none; default: a tenth of the side"
+        "--limit",
+        type=number_in("--limit", "m"),
+        metavar="METRES",
+        help="longest shift; 0 for none; default: a tenth of the side",
     )
     parser.add_argument(
         "--direction", metavar="NAME", help="trace (default) or retrace; or one for each, such as trace,retrace"
@@ -139,10 +143,7 @@ def _offset(text: str) -> str | float:
     """A word, or a number of degrees."""
     if text in ("free", "fixed"):
         return text
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError("--offset", text, "free, fixed, or a number of degrees") from None
+    return numbers_in("--offset", text, "degree", "free, fixed, or a number of degrees")[0]
 
 
 def _parts(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:

@@ -8,6 +8,8 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from phasemap._shared.plausible import PlausibilityWarning
+
 PATIENCE = 3.0  # seconds without a first result after which a word is due
 STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
 
@@ -32,7 +34,7 @@ def plain_warnings() -> Iterator[None]:
     def sentence(
         message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
     ) -> str:
-        plain = category is UserWarning
+        plain = category is UserWarning or issubclass(category, PlausibilityWarning)
         return f"phasemap: {message}\n" if plain else usual(message, category, filename, lineno, line)
 
     warnings.formatwarning = sentence

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli.console import patience
+from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
     from phasemap.scenes.scene import Setup
 
 SETPOINTS = "0.3:0.95:40"
+VALUES = {"--setpoints": "1", "--free-amplitudes": "m", "--frequencies": "Hz"}
+EXAMPLE = {"--setpoints": SETPOINTS, "--free-amplitudes": "10nm:60nm:26", "--frequencies": "299kHz:301kHz:21"}
 AXES = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
-EXAMPLES = """Values are START:STOP:N in SI units, N values from START to STOP, or one number.
+EXAMPLES = """Values are START:STOP:N in SI units or with one (10nm:60nm:26), N values between, or one number.
 
 examples:
   phasemap contrast samples/blend.toml --materials ps,ldpe --plot contrast.png
@@ -60,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
 
 def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_target, save
+    from phasemap.io.netcdf import check_dataset, check_target, save
     from phasemap.plot.figure import check_format
     from phasemap.scenes.scene import load_setup
 
@@ -73,9 +76,10 @@ def contrast(arguments: argparse.Namespace) -> None:
         "frequencies": _values("--frequencies", arguments.frequencies),
         "solver": arguments.solver, "names": names, "threads": arguments.threads,
     }  # fmt: skip
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
+    if arguments.output is not None:
+        check_dataset(arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        check_target(arguments.plot, arguments.overwrite)
     if arguments.plot is not None:
         check_format(arguments.plot)
     found = _map(setup, names, options, arguments.quiet)
@@ -117,16 +121,9 @@ def _values(option: str, text: str | None) -> Any:
 
     if text is None:
         return None
-    try:
-        numbers = [float(part) for part in text.split(":")]
-        if len(numbers) == 1:
-            return numbers[0]
-        start, stop, count = numbers
-        if count == int(count) and count >= 2:
-            return np.linspace(start, stop, int(count))
-    except (ValueError, OverflowError):
-        pass
-    raise InputError(option, text, "START:STOP:N with N of at least 2, such as 0.3:0.95:40, or one number")
+    allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
+    found = numbers_in(option, text, VALUES[option], allowed)
+    return found[0] if len(found) == 1 else np.linspace(found[0], found[1], int(found[2]))
 
 
 def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: bool) -> xr.Dataset:
@@ -168,6 +165,7 @@ def summary(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap.plot.figure import describe_failures, describe_flags, describe_irregular
+    from phasemap.results.validity import describe_validity
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]
@@ -187,5 +185,6 @@ def summary(found: xr.Dataset) -> list[str]:
     if not len(zeros) and not len(jumps):
         lines.append("inverts     nowhere")
     lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
+    lines += [f"beyond      {line}" for line in describe_validity(found, "points")]
     lines += [f"failed      {line}" for line in describe_failures(found, "points") or ["none"]]
     return [*lines, f"recommended {found.attrs['recommendation']}"]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli.console import patience
+from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,6 +28,7 @@ WIDTH = 100  # letters on a line of the summary
 MAPS = ("labels", "label")  # of regions, in a file
 ZEROS = ("phase_zero", "phase_zero_error", "height_zero", "height_zero_error")
 SHOWN = {"modulus": ("GPa", 1e-9), "adhesion": ("J/m²", 1.0), "damping": ("", 1.0)}
+UNITS = {"free": "m", "phase": "degree", "height": "m"}  # of what options are about, by their first word
 EXAMPLES = """Images are netCDF, or what an instrument wrote (pip install "afm-phasemap[read]"): registered images
 of one place at several setpoints or, better, several free amplitudes too. The scene says lever, tip, drive and laws; an
 image may record its own setpoint and free amplitude. A LIST has commas: a number an image, or one for all.
@@ -295,13 +297,11 @@ def _list(name: str, text: str | None, count: int, words: tuple[str, ...] = ()) 
     """Numbers, one an image, or a word."""
     if text is None or (name == "phase_zero" and text in words):
         return text
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
+    option, allowed = f"--{name.replace('_', '-')}", f"a number, or {count} with commas between them, one an image"
+    unit = UNITS.get(name.partition("_")[0], "1")
+    numbers = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
     if len(numbers) not in (1, count):
-        allowed = f"a number, or {count} with commas between them, one an image"
-        raise InputError(f"--{name.replace('_', '-')}", text, allowed)
+        raise InputError(option, text, allowed)
     return numbers * (count // len(numbers))
 
 

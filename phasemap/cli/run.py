@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     with ending_at_once():
         from phasemap.imaging.checkpoint import discard
-        from phasemap.io.netcdf import check_target, save
+        from phasemap.io.netcdf import check_dataset, save
         from phasemap.scenes.scene import load_scene
 
         ensemble = _ensemble_of(arguments)
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
             if arguments.workers:
                 raise PhasemapError("--workers is for an ensemble; one image takes --threads.")
             scene = load_scene(arguments.scene, arguments.overrides)
-            output = check_target(_output_of(arguments, scene), arguments.overwrite)
+            output = check_dataset(_output_of(arguments, scene), arguments.overwrite)
     if ensemble is not None:
         cli_ensemble.run(arguments, ensemble, _output_of(arguments, ensemble))
         return
@@ -166,6 +166,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
 
     from phasemap.plot import describe_failures, describe_flags
     from phasemap.plot.images import describe_irregular
+    from phasemap.results.validity import describe_validity
 
     _print_scene(scene, image.attrs["modelled"])
     if "gain_margin" in image.attrs:
@@ -178,5 +179,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
     for line in describe_irregular(image):
         print(f"motion      {line}")
+    for line in describe_validity(image):
+        print(f"beyond      {line}")
     for line in describe_failures(image) or ["none"]:
         print(f"failed      {line}")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli.console import patience
+from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,20 +60,29 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     positive : callable
         Reads a whole number of at least 1.
     """
-    parser._negative_number_matcher = re.compile(r"^-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")  # argparse's own has no 1e-9
+    parser._negative_number_matcher = re.compile(r"^-\.?\d")  # argparse's own has neither 1e-9 nor 5nm
     parser.usage = "%(prog)s SCENE.toml AXIS [START STOP] [options] [key=value ...]"
     parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
     parser.add_argument("axis", metavar="AXIS", help="distance, setpoint, frequency or a parameter; see below")
     parser.add_argument(
         "overrides", metavar="START STOP key=value", nargs="*",
-        help="first and last value in SI units; keys of the scene to set, such as tip.radius=20e-9",
+        help="first and last value, in SI units or with one, such as 60nm 0nm, or START:STOP:N; keys of the scene to "
+        "set, such as tip.radius=20nm",
     )  # fmt: skip
     parser.add_argument("-n", "--points", type=positive, default=200, metavar="N", help="values; default: 200")
     parser.add_argument("--log", action="store_true", help="space the values logarithmically")
     parser.add_argument("--material", metavar="NAME", help="of [materials.NAME]; not needed if there is only one")
     held = parser.add_mutually_exclusive_group()
-    held.add_argument("--setpoint", type=float, metavar="S", help="amplitude over free amplitude; default: the scene's")
-    held.add_argument("--tip-offset", type=float, metavar="Z", help="rest position of the tip that is held, in m")
+    held.add_argument(
+        "--setpoint",
+        type=number_in("--setpoint", "1"),
+        metavar="S",
+        help="amplitude over free amplitude; default: the scene's",
+    )
+    held.add_argument(
+        "--tip-offset", type=number_in("--tip-offset", "m"), metavar="Z",
+        help="rest position of the tip that is held, in m or such as 35nm",
+    )  # fmt: skip
     parser.add_argument(
         "--samples", type=int, default=0, metavar="N", help="keep N points of deflection and force over a period"
     )
@@ -82,37 +92,23 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("--quiet", action="store_true", help="no summary")
 
 
-def is_number(word: str) -> bool:
-    """Whether a word of the command line is a number.
-
-    Examples
-    --------
-    >>> is_number("-5e-9"), is_number("tip.radius=20e-9")
-    (True, False)
-    """
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
 def sweep(arguments: argparse.Namespace) -> None:
     """Do the sweep, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_target, save
+    from phasemap.io.netcdf import check_dataset, check_target, save
     from phasemap.plot.figure import check_format
     from phasemap.scenes.scene import load_setup
     from phasemap.scenes.tables import check_choice
 
     started = time.perf_counter()
     check_choice("AXIS", arguments.axis, AXES)
-    ends, overrides = _words(arguments.overrides)
+    ends, points, overrides = _words(arguments.overrides, arguments.axis, arguments.points)
     setup = load_setup(arguments.scene, overrides)
     name, material = _material(setup, arguments.material)
-    values = _values(arguments, ends, material, setup.microscope)
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
+    values = _values(arguments, ends, points, material, setup.microscope)
+    if arguments.output is not None:
+        check_dataset(arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        check_target(arguments.plot, arguments.overwrite)
     if arguments.plot is not None:
         check_format(arguments.plot)
     with patience() as done:
@@ -133,16 +129,24 @@ def sweep(arguments: argparse.Namespace) -> None:
                 print(f"written to  {path}")
 
 
-def _words(words: list[str]) -> tuple[tuple[float, float] | None, list[str]]:
-    """START and STOP, if they are given, and the keys to set."""
+def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
+    """START and STOP, if they are given, how many values, and the keys to set."""
     overrides = [word for word in words if "=" in word]
-    numbers = [word for word in words if "=" not in word]
-    for word in numbers:
-        if not is_number(word):
-            raise InputError("START or STOP", word, "a number in SI units, such as 20e-9")
-    if len(numbers) not in (0, 2):
-        raise InputError("START STOP", " ".join(numbers), "both of them or none")
-    return (float(numbers[0]), float(numbers[1])) if numbers else None, overrides
+    ends = [word for word in words if "=" not in word]
+    if len(ends) == 1 and ":" in ends[0]:
+        start, stop, count = _numbers("START:STOP:N", ends[0], axis)
+        return (start, stop), int(count), overrides
+    if len(ends) not in (0, 2):
+        raise InputError("START STOP", " ".join(ends), "both of them or none, or START:STOP:N")
+    found = [_numbers("START or STOP", word, axis)[0] for word in ends]
+    return (found[0], found[1]) if found else None, points, overrides
+
+
+def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
+    """What a word says that has the unit of an axis: a number, or START, STOP and N."""
+    from phasemap.solvers.continuation.path import UNITS
+
+    return numbers_in(name, text, {"distance": "m", "setpoint": "1"}.get(axis) or UNITS[axis])
 
 
 def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
@@ -161,20 +165,24 @@ def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
 
 
 def _values(
-    arguments: argparse.Namespace, ends: tuple[float, float] | None, material: Material, scope: Microscope
+    arguments: argparse.Namespace,
+    ends: tuple[float, float] | None,
+    points: int,
+    material: Material,
+    scope: Microscope,
 ) -> np.ndarray:
     """The values of the axis."""
     import numpy as np
 
-    if arguments.points < 2:
-        raise InputError("--points", arguments.points, "a whole number of at least 2")
+    if points < 2:
+        raise InputError("--points", points, "a whole number of at least 2")
     logarithmic = arguments.log or (ends is None and arguments.axis in PARAMETERS)
     start, stop = ends or _usual_ends(arguments.axis, material, scope)
     if start == stop or not math.isfinite(start) or not math.isfinite(stop):
         raise InputError("START STOP", f"{start:g} {stop:g}", "two different finite numbers")
     if logarithmic and min(start, stop) <= 0:
         raise InputError("START STOP", f"{start:g} {stop:g}", "two numbers above 0, for --log")
-    return (np.geomspace if logarithmic else np.linspace)(start, stop, arguments.points)
+    return (np.geomspace if logarithmic else np.linspace)(start, stop, points)
 
 
 def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float, float]:
@@ -246,6 +254,7 @@ def summary(found: xr.Dataset) -> list[str]:
     from phasemap._shared.units import readable
     from phasemap.plot.figure import describe_failures, describe_irregular
     from phasemap.plot.titles import titles
+    from phasemap.results.validity import describe_validity
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs
@@ -273,6 +282,7 @@ def summary(found: xr.Dataset) -> list[str]:
         word = directions[int(found["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
     lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
+    lines += [f"beyond      {line}" for line in describe_validity(found, "points")]
     for line in describe_failures(found, "points") or ["none"]:
         lines.append(f"failed      {line}")
     return lines

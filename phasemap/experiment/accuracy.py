@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from phasemap._shared.checks import number, whole
+from phasemap._shared.checks import whole
+from phasemap._shared.fields import Number
 
 MOST_PERIODS = 100_000
 
@@ -29,11 +30,9 @@ class Accuracy:
     1e-12
     """
 
-    phase: float = 0.01
-    height: float = 1e-12
+    phase: Number[float] = Number("degree", 0.01, said="accuracy phase", above=0)
+    height: Number[float] = Number("m", 1e-12, said="accuracy height", above=0, usual=(1e-18, 1e-6))
     periods: int = MOST_PERIODS
 
     def __post_init__(self) -> None:
-        number("accuracy phase", self.phase, "degree", above=0)
-        number("accuracy height", self.height, "m", above=0)
         whole("accuracy periods", self.periods, 1, 10**12)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from phasemap._shared.checks import number, whole
+from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
 
 LINES = ("trace", "retrace")
 _WHEN = {"line": "engaged before each line", "image": "engaged once"}
@@ -113,8 +114,8 @@ class Feedback:
         Ki [1/s]; None is tuned.
     derivative_gain : float
         Kd [s].
-    bandwidth : float
-        Of the lock-in, at -3 dB [Hz].
+    bandwidth : float, optional
+        Of the lock-in, at -3 dB [Hz]; None is 5 kHz, or a fifth of the drive frequency where that is less.
     order : int
         Of its low-pass filter, 1 to 4.
     scanner_resonance : float, optional
@@ -143,36 +144,23 @@ class Feedback:
     directions: ClassVar[tuple[str, ...]] = LINES
     in_time: ClassVar[bool] = True
 
-    line_rate: float = 1.0
-    proportional_gain: float | None = None
-    integral_gain: float | None = None
-    derivative_gain: float = 0.0
-    bandwidth: float = 5e3
+    line_rate: Number[float] = Number("Hz", 1.0, above=0, usual=(1e-3, 1e4))
+    proportional_gain: Number[float | None] = Number("1", None, minimum=0)
+    integral_gain: Number[float | None] = Number("1/s", None, minimum=0)
+    derivative_gain: Number[float] = Number("s", 0.0, minimum=0)
+    bandwidth: Number[float | None] = Number("Hz", None, above=0, usual=(1.0, 1e7))
     order: int = 2
-    scanner_resonance: float | None = None
-    scanner_quality: float = 10.0
-    scanner_range: float | None = None
-    overscan: float = 0.05
+    scanner_resonance: Number[float | None] = Number("Hz", None, above=0, usual=(10.0, 1e7))
+    scanner_quality: Number[float] = Number("1", 10.0, above=0)
+    scanner_range: Number[float | None] = Number("m", None, above=0, usual=(1e-9, 1e-3))
+    overscan: Number[float] = Number("1", 0.05, minimum=0, maximum=1)
     engage: str = "line"
 
     def __post_init__(self) -> None:
-        number("line_rate", self.line_rate, "Hz", above=0)
         if (self.proportional_gain is None) != (self.integral_gain is None):
             known = "proportional_gain" if self.integral_gain is None else "integral_gain"
             raise InputError(known, getattr(self, known), "both gains, or None for both, which tunes them")
-        if self.proportional_gain is not None:
-            number("proportional_gain", self.proportional_gain, "1", minimum=0)
-        if self.integral_gain is not None:
-            number("integral_gain", self.integral_gain, "1/s", minimum=0)
-        number("derivative_gain", self.derivative_gain, "s", minimum=0)
-        number("bandwidth", self.bandwidth, "Hz", above=0)
         whole("order", self.order, 1, 4)
-        if self.scanner_resonance is not None:
-            number("scanner_resonance", self.scanner_resonance, "Hz", above=0)
-        number("scanner_quality", self.scanner_quality, "1", above=0)
-        if self.scanner_range is not None:
-            number("scanner_range", self.scanner_range, "m", above=0)
-        number("overscan", self.overscan, "1", minimum=0, maximum=1)
         check_engage(self.engage)
 
     @property

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
 from phasemap._shared.memory import check_fits
+from phasemap._shared.plausible import unquestioned
 
 if TYPE_CHECKING:
     from phasemap.experiment.microscope import Tip
@@ -127,7 +128,8 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
         values = getattr(surface, name)
         if values is not None and any(values.strides):  # not the same everywhere
             maps[name] = _frozen(values.reshape(-1)[pixels])
-    return replace(surface, **maps)
+    with unquestioned():
+        return replace(surface, **maps)
 
 
 def _frozen(array: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from phasemap._shared.checks import WIDEST, number, pixel_pair, shape_pair, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
+from phasemap._shared.quantities import Scalar
 
 __all__ = ["blend", "checkerboard", "gradient", "lamellae", "particles", "roughness", "step", "stripes"]
 
 Labels = NDArray[np.uint8]
 Field = NDArray[np.float64]
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
-PixelSize = float | Sequence[float]
+PixelSize: TypeAlias = "Scalar | Sequence[Scalar]"
 
 _TIE = 1e-9  # of a period: a pixel centre on an edge is past it in every repeat, however the division is rounded
 _LONGEST = 10_000  # steps of relaxation; after some hundreds a pattern hardly changes
@@ -31,7 +32,7 @@ _DENSEST = 0.7  # equal discs at random jam near 0.84; from here on pushing them
 
 
 def stripes(
-    shape: Sequence[int], pixel_size: PixelSize, *, period: float, duty: float = 0.5, angle: float = 0.0
+    shape: Sequence[int], pixel_size: PixelSize, *, period: Scalar, duty: Scalar = 0.5, angle: Scalar = 0.0
 ) -> Labels:
     """Straight stripes, as of a grating or a layered composite.
 
@@ -66,13 +67,14 @@ def stripes(
     """
     y, x, (dy, dx) = _grid(shape, pixel_size, 24)
     towards = math.radians(number("angle", angle, "degree"))
-    number("duty", duty, "1", above=0, below=1)
-    _at_least("period", period, 2 * max(abs(math.sin(towards)) * dy, abs(math.cos(towards)) * dx), "two pixels")
+    duty = number("duty", duty, "1", above=0, below=1)
+    across = max(abs(math.sin(towards)) * dy, abs(math.cos(towards)) * dx)
+    period = _at_least("period", period, 2 * across, "two pixels")
     phase = (math.cos(towards) * x + math.sin(towards) * y) / period + _TIE
     return (phase - np.floor(phase) < duty).astype(np.uint8)
 
 
-def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: float) -> Labels:
+def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: Scalar) -> Labels:
     """Squares in turn, as of a patterned monolayer or a calibration standard.
 
     Parameters
@@ -101,7 +103,7 @@ def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: float) ->
            [1, 0, 1, 0]], dtype=uint8)
     """
     y, x, steps = _grid(shape, pixel_size, 16)
-    _at_least("side", side, max(steps), "one pixel")
+    side = _at_least("side", side, max(steps), "one pixel")
     return ((np.floor(y / side + _TIE) + np.floor(x / side + _TIE)) % 2).astype(np.uint8)
 
 
@@ -109,7 +111,7 @@ def step(
     shape: Sequence[int],
     pixel_size: PixelSize,
     *,
-    position: float | None = None,
+    position: Scalar | None = None,
     axis: Literal["x", "y"] = "x",
 ) -> Labels:
     """Two halves with a sharp edge between them.
@@ -147,7 +149,7 @@ def step(
     return labels.astype(np.uint8, order="C")
 
 
-def gradient(shape: Sequence[int], *, start: float, stop: float, axis: Literal["x", "y"] = "x") -> Field:
+def gradient(shape: Sequence[int], *, start: Scalar, stop: Scalar, axis: Literal["x", "y"] = "x") -> Field:
     """Even change from one value to another, of any quantity.
 
     Parameters
@@ -175,7 +177,7 @@ def gradient(shape: Sequence[int], *, start: float, stop: float, axis: Literal["
     array([[1. , 1.5, 2. , 2.5, 3. ]])
     """
     ny, nx = _sized(shape, 8)
-    ends = number("start", start, "1"), number("stop", stop, "1")
+    ends = number("start", start, ""), number("stop", stop, "")
     line = np.linspace(*ends, nx) if _is_x(axis) else np.linspace(*ends, ny)[:, None]
     return np.broadcast_to(line, (ny, nx)).copy()
 
@@ -184,9 +186,9 @@ def particles(
     shape: Sequence[int],
     pixel_size: PixelSize,
     *,
-    radius: float,
-    area_fraction: float,
-    spread: float = 0.0,
+    radius: Scalar,
+    area_fraction: Scalar,
+    spread: Scalar = 0.0,
     periodic: bool = True,
     seed: int = 0,
 ) -> Labels:
@@ -229,10 +231,9 @@ def particles(
     """
     y, x, (dy, dx) = _grid(shape, pixel_size, 1)
     sides = np.array([y.size * dy, x.size * dx])
-    _at_least("radius", radius, max(dy, dx), "one pixel")
-    number("radius", radius, "m", maximum=WIDEST)
-    number("area_fraction", area_fraction, "1", above=0, maximum=_DENSEST)
-    number("spread", spread, "1", minimum=0, maximum=0.5)
+    radius = number("radius", _at_least("radius", radius, max(dy, dx), "one pixel"), "m", maximum=WIDEST)
+    area_fraction = number("area_fraction", area_fraction, "1", above=0, maximum=_DENSEST)
+    spread = number("spread", spread, "1", minimum=0, maximum=0.5)
     if not isinstance(periodic, bool):
         raise InputError("periodic", periodic, "True or False")
     rng = _generator(seed)
@@ -258,8 +259,8 @@ def lamellae(
     shape: Sequence[int],
     pixel_size: PixelSize,
     *,
-    period: float,
-    fraction: float = 0.5,
+    period: Scalar,
+    fraction: Scalar = 0.5,
     annealing: int = 80,
     seed: int = 0,
 ) -> Labels:
@@ -302,8 +303,8 @@ def lamellae(
     0.5
     """
     ny_nx, sides = _sized(shape, 40), pixel_pair(pixel_size)
-    _wave("period", period, ny_nx, sides)
-    number("fraction", fraction, "1", above=0, below=1)
+    period = _wave("period", period, ny_nx, sides)
+    fraction = number("fraction", fraction, "1", above=0, below=1)
     whole("annealing", annealing, 1)
     whole("annealing", annealing, 1, _LONGEST)
     wave = _wavenumber(ny_nx, sides) * period
@@ -317,7 +318,7 @@ def lamellae(
 
 
 def blend(
-    shape: Sequence[int], pixel_size: PixelSize, *, spacing: float, fraction: float = 0.5, seed: int = 0
+    shape: Sequence[int], pixel_size: PixelSize, *, spacing: Scalar, fraction: Scalar = 0.5, seed: int = 0
 ) -> Labels:
     """Two polymers that came apart by spinodal decomposition.
 
@@ -361,8 +362,8 @@ def blend(
     0.25
     """
     ny_nx, sides = _sized(shape, 64), pixel_pair(pixel_size)
-    _wave("spacing", spacing, ny_nx, sides)
-    number("fraction", fraction, "1", minimum=0.05, maximum=0.95)
+    spacing = _wave("spacing", spacing, ny_nx, sides)
+    fraction = number("fraction", fraction, "1", minimum=0.05, maximum=0.95)
     wave = _wavenumber(ny_nx, sides) * spacing
     early = _filtered_noise(_generator(seed), ny_nx, np.exp(-0.5 * ((wave - 1) / 0.25) ** 2))
     u: Field = np.where(_highest(early, fraction), 1.0, -1.0)
@@ -382,9 +383,9 @@ def roughness(
     shape: Sequence[int],
     pixel_size: PixelSize,
     *,
-    rms: float,
-    correlation_length: float,
-    hurst: float = 0.8,
+    rms: Scalar,
+    correlation_length: Scalar,
+    hurst: Scalar = 0.8,
     seed: int = 0,
 ) -> Field:
     """Self-affine topography, flat beyond the correlation length.
@@ -427,10 +428,10 @@ def roughness(
     0.5
     """
     ny_nx, sides = _sized(shape, 32), pixel_pair(pixel_size)
-    number("rms", rms, "m", minimum=0, maximum=WIDEST)
-    number("hurst", hurst, "1", above=0, maximum=1)
-    _at_least("correlation_length", correlation_length, max(sides), "one pixel")
+    rms = number("rms", rms, "m", minimum=0, maximum=WIDEST)
+    hurst = number("hurst", hurst, "1", above=0, maximum=1)
     extent = min(n * side for n, side in zip(ny_nx, sides, strict=True))
+    correlation_length = _at_least("correlation_length", correlation_length, max(sides), "one pixel")
     number("correlation_length", correlation_length, "m", maximum=extent)
     q = 2 * math.pi * correlation_length * _wavenumber(ny_nx, sides)
     z = _filtered_noise(_generator(seed), ny_nx, (1 + q * q) ** (-0.5 * (1 + hurst)))
@@ -453,18 +454,21 @@ def _grid(shape: Sequence[int], pixel_size: PixelSize, per_pixel: int) -> tuple[
     return (y * dy)[:, None], x * dx, (dy, dx)
 
 
-def _at_least(name: str, value: float, minimum: float, pixels: str) -> None:
-    """Raise `InputError` for a length that the pixels cannot show."""
-    if number(name, value, "m", above=0) < minimum * (1 - 1e-9):
+def _at_least(name: str, value: Scalar, minimum: float, pixels: str) -> float:
+    """Return a length [m], or raise `InputError` for one that the pixels cannot show."""
+    length = number(name, value, "m", above=0)
+    if length < minimum * (1 - 1e-9):
         raise InputError(name, value, f"{minimum:g} m or more, {pixels} of this image")
+    return length
 
 
-def _wave(name: str, value: float, shape: tuple[int, int], sides: tuple[float, float]) -> None:
-    """Raise `InputError` unless four pixels show the wave and the image holds two of it."""
-    _at_least(name, value, 4 * max(sides), "four pixels")
+def _wave(name: str, value: Scalar, shape: tuple[int, int], sides: tuple[float, float]) -> float:
+    """Return a length [m], or raise `InputError` unless four pixels show the wave and the image holds two of it."""
+    length = _at_least(name, value, 4 * max(sides), "four pixels")
     longest = 0.5 * min(n * side for n, side in zip(shape, sides, strict=True))
-    if value > longest:
+    if length > longest:
         raise InputError(name, value, f"{longest:g} m or less, half of this image")
+    return length
 
 
 def _is_x(axis: str) -> bool:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number, known_as
+
+MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what anybody works with [Pa, J/m2, Pa s]
 
 
+@known_as(E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio")
 @dataclass(frozen=True)
 class Material:
     """One homogeneous material.
+
+    Numbers are in SI units, or text with a unit ("3 GPa", "50 mJ/m^2"), or quantities of pint.
 
     Parameters
     ----------
@@ -36,23 +42,48 @@ class Material:
     0.35
     """
 
-    modulus: float
-    adhesion: float = 0.0
-    damping: float = 0.0
-    viscosity: float | None = None
-    poisson_ratio: float = 0.35
+    modulus: Number[float] = Number("Pa", minimum=0, usual=MODULUS)
+    adhesion: Number[float] = Number("J/m2", 0.0, minimum=0, usual=ADHESION)
+    damping: Number[float] = Number("1", 0.0, minimum=0)
+    viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)
+    poisson_ratio: Number[float] = Number("1", 0.35, above=-1, maximum=0.5)
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Material:
+        """A usual material.
+
+        Parameters
+        ----------
+        name : str
+            As ``phasemap presets`` lists them: "PS", "PMMA", "mica" and more.
+        **changes : float, str or quantity
+            Arguments that are to be other ones.
+
+        Returns
+        -------
+        Material
+            Modulus and Poisson's ratio are those of the bulk. Adhesion and damping are estimates, for they depend on
+            the tip, the lever and the humidity: begin with them, and fit.
+
+        Raises
+        ------
+        InputError
+            If there is no such preset, or a change is out of range.
+
+        Examples
+        --------
+        >>> Material.preset("PS").modulus, Material.preset("PS", adhesion="30 mJ/m^2").adhesion
+        (2800000000.0, 0.03)
+        """
+        from phasemap.experiment.presets import combined, preset_of
+
+        return cls(**combined(preset_of("materials", name).values, changes))
 
     def __post_init__(self) -> None:
-        number("modulus", self.modulus, "Pa", minimum=0)
-        number("adhesion", self.adhesion, "J/m2", minimum=0)
-        number("damping", self.damping, "1", minimum=0)
-        number("poisson_ratio", self.poisson_ratio, "1", above=-1, maximum=0.5)
-        if self.viscosity is not None:
-            number("viscosity", self.viscosity, "Pa s", minimum=0)
-            if self.damping:
-                raise InputError(
-                    "viscosity",
-                    self.viscosity,
-                    "either damping or viscosity, not both",
-                    f"damping is {self.damping:g}.",
-                )
+        if self.viscosity is not None and self.damping:
+            raise InputError(
+                "viscosity",
+                self.viscosity,
+                "either damping or viscosity, not both",
+                f"damping is {self.damping:g}.",
+            )

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number, known_as
+from phasemap._shared.plausible import question
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
+FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what anybody works with [Hz, m, m]
 DETECTIONS = ("fm", "am")
 
 
+@known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor")
 @dataclass(frozen=True)
 class Cantilever:
     """The lever's first eigenmode as a damped spring.
@@ -32,14 +37,39 @@ class Cantilever:
     0.0006002400960384153
     """
 
-    stiffness: float
-    resonance_frequency: float
-    quality_factor: float
+    stiffness: Number[float] = Number("N/m", above=0, usual=(1e-3, 1e3))
+    resonance_frequency: Number[float] = Number("Hz", above=0, usual=FREQUENCY)
+    quality_factor: Number[float] = Number("1", above=0.5, usual=(0.5, 1e6))
 
-    def __post_init__(self) -> None:
-        number("stiffness", self.stiffness, "N/m", above=0)
-        number("resonance_frequency", self.resonance_frequency, "Hz", above=0)
-        number("quality_factor", self.quality_factor, "1", above=0.5)
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Cantilever:
+        """A commercial lever, with the nominal values of its data sheet.
+
+        Parameters
+        ----------
+        name : str
+            As ``phasemap presets`` lists them: "PPP-NCHR", "Multi75Al-G" and more.
+        **changes : float, str or quantity
+            Arguments that are to be other ones, such as what was measured of the lever at hand.
+
+        Returns
+        -------
+        Cantilever
+            The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two.
+
+        Raises
+        ------
+        InputError
+            If there is no such preset, or a change is out of range.
+
+        Examples
+        --------
+        >>> Cantilever.preset("PPP-NCHR", resonance_frequency="312 kHz")
+        Cantilever(stiffness=42.0, resonance_frequency=312000.0, quality_factor=450.0)
+        """
+        from phasemap.experiment.presets import combined, preset_of
+
+        return cls(**combined(preset_of("levers", name).values, changes))
 
     @property
     def damping(self) -> float:
@@ -47,6 +77,7 @@ class Cantilever:
         return 0.5 / self.quality_factor
 
 
+@known_as(R="radius", E="modulus", nu="poisson_ratio")
 @dataclass(frozen=True)
 class Tip:
     """A spherical tip.
@@ -66,18 +97,12 @@ class Tip:
     True
     """
 
-    radius: float
-    modulus: float | None = None
-    poisson_ratio: float = 0.3
-
-    def __post_init__(self) -> None:
-        number("tip radius", self.radius, "m", above=0)
-        number("tip radius", self.radius, "m", maximum=1.0)  # so that powers of it are finite
-        if self.modulus is not None:
-            number("tip modulus", self.modulus, "Pa", above=0)
-        number("tip poisson_ratio", self.poisson_ratio, "1", above=-1, maximum=0.5)
+    radius: Number[float] = Number("m", said="tip radius", above=0, maximum=1.0, usual=RADIUS)  # its powers are finite
+    modulus: Number[float | None] = Number("Pa", None, said="tip modulus", above=0, usual=(1e6, 2e12))
+    poisson_ratio: Number[float] = Number("1", 0.3, said="tip poisson_ratio", above=-1, maximum=0.5)
 
 
+@known_as(k="stiffness", f="frequency", f2="frequency", Q="quality_factor", A="free_amplitude")
 @dataclass(frozen=True)
 class Mode:
     """A second eigenmode of the lever, driven together with the first, and so little that it only feels its way.
@@ -102,21 +127,20 @@ class Mode:
     'fm'
     """
 
-    stiffness: float
-    frequency: float
-    quality_factor: float
-    free_amplitude: float
+    stiffness: Number[float] = Number("N/m", said="stiffness of the second mode", above=0, usual=(1e-2, 1e5))
+    frequency: Number[float] = Number("Hz", said="frequency of the second mode", above=0, usual=(5e3, 1e8))
+    quality_factor: Number[float] = Number("1", said="quality_factor of the second mode", above=0.5, usual=(0.5, 1e6))
+    free_amplitude: Number[float] = Number(
+        "m", said="free_amplitude of the second mode", above=0, usual=(1e-12, 100e-9)
+    )
     detection: str = "fm"
 
     def __post_init__(self) -> None:
-        number("stiffness of the second mode", self.stiffness, "N/m", above=0)
-        number("frequency of the second mode", self.frequency, "Hz", above=0)
-        number("quality_factor of the second mode", self.quality_factor, "1", above=0.5)
-        number("free_amplitude of the second mode", self.free_amplitude, "m", above=0)
         if self.detection not in DETECTIONS:
             raise InputError("detection", self.detection, " or ".join(map(repr, DETECTIONS)))
 
 
+@known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
 @dataclass(frozen=True)
 class Drive:
     """What makes the lever swing.
@@ -142,24 +166,28 @@ class Drive:
     True
     """
 
-    free_amplitude: float
-    frequency: float | None = None
+    free_amplitude: Number[float] = Number("m", above=0, usual=AMPLITUDE, asks=False)
+    frequency: Number[float | None] = Number("Hz", None, said="drive frequency", above=0, usual=FREQUENCY)
     excitation: str = "direct"
     second: Mode | None = None
 
     def __post_init__(self) -> None:
-        number("free_amplitude", self.free_amplitude, "m", above=0)
         if self.excitation not in EXCITATIONS:
             raise InputError("excitation", self.excitation, " or ".join(map(repr, EXCITATIONS)))
         if self.second is not None and not isinstance(self.second, Mode):
             raise InputError("second", self.second, "a Mode, or None")
-        if self.frequency is not None:
-            number("drive frequency", self.frequency, "Hz", above=0)
+        if self.frequency is None:  # else a Microscope knows how far from resonance the lever is driven
+            question("free_amplitude", self.free_amplitude, "m", AMPLITUDE)
+
+
+PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 
 
 @dataclass(frozen=True)
 class Microscope:
     """Everything about the instrument that a simulation needs.
+
+    Numbers of its parts are in SI units, or text with a unit ("40 N/m", "300 kHz"), or quantities of pint.
 
     Parameters
     ----------
@@ -175,6 +203,8 @@ class Microscope:
     1.0
     >>> round(scope.free_amplitude * 1e9, 6)
     127.0
+    >>> scope == Microscope(Cantilever("40 N/m", "148.5 kHz", 833), Tip("30 nm"), Drive("127 nm"))
+    True
     """
 
     cantilever: Cantilever
@@ -183,7 +213,14 @@ class Microscope:
     interaction: Interaction = Interaction()
 
     def __post_init__(self) -> None:
+        for name, cls in PARTS.items():
+            part = getattr(self, name)
+            if not isinstance(part, cls):
+                hint = "The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...))."
+                raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
+        if self.drive.frequency is not None:
+            question("free amplitude at the drive frequency", self.free_amplitude, "m", (0.0, AMPLITUDE[1]))
 
     @property
     def frequency_ratio(self) -> float:

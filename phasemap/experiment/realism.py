@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
+from phasemap._shared.plausible import question
 from phasemap.experiment.control import Control
+from phasemap.experiment.microscope import RADIUS
 
 __all__ = ["Realism", "TipChange", "check_realism"]
 
@@ -47,11 +50,10 @@ class TipChange:
     """
 
     line: int
-    radius: float
+    radius: Number[float] = Number("m", said="tip_change radius", above=0, usual=RADIUS)
 
     def __post_init__(self) -> None:
         whole("tip_change line", self.line, 1)
-        number("tip_change radius", self.radius, "m", above=0)
 
 
 @dataclass(frozen=True)
@@ -97,22 +99,16 @@ class Realism:
     0
     """
 
-    temperature: float | None = None
-    detector_noise: float | None = None
-    line_offset: float = 0.0
-    phase_offset: float = 0.0
+    temperature: Number[float | None] = Number("K", None, above=0, usual=(0.01, 3e3))
+    detector_noise: Number[float | None] = Number("m/sqrt(Hz)", None, above=0, usual=(1e-17, 1e-10))
+    line_offset: Number[float] = Number("m", 0.0, minimum=0, usual=(1e-13, 1e-6))
+    phase_offset: Number[float] = Number("degree", 0.0, minimum=0, usual=(1e-6, 180.0))
     drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tip_change: TipChange | None = None
     bits: int | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.temperature is not None:
-            number("temperature", self.temperature, "K", above=0)
-        if self.detector_noise is not None:
-            number("detector_noise", self.detector_noise, "m/sqrt(Hz)", above=0)
-        number("line_offset", self.line_offset, "m", minimum=0)
-        number("phase_offset", self.phase_offset, "degree", minimum=0)
         object.__setattr__(self, "drift", _drift(self.drift))
         if self.tip_change is not None and not isinstance(self.tip_change, TipChange):
             raise InputError("tip_change", self.tip_change, "a TipChange, with line and radius")
@@ -132,6 +128,8 @@ def _drift(value: object) -> tuple[float, float, float]:
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence) or len(value) != 3:
         raise InputError("drift", value, "three lengths in m, (x, y, z)")
     x, y, z = (number(f"drift {axis}", one, "m") for axis, one in zip("xyz", value, strict=True))
+    for axis, one in zip("xyz", (x, y, z), strict=True):
+        question(f"drift {axis}", one, "m", (1e-15, 1e-4))
     return x, y, z
 
 

@@ -18,6 +18,8 @@ from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
 from phasemap._shared.dask_arrays import chunks_of, is_lazy, lazy_map
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
+from phasemap._shared.plausible import question, unquestioned
+from phasemap._shared.quantities import NotThatUnit, Scalar, array_in_si, with_unit
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
@@ -32,6 +34,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
+LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
+PIXEL = (0.01e-9, 10e-6)  # m, of the pixels that anybody takes
 _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
 
 
@@ -39,7 +43,8 @@ _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf
 class Surface:
     """A sample: material maps and topography on a grid of pixels.
 
-    Every quantity is one number or a 2-D map, and all maps have one shape. The fields are read-only float64 arrays of
+    Every quantity is one number or a 2-D map, and all maps have one shape. They are in SI units, text with a unit,
+    quantities of pint, or a DataArray whose attribute ``units`` says theirs. The fields are read-only float64 arrays of
     that shape; what is the same everywhere takes the memory of one number. A map that can still be written to is
     copied once, a read-only one (``a.setflags(write=False)``) is shared. A map may be a Dask array: it stays one, and
     `phasemap.simulate` then makes an image of Dask arrays, block by block; its numbers are checked when they are used.
@@ -124,9 +129,9 @@ class Surface:
             "topography": topography,
         }
         maps = {
-            name: lazy_map(name, value) if is_lazy(value) else _as_map(name, value, allow_nan and name != "topography")
+            name: found
             for name, value in given.items()
-            if value is not None
+            if (found := _made(name, value, allow_nan and name != "topography")) is not None
         }
         for name in ("modulus", "adhesion", "poisson_ratio"):
             if name not in maps:
@@ -136,7 +141,7 @@ class Surface:
             one = maps.get(name)
             whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
             object.__setattr__(self, name, whole)
-        object.__setattr__(self, "pixel_size", pixel_pair(pixel_size))
+        object.__setattr__(self, "pixel_size", _pixels(pixel_size))
         object.__setattr__(self, "shape", ny_nx)
         object.__setattr__(self, "allow_nan", bool(allow_nan))
         object.__setattr__(self, "_unique", None)
@@ -145,7 +150,7 @@ class Surface:
     def from_labels(
         cls,
         labels: ArrayLike,
-        materials: Mapping[int, Material],
+        materials: Mapping[int, Material] | Sequence[Material],
         *,
         pixel_size: float | Sequence[float],
         topography: ArrayLike | None = None,
@@ -154,10 +159,10 @@ class Surface:
 
         Parameters
         ----------
-        labels : array_like of int or bool, shape (ny, nx)
+        labels : array_like of whole numbers or bool, shape (ny, nx)
             Which material each pixel is made of.
-        materials : mapping of int to Material
-            The material of each label; labels that the map does not use may be there too.
+        materials : mapping of int to Material, or a sequence of them
+            The material of each label, from 0 in a sequence; labels that the map does not use may be there too.
         pixel_size : float or (float, float)
             [m], as in `Surface`.
         topography : float or array_like, shape (ny, nx), optional
@@ -186,6 +191,8 @@ class Surface:
         label_map = as_array("labels", labels, "a 2-D map of whole numbers")
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
+        if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
+            label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
             raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
         names, table, viscous = _material_table(materials)
@@ -198,16 +205,11 @@ class Surface:
         rows, inverse = _read_only(table[used][first]), _read_only(renumber[index])
         columns = [column[0] if (column == column[0]).all() else _read_only(column[inverse]) for column in rows.T]
         damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
-        surface = cls(
-            columns[0],
-            columns[1],
-            damping,
-            viscosity,
-            columns[3],
-            topography,
-            pixel_size=pixel_size,
-            shape=label_map.shape,
-        )
+        sides, relief = _pixels(pixel_size), _made("topography", topography, False)
+        with unquestioned():  # each Material was looked at when it was made
+            surface = cls(
+                columns[0], columns[1], damping, viscosity, columns[3], relief, pixel_size=sides, shape=label_map.shape
+            )  # fmt: skip
         object.__setattr__(surface, "_unique", (rows, inverse))
         return surface
 
@@ -294,9 +296,9 @@ class Surface:
 
         Examples
         --------
-        >>> y, x = Surface(modulus=1e9, pixel_size=(2.0, 1.0), shape=(1, 3)).coords()
-        >>> y.tolist(), x.tolist()
-        ([1.0], [0.5, 1.5, 2.5])
+        >>> y, x = Surface(modulus=1e9, pixel_size=(4e-9, 2e-9), shape=(1, 2)).coords()
+        >>> y, x.round(12)
+        (array([2.e-09]), array([1.e-09, 3.e-09]))
         """
         y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
         return y, x
@@ -326,7 +328,8 @@ class Surface:
         if not self.lazy:
             return self
         maps = {name: np.asarray(value) if is_lazy(value := getattr(self, name)) else value for name in QUANTITIES}
-        return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
+        with unquestioned():
+            return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
 
     def _refuse_lazy(self) -> None:
         """Refuse what looks at all pixels at once."""
@@ -444,7 +447,7 @@ class Surface:
         self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
 
-    def seen_by(self, scope: Microscope, setpoint: float, *, depth: ArrayLike | None = None) -> Surface:
+    def seen_by(self, scope: Microscope, setpoint: Scalar, *, depth: ArrayLike | None = None) -> Surface:
         """Return the surface as a tip sees it that touches and attracts an area: edges between materials are blurred.
 
         Parameters
@@ -510,7 +513,7 @@ class Surface:
         return f"Surface({', '.join(parts)})"
 
 
-def _from_lazy_labels(labels: Any, materials: Mapping[int, Material], pixel_size: Any, topography: Any) -> Surface:
+def _from_lazy_labels(labels: Any, materials: Any, pixel_size: Any, topography: Any) -> Surface:
     """Materials that are looked up when a block of the labels is computed."""
     names, table, viscous = _material_table(materials)
     columns = [
@@ -528,6 +531,35 @@ def _looked_up(labels: NDArray[Any], names: list[int], column: FloatArray) -> Fl
     return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
 
 
+def _pixels(value: object) -> tuple[float, float]:
+    """The (dy, dx) of a pixel [m]."""
+    dy, dx = pixel_pair(value)
+    question("pixel_size", max(dy, dx), "m", PIXEL)
+    return dy, dx
+
+
+def _made(name: str, value: Any, allow_nan: bool) -> Any:
+    """What the user gave as a map that a surface keeps; None stays None."""
+    found = _in_si(name, value)
+    if found is None:
+        return None
+    return lazy_map(name, found) if is_lazy(found) else _as_map(name, found, allow_nan)
+
+
+def _in_si(name: str, value: Any) -> Any:
+    """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
+    if hasattr(value, "dims") and hasattr(value, "coords"):
+        for dim in value.coords.keys() & {"y", "x"} & set(value.dims):
+            coordinate_step(value, dim)  # refuses what is upside down or not even
+        return variable_in_si(value, name)
+    unit = QUANTITIES[name].unit
+    try:
+        return array_in_si(value, unit)
+    except NotThatUnit:
+        shown = value if isinstance(value, str) else "with another unit"
+        raise InputError(name, shown, f"one number or a 2-D map, in {unit} or each {with_unit(unit)}") from None
+
+
 def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
     quantity = QUANTITIES[name]
@@ -535,7 +567,9 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
         value = _unmasked(name, value)
     given = as_array(name, value, "one number or a 2-D map")
     if given.ndim == 0:
-        return _read_only(np.array(number(name, given.item(), quantity.unit, **quantity.bounds)))
+        one = number(name, given.item(), quantity.unit, **quantity.bounds)
+        question(name, one, quantity.unit, quantity.usual)
+        return _read_only(np.array(one))
     if given.ndim != 2 or not given.size:
         raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
     if given.dtype.kind not in "fiu":
@@ -552,6 +586,8 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
             bad &= ~np.isnan(full)
         if bad.any():
             _raise_for_pixel(name, full, bad)
+    ends = (low, high) if low <= high else (np.fmin.reduce(full, None), np.fmax.reduce(full, None))
+    question(name, float(max(ends, key=abs)), quantity.unit, quantity.usual)
     bits = full.view(np.int64)
     if not low < high and (bits == bits[0, 0]).all():
         return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)
@@ -628,8 +664,10 @@ def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> t
     return agreed
 
 
-def _material_table(materials: Mapping[int, Material]) -> tuple[list[int], FloatArray, bool]:
+def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
     """Return the labels in order, one row a material, and whether its third column is the viscosity."""
+    if isinstance(materials, Sequence) and not isinstance(materials, str):
+        materials = dict(enumerate(materials))
     if not isinstance(materials, Mapping) or not materials:
         raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
     for label, material in materials.items():

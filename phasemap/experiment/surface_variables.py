@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import NotThatUnit, scaled
+from phasemap.experiment.material import ADHESION, MODULUS, VISCOSITY
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,21 +24,18 @@ class Quantity(NamedTuple):
 
     long_name: str
     unit: str  # as UDUNITS writes it
-    spellings: tuple[str, ...]  # of the unit without a prefix, spaces and signs of multiplication dropped
     bounds: dict[str, float]
+    usual: tuple[float, float] = (0.0, math.inf)
 
 
 QUANTITIES = {
-    "modulus": Quantity("Young's modulus", "Pa", ("Pa", "N/m2", "Nm-2"), {"minimum": 0}),
-    "adhesion": Quantity("work of adhesion", "J m-2", ("J/m2", "Jm-2", "N/m", "Nm-1"), {"minimum": 0}),
-    "damping": Quantity("damping coefficient alpha1", "1", (), {"minimum": 0}),
-    "viscosity": Quantity("Kelvin-Voigt viscosity", "Pa s", ("Pas", "Ns/m2", "Nsm-2"), {"minimum": 0}),
-    "poisson_ratio": Quantity("Poisson's ratio", "1", (), {"above": -1, "maximum": 0.5}),
-    "topography": Quantity("topography", "m", ("m", "meter", "metre"), {}),
+    "modulus": Quantity("Young's modulus", "Pa", {"minimum": 0}, MODULUS),
+    "adhesion": Quantity("work of adhesion", "J m-2", {"minimum": 0}, ADHESION),
+    "damping": Quantity("damping coefficient alpha1", "1", {"minimum": 0}),
+    "viscosity": Quantity("Kelvin-Voigt viscosity", "Pa s", {"minimum": 0}, VISCOSITY),
+    "poisson_ratio": Quantity("Poisson's ratio", "1", {"above": -1, "maximum": 0.5}),
+    "topography": Quantity("topography", "m", {}, (0.0, 1e-4)),
 }
-_SPELLING = str.maketrans({" ": "", ".": "", "*": "", "^": "", "·": "", "²": "2", "⁻": "-", "µ": "u", "μ": "u"})
-_POSITION = Quantity("position", "m", QUANTITIES["topography"].spellings, {})
-_PREFIXES = {"": 0, "T": 12, "G": 9, "M": 6, "k": 3, "m": -3, "u": -6, "n": -9, "p": -12}
 
 
 def variable_in_si(variable: xr.DataArray, name: str) -> Any:
@@ -44,16 +44,14 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
         raise InputError(f"dims of {name}", variable.dims, "('y', 'x') or none")
     if variable.dims == ("x", "y"):
         variable = variable.transpose("y", "x")
-    exponent = _exponent(variable, name, QUANTITIES[name])
-    if is_lazy(variable):
-        return variable.data if exponent == 0 else _scaled(variable.data.astype(np.float64), exponent)
-    values: FloatArray = variable.to_numpy()
-    if exponent == 0 or values.dtype.kind not in "fiu":  # which `Surface` refuses
+    values = variable.data if is_lazy(variable) else variable.to_numpy()
+    if values.dtype.kind not in "fiu":  # which `Surface` refuses
         return values
-    return _frozen(np.asarray(_scaled(values.astype(np.float64), exponent)))
+    found = _scaled(values, variable, name, QUANTITIES[name].unit)
+    return found if found is values or is_lazy(found) else _frozen(np.asarray(found))
 
 
-def coordinate_step(dataset: xr.Dataset, dim: str) -> float:
+def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
     """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
     if dim not in dataset.coords or dataset[dim].dims != (dim,):
         raise InputError(
@@ -74,26 +72,17 @@ def coordinate_step(dataset: xr.Dataset, dim: str) -> float:
         step = (values[-1] - values[0]) / steps.size
         if not np.allclose(steps, step, rtol=1e-3, atol=0):
             raise InputError(f"spacing of {dim}", f"{steps.min():g} to {steps.max():g}", "the same between all pixels")
-    return float(_scaled(step, _exponent(dataset[dim], f"coordinate {dim}", _POSITION)))
+    return float(_scaled(step, dataset[dim], f"coordinate {dim}", "m"))
 
 
-def _exponent(variable: xr.DataArray, name: str, quantity: Quantity) -> int:
-    """Return the power of ten that turns the units attribute of `variable` into SI; 0 where there is none."""
-    unit = str(variable.attrs.get("units", quantity.unit))
-    if unit in {quantity.unit, ""} or (quantity.unit == "1" and unit == "dimensionless"):
-        return 0
-    written = unit.translate(_SPELLING)
-    for prefix, exponent in _PREFIXES.items():
-        if written.startswith(prefix) and written[len(prefix) :] in quantity.spellings:
-            return exponent
-    allowed = "1" if quantity.unit == "1" else f"{quantity.unit}, or that with a prefix such as G, M, k, m, u or n"
-    raise InputError(f"units of {name}", unit, allowed)
-
-
-def _scaled(value: Any, exponent: int) -> Any:
-    """Multiply by a power of ten, rounded once."""
-    with np.errstate(over="ignore"):  # what becomes infinite is refused as such
-        return value * 10.0**exponent if exponent >= 0 else value / 10.0**-exponent
+def _scaled(values: Any, variable: xr.DataArray, name: str, unit: str) -> Any:
+    """Turn values from the units that a variable says into SI; without any they are in SI."""
+    written = str(variable.attrs.get("units") or unit)
+    try:
+        with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+            return scaled(values, "1" if written == "dimensionless" else written, unit)
+    except NotThatUnit:
+        raise InputError(f"units of {name}", written, f"{unit}, or another unit of the same kind") from None
 
 
 def centres(count: int, step: float) -> FloatArray:

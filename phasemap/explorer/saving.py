@@ -13,7 +13,7 @@ from phasemap._shared.errors import InputError
 from phasemap.explorer.answers import Check, image
 from phasemap.explorer.setting import Setting
 from phasemap.io.netcdf import save
-from phasemap.plot import plot
+from phasemap.plot.images import plot
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.tables import read_tables
 from phasemap.scenes.writing import toml_of, written
@@ -128,9 +128,9 @@ def python_of(setting: Setting) -> str:
         "scan.setpoint=0.6",
     ])
     image = scene.simulate()
-    pm.plot.plot(image, "step_explored.png")
+    pm.plot.image(image, "step_explored.png")
     """
-    drawn = f'pm.plot.plot(image, "{_name(setting)}.png")\n'
+    drawn = f'pm.plot.image(image, "{_name(setting)}.png")\n'
     if setting.subject.scene is None:
         return _python_of_surface(setting) + drawn
     source = setting.subject.scene.source

@@ -21,6 +21,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
+from phasemap._shared.plausible import unquestioned
 from phasemap.explorer.subject import Subject
 
 if TYPE_CHECKING:
@@ -201,7 +202,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _answer(self, make: Callable[[], tuple[str, bytes]]) -> None:
         """Send what is made, or say why it cannot be."""
         try:
-            with self.server.busy:
+            with self.server.busy, unquestioned():  # the page shows every number with its unit
                 kind, content = make()
         except Superseded:
             self._send(204, JSON, b"")

@@ -8,6 +8,8 @@ from typing import Any
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import number_of
+from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
@@ -77,14 +79,15 @@ class Setting:
         exact = message.get("exact", False)
         if not isinstance(exact, bool):
             raise InputError("exact", exact, "true or false")
-        return cls(
-            subject,
-            replace(scope, drive=replace(scope.drive, **drive), tip=replace(scope.tip, **radius)),
-            check_setpoint(message.get("setpoint", subject.options["setpoint"])),
-            _materials(subject, message.get("materials")),
-            _pair(subject, message.get("pair")),
-            exact,
-        )
+        with strict_units() if subject.strict else unquestioned():  # a slider shows what it is set to
+            return cls(
+                subject,
+                replace(scope, drive=replace(scope.drive, **drive), tip=replace(scope.tip, **radius)),
+                check_setpoint(message.get("setpoint", subject.options["setpoint"])),
+                _materials(subject, message.get("materials")),
+                _pair(subject, message.get("pair")),
+                exact,
+            )
 
     @property
     def solver(self) -> str:
@@ -132,7 +135,7 @@ class Setting:
         others = kept.get("materials", {})
         tables = {
             **kept,
-            "scan": {"setpoint": self.setpoint, "solver": solver},
+            "scan": {**kept.get("scan", {}), "setpoint": self.setpoint, "solver": solver},
             "materials": others | {name: asdict(one) for name, one in self.materials.items()},
             **asdict(self.scope),
         }
@@ -164,7 +167,9 @@ def _materials(subject: Subject, given: object) -> dict[str, Material]:
     made = {}
     for name, values in zip(names, given, strict=True):
         check_keys(name, values, ("modulus", "adhesion", loss))
-        real = {key: number(f"{name} {key}", value, "1") for key, value in values.items()}  # None is no value here
+        real = {  # None is no value here
+            key: number(f"{name} {key}", value, number_of(Material, key).unit) for key, value in values.items()
+        }
         made[name] = construct(name, real, lambda base=subject.materials[name], **new: replace(base, **new))
     return made
 

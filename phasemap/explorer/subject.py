@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError, Word
+from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.control import Engage
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
@@ -80,6 +81,11 @@ class Subject:
         """Whether engaging every pixel from far, with nothing added, is all that the scene asks for."""
         bare = type(self.options["realism"])() if self.options.get("realism") is not None else None
         return isinstance(self.options.get("control", Engage()), Engage) and self.options.get("realism") == bare
+
+    @property
+    def strict(self) -> bool:
+        """Whether numbers outside all practice are errors."""
+        return self.scene is not None and bool(self.scene.config["scan"].get("strict_units"))
 
     @property
     def folder(self) -> Path:
@@ -150,6 +156,7 @@ def subject_of(
     return _of_surface(explored, scope, options)
 
 
+@unquestioned()  # its numbers were looked at when the scene was read
 def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
     """The subject that a scene is."""
     options = {**scene.options, **({} if setpoint is None else {"setpoint": setpoint})}
@@ -168,6 +175,7 @@ def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
     return Subject(name, scene.microscope, every, scene.surface.pixel_size, options, sample, scene)
 
 
+@unquestioned()
 def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any]) -> Subject:
     """The subject that a surface and a microscope are."""
     if surface.lazy:
@@ -205,6 +213,7 @@ def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
     }
 
 
+@unquestioned()
 def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
     """Find which material is where: the surface is made of stand-ins, which differ even where the materials do not."""
     stand_ins = {name: Material(modulus=1.0 + i) for i, name in enumerate(names)}

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError, SolveError
+from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
@@ -27,6 +31,7 @@ from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import paint_part, painter_of, plan_image
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.status import Status
+from phasemap.results.validity import FORCES
 from phasemap.results.variables import IN_TIME, describe, provenance
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
@@ -42,7 +47,7 @@ __all__ = ["modelled", "simulate"]
 def simulate(
     surface: Surface,
     scope: Microscope,
-    setpoint: float,
+    setpoint: Scalar | Sequence[Scalar],
     solver: str = "auto",
     control: Control | None = None,
     accuracy: Accuracy | None = None,
@@ -61,8 +66,9 @@ def simulate(
     surface : Surface
         Material maps and topography, shape (ny, nx).
     scope : Microscope
-    setpoint : float
-        Amplitude of the first harmonic over the free amplitude at the drive frequency, between 0 and 1.
+    setpoint : float or sequence of float
+        Amplitude of the first harmonic over the free amplitude at the drive frequency, between 0 and 1. Several of them
+        give an image each, along a leading dim "setpoint".
     solver : {"auto", "averaging", "orbit", "march"}
         "averaging" is first order and fastest, "orbit" exact, "march" integrates the equation of motion in time (slow),
         "auto" takes the cheapest that meets `accuracy` and says per pixel which one that was.
@@ -135,7 +141,17 @@ def simulate(
     >>> [round(float(p), 2) for p in image.phase.values[0]]
     [42.05, 44.5]
     """
+    if isinstance(setpoint, (list, tuple, np.ndarray)):
+        options = {
+            "solver": solver, "control": control, "accuracy": accuracy, "realism": realism, "variables": variables,
+            "strict": strict, "progress": progress, "threads": threads,
+        }  # fmt: skip
+        return _at_each(surface, scope, setpoint, checkpoint, options)
     started = time.perf_counter()
+    for name, thing, cls in (("surface", surface, Surface), ("scope", scope, Microscope)):
+        if not isinstance(thing, cls):
+            hint = "The order is simulate(surface, scope, setpoint)."
+            raise InputError(name, f"a {type(thing).__name__}", f"a {cls.__name__}", hint)
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
@@ -169,6 +185,7 @@ def simulate(
         if strict:
             _refuse_failures(canvas.status.reshape(-1, *surface.shape))
         image = canvas.image().assign_attrs(
+            dict(zip(FORCES, _forces(surface, scope), strict=True)),
             modelled="; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None)),
             distinct_materials=found.count,
             seconds=round(time.perf_counter() - started, 6),
@@ -176,6 +193,25 @@ def simulate(
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     return with_channels(finish(image, realism), stay, derived, control, scope)
+
+
+def _at_each(
+    surface: Surface, scope: Microscope, setpoints: Any, checkpoint: Any, options: dict[str, Any]
+) -> xr.Dataset:
+    """An image at each setpoint, along a dim of that name."""
+    import xarray as xr
+
+    values = [check_setpoint(one) for one in setpoints]
+    if len(set(values)) < len(values) or not values:
+        raise InputError("setpoint", str(setpoints), "one number, or several different ones")
+    images = [
+        simulate(surface, scope, value, **options, checkpoint=checkpoint and Path(checkpoint, repr(value)))
+        for value in values
+    ]
+    about = {"long_name": "setpoint amplitude over free amplitude", "units": "1"}
+    image = xr.concat(images, xr.Variable("setpoint", values, about), combine_attrs="drop_conflicts")
+    first = json.loads(images[0].attrs["configuration"])
+    return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
 
 
 def workspace(realism: Realism) -> int:
@@ -212,11 +248,23 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     return names
 
 
-def _largest(surface: Surface, scope: Microscope) -> Work:
-    """Work of one pixel, with the largest of every property; a term is zero there if no pixel has it."""
+def _largest_material(surface: Surface) -> Array:
+    """One row, with the largest of every property; a term is zero there if no pixel has it."""
     maps = (surface.modulus, surface.adhesion, surface.damping, surface.viscosity, surface.poisson_ratio)
     largest = np.array([[np.fmax.reduce(values, None) for values in maps if values is not None]])
-    return make_work(np.nan_to_num(largest), surface.viscosity is not None, scope, scope.free_amplitude)
+    return np.asarray(np.nan_to_num(largest))
+
+
+def _largest(surface: Surface, scope: Microscope) -> Work:
+    """Work of `_largest_material`."""
+    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.free_amplitude)
+
+
+def _forces(surface: Surface, scope: Microscope) -> tuple[float, float]:
+    """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
+    stiffness, adhesion, _ = properties(_largest_material(surface), surface.viscosity is not None, scope)
+    pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
+    return float(pull[0]), scope.cantilever.stiffness * scope.free_amplitude
 
 
 def _refuse_failures(status: Array) -> None:

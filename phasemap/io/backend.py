@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import xarray as xr
 from xarray.backends import BackendEntrypoint
 
+from phasemap.io import accessor as accessor
 from phasemap.io.read import read_image
 
 __all__ = ["PhasemapBackend"]

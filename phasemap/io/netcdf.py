@@ -25,6 +25,12 @@ __all__ = ["check_target", "load", "load_sample", "opened", "replacing", "save"]
 
 LIMIT = 10.0  # seconds to open a file, which takes some thousandths
 HEADER = 1 << 24  # byte: longer headers of classic files are not read
+LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one
+OTHERS = {
+    ".toml": "A scene would be lost.",
+    **dict.fromkeys((".png", ".pdf", ".svg", ".jpg", ".jpeg", ".tif", ".tiff"), "Use phasemap plot."),
+}
+"""What no netCDF file is called, and why."""
 COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % smaller and took a quarter longer
 
 
@@ -62,8 +68,44 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     if not os.access(path.parent, os.W_OK):
         raise FileError(f"cannot write {path}: no permission to write in the folder {str(path.parent)!r}.")
     if path.exists() and not overwrite:
-        raise FileError(f"cannot write {path}: it exists already; overwrite it (--overwrite) or choose another name.")
+        how = "overwrite it (--overwrite, in Python overwrite=True) or choose another name"
+        raise FileError(f"cannot write {path}: it exists already; {how}.")
+    if len(os.fsencode(path.name)) > LONGEST_NAME:
+        raise FileError(f"cannot write {path}: its name is longer than {LONGEST_NAME} bytes; choose a shorter one.")
     return path
+
+
+def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """Refuse, before any work is done, a place where no netCDF file can or should be written.
+
+    Parameters
+    ----------
+    path : path-like
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If the suffix is that of a scene or a picture.
+    FileError
+        As in `check_target`.
+
+    Examples
+    --------
+    >>> check_dataset("blend.png")
+    Traceback (most recent call last):
+    ...
+    phasemap.InputError: the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file. Use phasemap plot.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix in OTHERS:
+        raise InputError("the output's suffix", suffix, ".nc, for it becomes a netCDF file", OTHERS[suffix])
+    return check_target(path, overwrite)
 
 
 def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:

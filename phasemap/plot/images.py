@@ -28,6 +28,7 @@ from phasemap.plot.materials import inversion, is_inversion
 from phasemap.plot.period import trace
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
+from phasemap.results.validity import describe_validity
 
 if TYPE_CHECKING:
     import numpy as np
@@ -140,6 +141,7 @@ def plot(
         names = (*names, "amplitude_error")
     scales = {name: _scale_of(ds[name]) for name in names}
     notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
+    notes += [(f"△ {line}", "0.25") for line in describe_validity(ds)]
     notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
     width = MARGIN + len(scales) * (PANEL + BAR_GAP + BAR + BAR_LABELS)
     notes = [(part, colour) for line, colour in notes for part in textwrap.wrap(line, int(LETTERS * width))]

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable, say
 from phasemap.plot.figure import save
 from phasemap.plot.sweep import COLOURS, is_sweep
@@ -24,7 +26,7 @@ WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
 WIDTH, PANEL, LEFT, RIGHT, GAP, LINE, LEGEND, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.17, 0.3, 0.55  # [inch]
 
 
-def trace(ds: xr.Dataset, at: float, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
     """Draw deflection and force over one period of the drive, for both directions of a sweep.
 
     Parameters
@@ -32,7 +34,7 @@ def trace(ds: xr.Dataset, at: float, path: str | os.PathLike[str] | None = None,
     ds : xarray.Dataset
         What a sweep with ``samples=`` returned.
     at : float
-        Value of the axis that is swept, in its SI unit; the nearest one is taken.
+        Value of the axis that is swept, in its SI unit or with a unit; the nearest one is taken.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -65,6 +67,7 @@ def trace(ds: xr.Dataset, at: float, path: str | os.PathLike[str] | None = None,
         raise InputError("the dataset", "without traces", "a sweep with samples=256 (--samples 256)")
     axis = str(ds["status"].dims[1])
     values, units = ds[axis].values, ds[axis].attrs["units"]
+    at = float(numbers("at", at, units))
     if not values.min() <= at <= values.max():
         raise InputError("at", say(at, units), f"from {say(values.min(), units)} to {say(values.max(), units)}")
     one = ds.isel({axis: int(np.argmin(np.abs(values - at)))})

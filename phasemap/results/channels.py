@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import unquestioned
+from phasemap._shared.quantities import Scalar
 from phasemap.experiment.excitation import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.io.metadata import of_simulation, off_resonance, phase_of_free
@@ -37,10 +39,10 @@ def channels(
     names: Iterable[str] | None = None,
     *,
     scope: Microscope | None = None,
-    setpoint: float | None = None,
-    phase_zero: float | None = None,
+    setpoint: Scalar | None = None,
+    phase_zero: Scalar | None = None,
     sign: int = 1,
-    uncertainty: Mapping[str, float] | None = None,
+    uncertainty: Mapping[str, Scalar] | None = None,
 ) -> xr.Dataset:
     """Derive energies and loss tangents from an image.
 
@@ -140,6 +142,7 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, second: bool) -> lis
     return chosen
 
 
+@unquestioned()  # who made the image was told then
 def _lever(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dict[str, Any]]:
     """The microscope, as far as the formulas need it, and what the image says of its scan."""
     said = {**image.attrs, **of_simulation(image.attrs)}
@@ -170,7 +173,7 @@ def _of_configuration(image: xr.Dataset) -> tuple[float, Mode | None]:
 
 
 def _phase(
-    image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: float | None, sign: int
+    image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: Scalar | None, sign: int
 ) -> xr.DataArray:
     """The phase [degree], 0 at free resonance, positive repulsive."""
     free = phase_of_free(scope.frequency_ratio, scope.cantilever.quality_factor, scope.drive.excitation == "base")
@@ -184,7 +187,7 @@ def _phase(
     return turned
 
 
-def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], setpoint: float | None) -> xr.DataArray:
+def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], setpoint: Scalar | None) -> xr.DataArray:
     """The amplitude that the detector shows [m]."""
     if setpoint is None and "amplitude" in image:
         if (units := image["amplitude"].attrs.get("units", "m")) != "m":
@@ -199,7 +202,7 @@ def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], se
     return image["phase"] * 0 + held
 
 
-def _spread(image: xr.Dataset, uncertainty: Mapping[str, float] | None) -> dict[str, Any]:
+def _spread(image: xr.Dataset, uncertainty: Mapping[str, Scalar] | None) -> dict[str, Any]:
     """Standard deviations, of pixels or of all."""
     spread: dict[str, Any] = {}
     for name, value in (uncertainty or {}).items():
@@ -268,6 +271,7 @@ def _deviation(
     return root
 
 
+@unquestioned()
 def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
     """The microscope with another stiffness, quality factor or free amplitude."""
     if name in ("stiffness", "quality_factor"):

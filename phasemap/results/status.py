@@ -13,7 +13,9 @@ class Status(Enum):
         "No stable orbit holds this setpoint, or is left here: the amplitude jumps across it. "
         "Change the setpoint or the free amplitude."
     )
-    not_converged = "The solver did not converge. Try solver='march', and please report the pixel's parameters."
+    not_converged = (
+        "The solver did not converge. An image can be had with solver='march'; please report the parameters."
+    )
     unstable = (
         "The orbit at this setpoint repeats only every second period or drifts. "
         "Raise the setpoint or lower the amplitude."

@@ -8,7 +8,7 @@ A scene file becomes an ensemble by a table ``[ensemble]``. Either ``count`` sam
     count = 100
     seed = 1                                                        # 0 if it is not given
     [ensemble.vary]
-    materials.soft.modulus = { low = 1e8, high = 5e9, scale = "log" }     # or "linear", as by default
+    materials.soft.modulus = { low = "100 MPa", high = "5 GPa", scale = "log" }  # or "linear", as by default
     surface.seed = { low = 0, high = 999999, whole = true }
     scan.setpoint = [0.5, 0.7, 0.9]                                       # one of these
 
@@ -34,6 +34,9 @@ from typing import Any
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.plausible import once
+from phasemap._shared.units import UDUNITS
+from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import make_samples
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
 from phasemap.scenes.tables import check_choice, missing, read_tables, with_value
@@ -42,8 +45,6 @@ __all__ = ["Ensemble", "is_ensemble", "load_ensemble"]
 
 Table = dict[str, Any]
 Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
-
-UNITS = {"scan.setpoint": "1", "cantilever.resonance_frequency": "Hz"}  # of keys that no sweep has
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,10 @@ class Ensemble:
         InputError, FileError
             As in `phasemap.load_scene`, with the number of the sample; or if the images of two samples differ in size.
         """
+        with once():
+            self._check(every_surface)
+
+    def _check(self, every_surface: bool) -> None:
         first = self.scene(0)
         same_surface = not any(key.startswith("surface.") for key in self.keys) or not every_surface
         for sample in range(1, len(self)):
@@ -299,11 +304,12 @@ def name_of(key: str) -> str:
 
 def _attributes_of(key: str) -> dict[str, str]:
     """What the file says about a key."""
-    from phasemap.solvers.continuation.path import UNITS as SWEPT
+    from phasemap.solvers.continuation.path import UNITS
 
     *tables, name = key.split(".")
     about = {"long_name": " ".join([*tables, name]).replace("_", " "), "key": key}
-    units = UNITS.get(key, SWEPT.get(name))
+    unit = unit_of(key)
+    units = UDUNITS.get(unit, unit) or UNITS.get(name)
     return about if units is None else {**about, "units": units}
 
 

@@ -13,6 +13,7 @@ from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.files import size_of
 from phasemap._shared.memory import check_fits
+from phasemap.scenes.keys import plain
 from phasemap.scenes.tables import check_choice, check_keys, construct, value_of
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Range:
     Parameters
     ----------
     low, high : float
-        In the unit of the key.
+        In the SI unit of the key.
     scale : {"linear", "log"}
         "log" draws the logarithm uniformly.
     whole : bool
@@ -167,12 +168,13 @@ def _laws(table: Table, prefix: str = "") -> Iterator[tuple[str, _Law]]:
         if isinstance(value, list):
             if not value:
                 raise InputError(shown, value, "a list of at least one value")
-            yield key, Choice(tuple(value))
+            yield key, Choice(tuple(plain(shown, key, one) for one in value))
         elif not isinstance(value, dict):
             raise InputError(shown, value, "a list of values, or { low = ..., high = ... }")
         elif any(not isinstance(value.get(end, []), (dict, list)) for end in ("low", "high")):
             check_keys(shown, value, ("low", "high", "scale", "whole"), ("low", "high"))
-            yield key, construct(shown, value, Range)
+            ends = {end: plain(f"{shown} {end}", key, value[end]) for end in ("low", "high")}
+            yield key, construct(shown, {**value, **ends}, Range)
         elif key.count(".") > DEEPEST:
             raise InputError("key of [ensemble.vary]", key, "table.key, such as scan.setpoint")
         else:
@@ -201,4 +203,4 @@ def _read(folder: Path, table: Table) -> tuple[Table, ...]:
     for sample, row in enumerate(rows):
         if len(row) != len(header) or not all(row):
             raise FileError(f"cannot use {path}: sample {sample} has not one value for each key of the header.")
-    return tuple({key: value_of(cell) for key, cell in zip(header, row, strict=True)} for row in rows)
+    return tuple({key: plain(key, key, value_of(cell)) for key, cell in zip(header, row, strict=True)} for row in rows)

@@ -1,10 +1,11 @@
 """Scenes: one TOML file that says everything a simulation needs.
 
-The tables are ``[scan]`` (setpoint, solver), ``[surface]`` (see `phasemap.scenes.surface`), ``[materials.NAME]``,
-``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind, and what goes with it),
+The tables are ``[scan]`` (setpoint, solver, strict_units), ``[surface]`` (see `phasemap.scenes.surface`),
+``[materials.NAME]``, ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind, and more),
 ``[accuracy]``, ``[realism]`` and ``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one
-(`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units; nothing
-unknown is passed over.
+(`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units or as text
+with a unit ("40 nm"); nothing unknown is passed over. ``preset = "PS"`` in a material or the lever stands for its
+numbers, beside which others may be given.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ import json
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap._shared.errors import FileError, InputError, Word
+from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import Interaction
@@ -157,7 +161,8 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
     scan = _table(tables, "scan")
     setpoint = _scan(scan)[0] if "setpoint" in scan else None
-    return Setup(_microscope(tables), _materials(tables), setpoint)
+    with _asking(scan):
+        return Setup(_microscope(tables), _materials(tables), setpoint)
 
 
 def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scene:
@@ -222,11 +227,17 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     >>> scene_from_tables(read_tables("samples/step.toml"), Path("samples")).surface.shape
     (128, 256)
     """
+    check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
+    with _asking(_table(tables, "scan")):
+        return _scene(tables, folder, surface)
+
+
+def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
+    """What the tables describe."""
     from phasemap.results.channels import split
     from phasemap.results.variables import describe
     from phasemap.scenes.surface import build_surface, dilate, seen
 
-    check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     setpoint, scan = _scan(_table(tables, "scan"))
     microscope = _microscope(tables)
     accuracy = _object(tables, "accuracy", Accuracy)
@@ -303,11 +314,20 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     realism = _table(tables, "realism")
     if realism.get("tip_change", 0) is None:  # no table that a scene could have
         tables["realism"] = {key: value for key, value in realism.items() if key != "tip_change"}
-    scene = scene_from_tables(tables, folder)
+    with unquestioned():  # who made it was told then
+        scene = scene_from_tables(tables, folder)
     for name, digest in scene.config["files"].items():
         if digest != files.get(name):
             raise FileError(f"cannot use {name}: it is not the file that was read then, whose SHA-256 was other.")
     return scene
+
+
+def _asking(scan: Table) -> AbstractContextManager[None]:
+    """Whether numbers outside all practice are errors."""
+    strict = scan.get("strict_units", False)
+    if not isinstance(strict, bool):
+        raise InputError("[scan] strict_units", strict, "true or false")
+    return strict_units() if strict else nullcontext()
 
 
 def _scan(table: Table) -> tuple[float, Table]:
@@ -316,7 +336,7 @@ def _scan(table: Table) -> tuple[float, Table]:
     from phasemap.solvers.solver import SOLVERS
 
     scan = {"solver": "auto", **table}
-    check_keys("[scan]", scan, ("setpoint", "solver"), ("setpoint",))
+    check_keys("[scan]", scan, ("setpoint", "solver", "strict_units"), ("setpoint",))
     check_choice("[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
     return construct("[scan]", {"setpoint": scan["setpoint"]}, check_setpoint), scan
 
@@ -361,7 +381,8 @@ def _table(tables: Table, name: str) -> Table:
 
 def _object(tables: Table, name: str, cls: Callable[..., T]) -> T:
     """The object of the table that has its name."""
-    return _from_table(f"[{name}]", _table(tables, name), cls)
+    found: T = _from_table(f"[{name}]", _table(tables, name), cls)
+    return found
 
 
 def _control(kind: str, table: Table) -> Control:
@@ -372,13 +393,21 @@ def _control(kind: str, table: Table) -> Control:
         if others and kind not in others:
             belongs = f"It belongs to kind = {' or '.join(map(repr, others))}."
             raise InputError(f"[control] {key}", value, f"nothing where kind is {kind!r}", belongs)
-    return _from_table("[control]", table, CONTROLS[kind])
+    control: Control = _from_table("[control]", table, CONTROLS[kind])
+    return control
 
 
-def _from_table(name: str, table: object, cls: Callable[..., T]) -> T:
-    """A frozen dataclass from the table of its fields."""
-    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+def _from_table(name: str, table: object, cls: Any) -> Any:
+    """A frozen dataclass from the table of its fields, or from a preset and what is other."""
+    fields = dataclasses.fields(cls)
     required = [field.name for field in fields if field.default is dataclasses.MISSING]
-    check_keys(name, table, [field.name for field in fields], required)
+    allowed = [field.name for field in fields]
+    if hasattr(cls, "preset"):
+        allowed.append("preset")
+        if isinstance(table, dict) and "preset" in table:
+            check_keys(name, table, allowed)
+            others = {key: value for key, value in table.items() if key != "preset"}
+            return construct(name, others, partial(cls.preset, table["preset"]))
+    check_keys(name, table, allowed, required)
     assert isinstance(table, dict)
     return construct(name, table, cls)

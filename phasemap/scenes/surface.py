@@ -24,6 +24,7 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,8 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
+from phasemap._shared.plausible import question
+from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
 from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
@@ -44,9 +47,10 @@ if TYPE_CHECKING:
 
 __all__ = ["build_surface", "dilate", "seen"]
 
-LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
+SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
+HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 
 
@@ -183,13 +187,14 @@ def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: _Files, generator: Callable[..., np.ndarray] | None
 ) -> Surface:
     """A map of labels, given or generated, and the material of each."""
-    from phasemap.experiment.surface import Surface
+    from phasemap.experiment.surface import Surface, as_array
     from phasemap.scenes.tables import check_keys, construct
 
     own = ("materials", "pixel_size", "topography", "heights")
     if generator is None:
         check_keys("[surface]", table, ("labels", *own), ("labels", "materials", "pixel_size"))
-        labels = _as_labels(_map("labels", table["labels"], files, table))
+        given = _map("labels", table["labels"], files, table)
+        labels = as_array("[surface] labels", given, "a 2-D map of whole numbers")
     else:
         required, optional = _arguments(generator)
         check_keys("[surface]", table, (*required, *optional, *own), (*required, "materials", "pixel_size"))
@@ -270,6 +275,8 @@ def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> 
     from phasemap.scenes.tables import check_choice, check_keys, construct
 
     if isinstance(value, str):
+        if Path(value).suffix.lower() not in SUFFIXES and is_number(value):
+            return value
         return _read_array(key, files.find(key, value), key)
     if not isinstance(value, dict):
         return value
@@ -344,18 +351,6 @@ def _read_variable(path: Path, variable: object) -> np.ndarray:
     return values
 
 
-def _as_labels(values: object) -> np.ndarray:
-    """Whole numbers as integers: text files and netCDF with missing values have floats only."""
-    import numpy as np
-
-    from phasemap.experiment.surface import as_array
-
-    labels = as_array("[surface] labels", values, "a 2-D map of whole numbers")
-    if labels.dtype.kind == "f" and (np.abs(labels) < LARGEST).all() and (labels == labels.round()).all():
-        return labels.astype(np.int64)
-    return labels
-
-
 def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndarray:
     """The height of each pixel from that of its label; labels without a material are left to `Surface`."""
     import numpy as np
@@ -364,7 +359,9 @@ def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndar
         raise InputError("[surface] heights", given, f"a list of {len(labels)} heights in m, one for each material")
     heights = np.zeros(of_pixels.shape)
     for label, height in zip(labels, given, strict=True):
-        heights[of_pixels == label] = number("[surface] heights", height, "m")
+        found = number("[surface] heights", height, "m")
+        question("[surface] heights", found, "m", HEIGHTS)
+        heights[of_pixels == label] = found
     return heights
 
 
@@ -374,6 +371,8 @@ def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
 
     from phasemap.experiment.surface import as_array
 
+    with suppress(NotThatUnit):  # which leaves text, and that is refused below
+        given = array_in_si(given, "m")
     relief = as_array("[surface] topography", given, "one number or a 2-D map")
     if relief.dtype.kind not in "fiu" or relief.shape not in ((), shape):
         found = f"{relief.dtype.name} of shape {relief.shape}"

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import FileError, InputError, Word
 from phasemap._shared.files import size_of
 
-__all__ = ["read_tables", "with_override", "with_value"]
+__all__ = ["check_choice", "read_tables", "with_override", "with_value"]
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -154,7 +155,7 @@ def with_override(tables: Table, override: str) -> Table:
     name, equals, text = override.partition("=")
     name = name.strip()
     if not equals or "." not in name or not all(name.split(".")) or not _is_text(override):
-        raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20e-9")
+        raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20nm")
     try:
         return with_value(tables, name, value_of(text))
     except InputError as error:
@@ -212,24 +213,3 @@ def value_of(text: str) -> Any:
     except ValueError:
         return text
     return parsed["value"] if len(parsed) == 1 else text
-
-
-def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
-    """Refuse what is not one of the choices.
-
-    Parameters
-    ----------
-    name : str
-        The table and key.
-    value : object
-        The value met.
-    choices : iterable of str
-
-    Raises
-    ------
-    InputError
-    """
-    choices = list(choices)
-    if value not in choices:
-        near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
-        raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")

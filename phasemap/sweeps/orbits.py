@@ -9,6 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import Scalar
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import FLOATS, branch_of, describe, flag_attributes, float_attributes, provenance
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def orbits(
-    material: Material, scope: Microscope, *, setpoint: float | None = None, tip_offset: float | None = None
+    material: Material, scope: Microscope, setpoint: Scalar | None = None, *, tip_offset: Scalar | None = None
 ) -> xr.Dataset:
     """Find every periodic orbit at a setpoint or at a tip offset, stable or not.
 
@@ -57,14 +58,16 @@ def orbits(
     if setpoint is not None and scope.drive.excitation != "direct":
         from phasemap.sweeps.follow import at_seen
 
-        rows, complete = at_seen(material, scope, check_setpoint(setpoint) * scope.free_amplitude)
+        setpoint = check_setpoint(setpoint)
+        rows, complete = at_seen(material, scope, setpoint * scope.free_amplitude)
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
     elif setpoint is not None:
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.every_orbit import every_orbit
 
-        amplitude = check_setpoint(setpoint) * scope.free_amplitude
+        setpoint = check_setpoint(setpoint)
+        amplitude = setpoint * scope.free_amplitude
         work = work_of_material(material, scope, amplitude)
         status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
         rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD
@@ -72,7 +75,8 @@ def orbits(
         from phasemap.sweeps.follow import at_offset
 
         assert tip_offset is not None
-        rows, complete = at_offset(material, scope, number("tip_offset", tip_offset, "m"))
+        tip_offset = number("tip_offset", tip_offset, "m")
+        rows, complete = at_offset(material, scope, tip_offset)
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip

@@ -6,14 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._shared.checks import number
+from phasemap._shared.checks import number, numbers
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import question
+from phasemap._shared.quantities import Scalar
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.microscope import FREQUENCY, Microscope
+from phasemap.solvers.continuation.path import NUMBERS, UNITS
 from phasemap.solvers.problem import check_setpoint
 
 if TYPE_CHECKING:
     import xarray as xr
+
+OFFSETS = (0.0, 1e-4)  # m, where anybody holds a tip
 
 
 def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, samples: int = 0) -> xr.Dataset:
@@ -23,8 +28,9 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     ----------
     material : Material
     scope : Microscope
-    tip_offsets : array_like
+    tip_offsets : array_like or str
         Rest positions of the tip above the undeformed surface [m], rising or falling; negative where the lever presses.
+        They may have units, and be START:STOP:N: "60 nm:10 nm:100". So may the values of the other sweeps.
     samples : int
         Points of the time trace of deflection and force that each orbit gets; 0 for none.
 
@@ -50,7 +56,7 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     """
     from phasemap.sweeps.follow import distance
 
-    axis = check_axis("tip_offsets", tip_offsets, "m")
+    axis = check_axis("tip_offsets", tip_offsets, "m", usual=OFFSETS)
     return distance(material, scope, axis, check_samples(samples))
 
 
@@ -93,7 +99,7 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
 
 
 def sweep_frequency(
-    material: Material, scope: Microscope, frequencies: Any, *, tip_offset: float, samples: int = 0
+    material: Material, scope: Microscope, frequencies: Any, *, tip_offset: Scalar, samples: int = 0
 ) -> xr.Dataset:
     """Sweep the drive's frequency up and down at a fixed tip offset and a fixed base amplitude.
 
@@ -130,8 +136,8 @@ def sweep_frequency(
     """
     from phasemap.sweeps.follow import parameter
 
-    axis = check_axis("frequencies", frequencies, "Hz", above=0)
-    height = number("tip_offset", tip_offset, "m")
+    axis = check_axis("frequencies", frequencies, "Hz", above=0, usual=FREQUENCY)
+    height = _offset(tip_offset)
     return parameter(material, scope, "frequency", axis, None, height, check_samples(samples))
 
 
@@ -141,8 +147,8 @@ def sweep_parameter(
     name: str,
     values: Any,
     *,
-    setpoint: float | None = None,
-    tip_offset: float | None = None,
+    setpoint: Scalar | None = None,
+    tip_offset: Scalar | None = None,
     samples: int = 0,
 ) -> xr.Dataset:
     """Change one parameter of the material or the microscope slowly, up and down, at a fixed setpoint or tip offset.
@@ -186,22 +192,32 @@ def sweep_parameter(
 
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
-    if setpoint is not None:
-        check_setpoint(setpoint)
-    else:
-        number("tip_offset", tip_offset, "m")
-    axis = check_axis(name, values, "")
-    return parameter(material, scope, name, axis, setpoint, tip_offset, check_samples(samples))
+    ratio = None if setpoint is None else check_setpoint(setpoint)
+    height = None if tip_offset is None else _offset(tip_offset)
+    if name not in NUMBERS:
+        raise InputError("parameter", name, "one of " + ", ".join(NUMBERS))
+    axis = check_axis(name, values, UNITS[name], usual=NUMBERS[name].usual)
+    return parameter(material, scope, name, axis, ratio, height, check_samples(samples))
 
 
-def check_axis(name: str, values: Any, unit: str, above: float = -np.inf) -> np.ndarray:
-    """Return the values of a sweep as an array.
+def _offset(value: object) -> float:
+    """A tip offset [m]."""
+    offset = number("tip_offset", value, "m")
+    question("tip_offset", offset, "m", OFFSETS)
+    return offset
+
+
+def check_axis(
+    name: str, values: Any, unit: str, above: float = -np.inf, usual: tuple[float, float] | None = None
+) -> np.ndarray:
+    """Return the values of a sweep as an array, in `unit` where they have one, and warn of what is not `usual`.
 
     Raises
     ------
     InputError
         If there are fewer than two, or they are not numbers, not finite, or neither rise nor fall throughout.
     """
+    values = numbers(name, values, unit)
     try:
         axis = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -215,6 +231,8 @@ def check_axis(name: str, values: Any, unit: str, above: float = -np.inf) -> np.
         wrong = int(np.flatnonzero(np.sign(steps) != (np.sign(steps[0]) or 1))[0])
         pair = f"{axis[wrong]:g}, {axis[wrong + 1]:g} (values {wrong + 1} and {wrong + 2})"
         raise InputError(name, pair, "values that only rise or only fall")
+    if usual is not None:  # a sweep may go beyond on purpose, but not begin and end there
+        question(name, float(min(axis[axis != 0][[0, -1]], key=abs)), unit, usual)
     return axis
 
 

@@ -104,7 +104,9 @@ def test_an_existing_output_is_refused_before_anything_is_simulated(
     output.write_text("precious")
     with monkeypatch.context() as patch:
         patch.setattr(phasemap.scenes.scene.Scene, "simulate", None)
-        assert "exists already; overwrite it (--overwrite)" in fails(capsys, "run", STEP, SMALL, "-o", str(output))
+        assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in fails(
+            capsys, "run", STEP, SMALL, "-o", str(output)
+        )
         missing = str(tmp_path / "no" / "step.nc")
         assert "the folder" in fails(capsys, "run", STEP, SMALL, "-o", missing)
     assert output.read_text() == "precious"
@@ -184,7 +186,7 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["validate", "nowhere.toml"], "cannot read the scene nowhere.toml: No such file or directory."),
         (
             ["validate", STEP, "drive.frequncy=1"],
-            "[drive] frequncy is unknown; allowed: free_amplitude, frequency, excitation.",
+            "[drive] frequncy is unknown; allowed: free_amplitude, frequency, excitation, second.",
         ),
         (["validate", STEP, "scan.setpoint=1.2"], "[scan] setpoint is 1.2; allowed: a number above 0 and below 1 (the"),
         (["validate", STEP, "setpoint"], "override is 'setpoint'; allowed: table.key=value"),
@@ -192,14 +194,26 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["run", STEP, "-o", "x.nc", "--threads", "0"], "'0' is not a whole number of at least 1"),
         (["run", STEP, "-o", "x.nc", "--threads", "-2"], "--threads"),
         (["plot", "nowhere.nc", "-o", "x.png"], "cannot read nowhere.nc: there is no such file."),
-        (["plot", STEP, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
+        (["plot", STEP, "-o", "x.png"], "step.toml is a scene: phasemap run "),
+        (["plot", __file__, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
+        (["run", STEP, "-o", "x.png"], "the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file."),
+        (["run", STEP, "-o", "x.toml", "--overwrite"], "'.toml'; allowed: .nc, for it becomes a netCDF file. A scene"),
+        (["run", STEP, "-o", "x" * 243 + ".nc"], "its name is longer than 230 bytes; choose a shorter one."),
         (["plot", "image.nc", "a=b"], "unknown argument 'a=b'"),
         (["draw", "image.nc"], "invalid choice: 'draw'"),
         (["sweep", STEP, "distance"], "several materials: choose one with --material: compliant, stiff."),
         (["sweep", STEP, "distance", *STIFF[:-1], "stif"], "'stif'; allowed: one of compliant, stiff. Did you mean"),
         (["sweep", STEP, "modulos"], "AXIS is 'modulos'; allowed: one of distance, setpoint, frequency, modulus"),
-        (["sweep", STEP, "distance", *STIFF, "20e-9"], "START STOP is '20e-9'; allowed: both of them or none."),
-        (["sweep", STEP, "distance", *STIFF, "20nm", "0"], "START or STOP is '20nm'; allowed: a number in SI units"),
+        (["sweep", STEP, "distance", *STIFF, "20e-9"], "START STOP is '20e-9'; allowed: both of them or none, or"),
+        (
+            ["sweep", STEP, "distance", *STIFF, "20kHz", "0"],
+            "START or STOP is '20kHz'; allowed: a number in SI units, or",
+        ),
+        (
+            ["sweep", STEP, "distance", *STIFF, "2nm:1nm:1"],
+            "START:STOP:N is '2nm:1nm:1'; allowed: a number in SI units",
+        ),
+        (["sweep", STEP, "frequency", *STIFF, "--tip-offset", "5V"], "argument --tip-offset: '5V' is no number in m"),
         (["sweep", STEP, "distance", *STIFF, "1e-9", "1e-9"], "allowed: two different finite numbers"),
         (["sweep", STEP, "distance", *STIFF, "--log", "20e-9", "-1e-9"], "two numbers above 0, for --log"),
         (["sweep", STEP, "distance", *STIFF, "--setpoint", "0.5"], "--setpoint does not go with distance"),
@@ -249,7 +263,7 @@ def swept(tmp_path: Path, *arguments: str) -> xr.Dataset:
 
 def test_a_sweep_is_what_python_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "sweep.png"
-    ds = swept(tmp_path, "distance", "20e-9", "8e-9", GENTLE, "--samples", "16", "--plot", str(picture))
+    ds = swept(tmp_path, "distance", "20 nm:8 nm:12", GENTLE, "--samples", "16", "--plot", str(picture))
     setup = phasemap.scenes.scene.load_setup(STEP, [GENTLE])
     python = phasemap.sweep_distance(
         setup.materials["stiff"], setup.microscope, np.linspace(20e-9, 8e-9, 12), samples=16
@@ -297,7 +311,7 @@ def test_a_frequency_sweep_stays_where_the_tip_is_engaged(tmp_path: Path) -> Non
     setup = phasemap.scenes.scene.load_setup(STEP)
     pixel = phasemap.solve_pixel(setup.materials["stiff"], setup.microscope, 0.7)
     assert configuration["tip_offset"] == pytest.approx(pixel.tip_offset, abs=1e-12)
-    configuration = json.loads(swept(tmp_path, "frequency", "--tip-offset", "35e-9").attrs["configuration"])
+    configuration = json.loads(swept(tmp_path, "frequency", "--tip-offset", "35 nm").attrs["configuration"])
     assert configuration["tip_offset"] == 35e-9
 
 
@@ -312,7 +326,7 @@ def test_a_parameter_sweep_holds_the_setpoint_or_the_tip_offset(tmp_path: Path) 
 
 
 def test_numbers_below_zero_and_words_in_any_order_are_understood(tmp_path: Path) -> None:
-    ds = swept(tmp_path, "distance", "-1e-9", "tip.radius=20e-9", "--quiet", "5e-9")
+    ds = swept(tmp_path, "distance", "-1nm", "tip.radius=20nm", "--quiet", "5e-9")
     assert ds["tip_offset"].values[[0, -1]] == pytest.approx([-1e-9, 5e-9])
     assert json.loads(ds.attrs["configuration"])["microscope"]["tip"]["radius"] == 20e-9
 
@@ -332,10 +346,10 @@ def test_files_of_a_sweep_are_not_overwritten_unasked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(phasemap.sweeps.sweep, "sweep_distance", None)
-    for option in ("-o", "--plot"):
-        (tmp_path / "sweep.png").write_text("precious")
-        said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / "sweep.png"))
-        assert "exists already; overwrite it (--overwrite)" in said
+    for option, name in (("-o", "sweep.nc"), ("--plot", "sweep.png")):
+        (tmp_path / name).write_text("precious")
+        said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / name))
+        assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in said
 
 
 def test_plot_draws_a_sweep_its_quantities_and_its_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

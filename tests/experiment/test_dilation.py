@@ -14,6 +14,9 @@ from hypothesis import strategies as st
 import phasemap as pm
 from phasemap.experiment.dilation import TILE, dilated, tip_profile
 
+# Round numbers tell pixels apart.
+pytestmark = pytest.mark.filterwarnings("ignore::phasemap.PlausibilityWarning")
+
 RADIUS = 10e-9
 TIP = pm.Tip(RADIUS)
 HALF_ANGLE = math.radians(20.0)

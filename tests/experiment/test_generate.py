@@ -51,6 +51,7 @@ def test_every_generator_is_tested_here() -> None:
     assert sorted(CALLS) == sorted(generate.__all__)
 
 
+@pytest.mark.filterwarnings("ignore:topography:phasemap.PlausibilityWarning")  # a gradient is one of any quantity
 @pytest.mark.parametrize("name", generate.__all__)
 def test_a_generator_gives_labels_or_a_field_that_a_surface_takes(name: str) -> None:
     image = CALLS[name]()

@@ -21,7 +21,7 @@ from phasemap._kernels.scanning.line import advance, start_at
 from phasemap._kernels.scanning.periods import new_beat
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.imaging.feedback import margin, tune
-from phasemap.imaging.feedback.loop import loop_of
+from phasemap.imaging.feedback.loop import bandwidth_of, check, loop_of
 from phasemap.solvers.problem import make_work
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -449,3 +449,11 @@ def test_auto_integrates_in_time_where_a_lever_of_low_q_cannot_be_averaged() -> 
 def test_image_does_not_depend_on_threads() -> None:
     surface = line([0] * 4 + [1] * 4, rows=5)
     assert scan(surface, threads=1).equals(scan(surface, threads=2))
+
+
+def test_a_lock_in_that_is_not_chosen_fits_the_drive() -> None:
+    liquid = pm.Microscope(pm.Cantilever("0.1 N/m", "10 kHz", 2.0), pm.Tip("20 nm"), pm.Drive("50 nm"))
+    check(pm.Feedback(), liquid, 64)
+    assert bandwidth_of(pm.Feedback(), liquid) == 2e3 and bandwidth_of(pm.Feedback(), SCOPE) == 5e3
+    with pytest.raises(pm.InputError, match=r"bandwidth is 5000\.0; allowed: at most 2000 Hz, a fifth of the drive"):
+        check(pm.Feedback(bandwidth="5 kHz"), liquid, 64)

@@ -29,6 +29,7 @@ from phasemap.scenes.ensemble_file import assemble
 from phasemap.scenes.samples import Range
 from phasemap.scenes.scene import load_scene
 
+NUMBERS = ("failed", "irregular", "distinct_materials", "adhesion_force", "lever_force")  # of whole images
 SAMPLE = Path(__file__).parents[2] / "samples" / "ensemble.toml"
 SCENE = """
 [scan]
@@ -149,7 +150,7 @@ def test_a_sample_is_the_image_of_its_scene_to_the_bit(ensemble: Ensemble, whole
     single = written(tmp_path / "single", "")
     for sample, values in enumerate(ensemble.samples):
         image = load_scene(single, [f"{key}={value!r}" for key, value in values.items()]).simulate()
-        assert set(image.data_vars) == set(ds.data_vars) - {"failed", "irregular", "distinct_materials"}
+        assert set(image.data_vars) == set(ds.data_vars) - {*NUMBERS}
         assert ds["distinct_materials"][sample] == image.attrs["distinct_materials"] == 2
         for name, variable in image.data_vars.items():
             assert ds[name][sample].values.tobytes() == variable.values.tobytes(), name
@@ -460,3 +461,17 @@ def test_options_that_would_do_nothing_are_refused(
 def test_a_range_of_one_number_gives_that_number() -> None:
     rng = np.random.default_rng(1)
     assert {Range(2e9, 2e9, scale).draw(rng) for scale in ("linear", "log")} == {2e9}
+
+
+def test_an_ensemble_is_drawn_from_ranges_and_choices_with_units(tmp_path: Path) -> None:
+    ranges = "tip.radius = {{ low = {0}, high = {1} }}\ndrive.free_amplitude = [{2}, {3}]\n"
+    scene = (SAMPLE.parent / "step.toml").read_text() + "\n[ensemble]\ncount = 5\n[ensemble.vary]\n"
+    texts = ranges.format('"8 nm"', '"12 nm"', '"20 nm"', '"40 nm"'), ranges.format("8e-9", "12e-9", "20e-9", "40e-9")
+    drawn = []
+    for text in texts:
+        (tmp_path / "many.toml").write_text(scene + text)
+        drawn.append(pm.load_ensemble(tmp_path / "many.toml").samples)
+    assert drawn[0] == drawn[1]
+    (tmp_path / "many.toml").write_text(scene + 'tip.radius = { low = "8 kHz", high = "12 nm" }\n')
+    with pytest.raises(pm.InputError, match=r"tip.radius low is '8 kHz'; allowed: a length such as '40 nm'\."):
+        pm.load_ensemble(tmp_path / "many.toml")

@@ -15,6 +15,7 @@ import phasemap as pm
 from phasemap.cli import main
 from phasemap.io.netcdf import load
 from phasemap.plot import plot
+from phasemap.scenes.scene import load_setup
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -299,7 +300,7 @@ def test_the_command_maps_what_python_maps(tmp_path: Path, capsys: pytest.Captur
     line += ["--free-amplitudes", "20e-9:40e-9:2", "-o", str(output), "--plot", str(picture), "tip.radius=8e-9"]
     assert main(line) == 0
     said = capsys.readouterr().out
-    setup = pm.scene.load_setup(SAMPLES / "blend.toml", ["tip.radius=8e-9"])
+    setup = load_setup(SAMPLES / "blend.toml", ["tip.radius=8e-9"])
     python = pm.contrast(
         setup.materials["ps"], setup.materials["ldpe"], setup.microscope, [0.6, 0.7, 0.8], [20e-9, 40e-9],
         names=("ps", "ldpe"),
@@ -318,7 +319,7 @@ def test_the_command_maps_what_python_maps(tmp_path: Path, capsys: pytest.Captur
         (["--materials", "ps,pvc"], "--materials is 'pvc'; allowed: one of ps, ldpe"),
         (["--setpoints", "0.3:0.9"], "--setpoints is '0.3:0.9'; allowed: START:STOP:N"),
         (["--free-amplitudes", "1e-8:2e-8:1"], "allowed: START:STOP:N with N of at least 2"),
-        (["--frequencies", "nan"], "frequencies is nan"),
+        (["--frequencies", "nan"], "--frequencies is 'nan'"),
         (["--plot", "map.xyz"], "the picture's suffix"),
     ],
 )

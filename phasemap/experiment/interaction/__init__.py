@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from phasemap._kernels.columns import BIAS, RELEASE
-from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.damping import PowerLawDamping
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare
@@ -34,9 +34,9 @@ class Interaction:
     Parameters
     ----------
     contact : str or ContactLaw
-        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length) or "spring" (linear);
-        or a law object: `LinearSpring`, `MaugisDugdale` and `Neck` take parameters, and one's own law is a class
-        derived from `ContactLaw`.
+        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length) or "spring" (linear),
+        in capitals or not; or a law object: `LinearSpring`, `MaugisDugdale` and `Neck` take parameters, and one's own
+        law is a class derived from `ContactLaw`.
     decay_length : float, optional
         d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no such force.
     damping_exponent : float
@@ -59,23 +59,19 @@ class Interaction:
     """
 
     contact: str | ContactLaw = "dmt"
-    decay_length: float | None = 0.3e-9
-    damping_exponent: float = 0.5
-    bias: float = 0.0
+    decay_length: Number[float | None] = Number("m", 0.3e-9, optional=True, above=0, usual=(0.02e-9, 5e-9))
+    damping_exponent: Number[float] = Number("1", 0.5, minimum=0, maximum=100)
+    bias: Number[float] = Number("V", 0.0, minimum=-1e100, maximum=1e100, usual=(1e-6, 100.0))  # it can be squared
 
     def __post_init__(self) -> None:
+        if isinstance(self.contact, str):
+            object.__setattr__(self, "contact", self.contact.lower())
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
         if not known:
             hint = "Derive its class from phasemap.ContactLaw." if hasattr(self.contact, "force") else ""
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)
-        if self.decay_length is not None:
-            number("decay_length", self.decay_length, "m", above=0)
-        number("damping_exponent", self.damping_exponent, "1", minimum=0)
-        number("damping_exponent", self.damping_exponent, "1", maximum=100)
-        number("bias", self.bias, "V")
-        number("bias", self.bias, "V", minimum=-1e100, maximum=1e100)  # which can be squared
         self.law.beside(self.decay_length)
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from phasemap._kernels.forces import hertzian, hertzian_slope
-from phasemap._shared.checks import number
+from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.jkr import JKR
 from phasemap.experiment.interaction.maugis import MaugisDugdale
@@ -55,12 +55,8 @@ class LinearSpring(ContactLaw):
         R_c [m], > 0; the tip's radius by default.
     """
 
-    contact_radius: float | None = None
+    contact_radius: Number[float | None] = Number("m", None, above=0, usual=(1e-12, 10e-6))
     name: ClassVar[str] = "spring"
-
-    def __post_init__(self) -> None:
-        if self.contact_radius is not None:
-            number("contact_radius", self.contact_radius, "m", above=0)
 
     @staticmethod
     def force(d: float, p: Array) -> float:
@@ -91,11 +87,8 @@ class Neck(ContactLaw):
         Elongation at which the neck breaks [m], > 0.
     """
 
-    length: float
+    length: Number[float] = Number("m", said="neck length", above=0, usual=(1e-12, 1e-6))
     name: ClassVar[str] = "neck"
-
-    def __post_init__(self) -> None:
-        number("neck length", self.length, "m", above=0)
 
     @staticmethod
     def force(d: float, p: Array) -> float:

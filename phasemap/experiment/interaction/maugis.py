@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
 
 if TYPE_CHECKING:
@@ -94,13 +94,9 @@ class MaugisDugdale(ContactLaw):
         h0 [m], > 0; by default the decay length of the long-range force.
     """
 
-    range: float | None = None
+    range: Number[float | None] = Number("m", None, said="maugis range", above=0, usual=(0.02e-9, 5e-9))
     name: ClassVar[str] = "maugis"
     may_do_without_neck: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        if self.range is not None:
-            number("maugis range", self.range, "m", above=0)
 
     @staticmethod
     def force(d: float, p: Array) -> float:

@@ -137,7 +137,7 @@ def _one(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
 def _placeholder(surface: Surface) -> Surface:
     """One pixel of the same kind."""
     loss = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
-    return Surface(1.0, **loss, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
+    return Surface(1e9, **loss, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
 
 
 def _planned(job: Job, tiny: Any, maps: Maps) -> Any:

@@ -17,6 +17,7 @@ Array = np.ndarray
 BOLTZMANN = 1.380649e-23  # J/K, exact
 FEWEST_PERIODS = 5.0  # over a pixel: fewer say nothing about it
 SLOWEST = 10.0  # bandwidth over line rate: a slower lock-in sees lines, not pixels
+USUAL = 5e3  # Hz
 WIDEST = 0.2  # of the drive frequency: a lock-in as wide passes the oscillation itself
 
 
@@ -28,6 +29,11 @@ def drive_frequency(scope: Microscope) -> float:
 def tau_per_second(scope: Microscope) -> float:
     """How much of the kernels' time, omega_c t, passes in a second."""
     return 2 * math.pi * scope.cantilever.resonance_frequency
+
+
+def bandwidth_of(control: Feedback, scope: Microscope) -> float:
+    """Bandwidth of the lock-in [Hz]."""
+    return min(USUAL, WIDEST * drive_frequency(scope)) if control.bandwidth is None else control.bandwidth
 
 
 def check(control: Feedback, scope: Microscope, pixels: int) -> None:
@@ -45,9 +51,10 @@ def check(control: Feedback, scope: Microscope, pixels: int) -> None:
             "line_rate", control.line_rate, f"at most {most:.3g} Hz for {pixels} pixels a line at {frequency:.4g} Hz",
             f"Each pixel needs {FEWEST_PERIODS:g} periods of the drive.",
         )  # fmt: skip
-    if control.bandwidth < SLOWEST * control.line_rate:
+    bandwidth = bandwidth_of(control, scope)
+    if bandwidth < SLOWEST * control.line_rate:
         least = f"at least {SLOWEST * control.line_rate:g} Hz, ten times the line rate"
-        raise InputError("bandwidth", control.bandwidth, least)
+        raise InputError("bandwidth", bandwidth, least)
     for name in ("bandwidth", "scanner_resonance"):
         value = getattr(control, name)
         if value is not None and value > WIDEST * frequency:
@@ -92,7 +99,7 @@ def loop_of(
     loop[of.KP], loop[of.KI] = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
     loop[of.KD] = control.derivative_gain * tau
     # Of n equal filters in a row each is wider than all together.
-    loop[of.RATE] = 2 * math.pi * control.bandwidth / math.sqrt(2 ** (1 / control.order) - 1) / tau
+    loop[of.RATE] = 2 * math.pi * bandwidth_of(control, scope) / math.sqrt(2 ** (1 / control.order) - 1) / tau
     loop[of.ORDER] = control.order
     if control.scanner_resonance is not None:
         w = 2 * math.pi * control.scanner_resonance / tau

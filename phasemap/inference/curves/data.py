@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import array_in_si
 from phasemap.sweeps.sweep import check_axis
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
@@ -96,7 +97,7 @@ def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[st
 
 def _finite(name: str, values: Any, unit: str) -> np.ndarray:
     try:
-        found = np.asarray(values, dtype=np.float64)
+        found = np.asarray(array_in_si(values, unit), dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(name, values, f"numbers [{unit}]") from None
     bad = found[~np.isfinite(found)]

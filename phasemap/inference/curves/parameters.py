@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.path import UNITS, Question
@@ -54,7 +55,8 @@ class Setup:
         if name in OFFSETS.values():
             return replace(self, height=value)
         if name == "resonance_frequency":
-            lever = replace(self.scope.cantilever, resonance_frequency=value)
+            with unquestioned():
+                lever = replace(self.scope.cantilever, resonance_frequency=value)
             return replace(self, scope=replace(self.scope, cantilever=lever))
         changed = Question(self.material, self.scope).at(name, value)
         return replace(self, material=changed.material, scope=changed.scope)

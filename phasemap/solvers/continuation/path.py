@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import number_of
+from phasemap._shared.plausible import unquestioned
+from phasemap._shared.units import UDUNITS
 from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import PARTS as CLASSES
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import Work, work_of_material
 
@@ -22,11 +26,10 @@ PARTS = {
     "stiffness": "cantilever", "quality_factor": "cantilever", "radius": "tip", "free_amplitude": "drive",
     "frequency": "drive", "decay_length": "interaction", "bias": "interaction",
 }  # fmt: skip
-UNITS = {
-    "modulus": "Pa", "adhesion": "J m-2", "damping": "1", "viscosity": "Pa s", "poisson_ratio": "1",
-    "stiffness": "N m-1", "quality_factor": "1", "radius": "m", "free_amplitude": "m", "frequency": "Hz",
-    "decay_length": "m", "bias": "V",
-}  # fmt: skip
+NUMBERS = {name: number_of(Material, name) for name in MATERIAL} | {
+    name: number_of(CLASSES[part], name) for name, part in PARTS.items()
+}
+UNITS = {name: UDUNITS.get(number.unit, number.unit) for name, number in NUMBERS.items()}
 ORDERS = (9, 17, 33, 65)  # of the series tried, one after the other
 PRECISION = 3e-13  # of the last coefficients, over the largest value
 WIDE = 8.0  # a sweep over a larger ratio is followed on a logarithmic scale
@@ -59,11 +62,13 @@ class Question:
             changes: dict[str, Any] = {name: value}
             if other is not None:
                 changes[other] = 0.0 if other == "damping" else None
-            return Question(replace(self.material, **changes), self.scope)
+            with unquestioned():
+                return Question(replace(self.material, **changes), self.scope)
         if name not in PARTS:
             raise InputError("parameter", name, "one of " + ", ".join((*MATERIAL, *PARTS)))
         part = PARTS[name]
-        changed = replace(getattr(self.scope, part), **{name: value})
+        with unquestioned():
+            changed = replace(getattr(self.scope, part), **{name: value})
         return Question(self.material, replace(self.scope, **{part: changed}))
 
     def work(self, amplitude: float = 1e-9) -> Work:

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._shared.checks import number
+from phasemap._shared.checks import number, numbers
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import unquestioned
 from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import check_variables, describe, provenance
+from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
 from phasemap.sweeps.contrasts.channels import derived
@@ -32,12 +34,14 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+SETPOINTS = "0.3:0.95:40"
+
 
 def contrast(
     first: Material,
     second: Material,
     scope: Microscope,
-    setpoints: Any,
+    setpoints: Any = SETPOINTS,
     free_amplitudes: Any = None,
     frequencies: Any = None,
     solver: str = "auto",
@@ -56,7 +60,8 @@ def contrast(
         The contrast is the phase on the second less that on the first.
     scope : Microscope
     setpoints : array_like
-        Amplitudes over the free amplitude at the drive frequency, between 0 and 1, rising or falling.
+        Amplitudes over the free amplitude at the drive frequency, between 0 and 1, rising or falling; 40 from 0.3 to
+        0.95 by default.
     free_amplitudes : float or array_like, optional
         At resonance [m]; that of `scope` by default. An array becomes a dimension.
     frequencies : float or array_like, optional
@@ -135,9 +140,11 @@ def contrast(
         raise InputError("accuracy", accuracy, "an Accuracy")
     labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
     drive = scope.drive
+    frequencies = numbers("frequencies", frequencies, "Hz")
+    free_amplitudes = numbers("free_amplitudes", free_amplitudes, "m")
     axes = (
-        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "Hz"),
-        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "m"),
+        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "frequency"),
+        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "free_amplitude"),
         check_axis("setpoints", setpoints, "1"),
     )
     for setpoint in axes[2]:
@@ -164,11 +171,12 @@ def contrast(
     falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
     given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
     found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
-    held = replace(
-        drive,
-        free_amplitude=float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
-        frequency=drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
-    )
+    with unquestioned():
+        held = replace(
+            drive,
+            free_amplitude=float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
+            frequency=drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
+        )
     configuration = {
         "microscope": describe(replace(scope, drive=held)), "first": describe(first), "second": describe(second),
         "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
@@ -180,11 +188,15 @@ def contrast(
     return found
 
 
-def _axis(name: str, values: Any, default: float, unit: str) -> Array:
+def _axis(name: str, values: Any, default: float, parameter: str) -> Array:
     """The values of an axis of the map, one where a number or nothing was given."""
-    if np.ndim(values) == 0:
-        return np.array([number(name, default if values is None else values, unit, above=0)])
-    return check_axis(name, values, unit, above=0)
+    field = NUMBERS[parameter]
+    if np.ndim(values):
+        return check_axis(name, values, field.unit, above=0, usual=field.usual)
+    one = number(name, default if values is None else values, field.unit, above=0)
+    if values is not None:
+        field.look_at(one)
+    return np.array([one])
 
 
 def _check_names(names: object) -> tuple[str, str]:

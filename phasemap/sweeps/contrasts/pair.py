@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
@@ -75,7 +76,9 @@ class Pair:
 
     def at(self, frequency: float, free_amplitude: float) -> Microscope:
         """The microscope driven at a frequency [Hz] with a free amplitude at resonance [m]."""
-        return replace(self.scope, drive=replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency))
+        with unquestioned():  # the axes were looked at
+            drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
+            return replace(self.scope, drive=drive)
 
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
         """Both materials at each setpoint: n rows of the first, then n of the second.

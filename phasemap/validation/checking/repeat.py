@@ -47,8 +47,8 @@ def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | No
         Flat.
     threads : int, optional
     """
-    names = [str(name) for name in picture.image.data_vars]
     again = _made_again(picture, surface, pixels, threads)
+    names = [str(name) for name in picture.image.data_vars if name in again]  # not integrals over orbits, where asked
     largest = _largest(picture, pixels, again)
     wrong, at = np.zeros(picture.shape, bool), np.zeros(picture.shape, bool)
     at.reshape(-1)[pixels], differ = True, []

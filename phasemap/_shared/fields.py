@@ -1,0 +1,143 @@
+"""Numbers as fields of value objects: what they measure, what is allowed and what is usual, said beside each field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from difflib import get_close_matches
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+from phasemap._shared.checks import number
+from phasemap._shared.plausible import Usual, question
+
+if TYPE_CHECKING:
+    from phasemap._shared.quantities import Scalar
+
+__all__ = ["Number", "known_as", "number_of"]
+
+C = TypeVar("C")
+T = TypeVar("T", bound=float | None)
+_REQUIRED: Any = object()
+
+
+class Number(Generic[T]):
+    """A field of a dataclass that takes a number in SI units, text with a unit or a quantity, and keeps a float.
+
+    Parameters
+    ----------
+    unit : str
+        As in `phasemap._shared.quantities.KINDS`.
+    default : float, optional
+        A field without one has to be given; None is allowed where it is the default, or with `optional`.
+    said : str, optional
+        What it is called where its own name says too little.
+    optional : bool
+        Whether None is allowed.
+    usual : (float, float), optional
+        The least and the most that anybody works with, zero aside [unit].
+    asks : bool
+        Whether the field warns of a value outside; False where its owner does, which knows what else decides.
+    **bounds : float
+        minimum, above, maximum, below: what is allowed, as for `phasemap._shared.checks.number`.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Ball:
+    ...     radius: Number[float] = Number("m", above=0)
+    >>> Ball("40 nm") == Ball(radius=40e-9)
+    True
+    >>> Ball("40 kHz")
+    Traceback (most recent call last):
+    ...
+    phasemap.InputError: radius is '40 kHz'; allowed: a finite number above 0 m, or a length such as '40 nm'.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        default: float | None = _REQUIRED,
+        *,
+        said: str | None = None,
+        optional: bool = False,
+        usual: Usual | None = None,
+        asks: bool = True,
+        **bounds: float,
+    ) -> None:
+        self.unit, self.usual, self._asks = unit, usual, asks
+        self._optional, self._said, self._bounds = optional or default is None, said, bounds
+        self._default: Any = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name, self._said = name, self._said or name
+
+    def __get__(self, instance: object, owner: type | None = None) -> T:
+        if instance is not None:
+            return cast(T, instance.__dict__[self._name])
+        if self._default is _REQUIRED:
+            raise AttributeError(self._name)  # by which a dataclass knows that there is no default
+        return cast(T, self._default)
+
+    def __set__(self, instance: object, value: T | Scalar) -> None:
+        instance.__dict__[self._name] = None if value is None and self._optional else self._checked(value)
+
+    def look_at(self, value: float) -> None:
+        """Warn of a value outside all practice."""
+        if self.usual is not None:
+            question(str(self._said), value, self.unit, self.usual)
+
+    def _checked(self, value: object) -> float:
+        found = number(str(self._said), value, self.unit, **self._bounds)
+        if self._asks:
+            self.look_at(found)
+        return found
+
+
+def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
+    """Let a dataclass say which argument was meant where one is given that it does not have.
+
+    Parameters
+    ----------
+    **symbols : str
+        Arguments, by the symbols that formulas have for them.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @known_as(R="radius")
+    ... @dataclass(frozen=True)
+    ... class Ball:
+    ...     radius: Number[float] = Number("m", above=0)
+    >>> Ball(R=40e-9)
+    Traceback (most recent call last):
+    ...
+    TypeError: Ball has no argument 'R'; its arguments are radius. Did you mean 'radius'?
+    """
+
+    def helpful(cls: type[C]) -> type[C]:
+        make, names = cls.__init__, [field.name for field in fields(cls)]  # type: ignore[arg-type]
+
+        @wraps(make)
+        def init(self: C, *given: Any, **named: Any) -> None:
+            for name in named:
+                if name not in names:
+                    near = symbols.get(name) or next(iter(get_close_matches(name, names, 1, 0.5)), None)
+                    meant = f" Did you mean {near!r}?" if near else ""
+                    raise TypeError(
+                        f"{cls.__name__} has no argument {name!r}; its arguments are {', '.join(names)}.{meant}"
+                    )
+            make(self, *given, **named)
+
+        cls.__init__ = cast(Any, init)  # type: ignore[method-assign]
+        return cls
+
+    return helpful
+
+
+def number_of(cls: type, name: str) -> Number[Any]:
+    """What a class says of one of its fields that are numbers."""
+    found = vars(cls)[name]
+    assert isinstance(found, Number)
+    return found

@@ -1,0 +1,143 @@
+"""Numbers outside all practice: a word, once, to the person who gave them.
+
+A lever of 300,000 N/m is no error of the model, so a number that nobody has measured warns by name, with what is usual
+and the unit that was probably meant. With `strict_units` it is an error.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from phasemap._shared.errors import InputError, Word
+from phasemap._shared.units import PREFIXES, UDUNITS, WRITTEN, say
+
+__all__ = ["PlausibilityWarning", "once", "question", "strict_units", "unquestioned"]
+
+Usual = tuple[float, float]
+
+LIKELY = {
+    "m": (1e-9, 1e-6, 1e-12), "Pa": (1e9, 1e6, 1e3), "Hz": (1e3, 1e6), "J m-2": (1e-3,), "Pa s": (1e-3,),
+    "V": (1e-3,), "s": (1e-6, 1e-3), "m/sqrt(Hz)": (1e-15, 1e-12),
+}  # fmt: skip
+"""The prefixes that a unit usually has, the most usual first."""
+TYPED = (1e-2, 1e6)  # the numbers that people type where they think of a unit with a prefix
+ROUNDING = 1e-9
+
+_MANNER: ContextVar[str] = ContextVar("phasemap_plausibility", default="warn")
+
+_TOLD: ContextVar[set[str] | None] = ContextVar("phasemap_plausibility_told", default=None)
+
+
+class PlausibilityWarning(UserWarning):
+    """A number that is outside all practice of the field, which is mostly a unit that was forgotten.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import phasemap as pm
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     drive = pm.Drive(40)
+    >>> print(caught[0].message)
+    free_amplitude = 40 m; usual 50 pm … 1 µm; did you mean 40 nm?
+    """
+
+    __module__ = "phasemap"
+
+
+@contextmanager
+def strict_units() -> Iterator[None]:
+    """Make numbers outside all practice an error instead of a warning.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> with pm.strict_units():
+    ...     pm.Drive(40)
+    Traceback (most recent call last):
+    ...
+    phasemap.InputError: free_amplitude is 40 m; allowed: the usual 50 pm … 1 µm. Did you mean 40 nm?
+    """
+    with _in_manner("raise"):
+        yield
+
+
+@contextmanager
+def once() -> Iterator[None]:
+    """Say a name only once, whatever numbers it has: in a command, or in an ensemble with many of them."""
+    token = _TOLD.set(set())
+    try:
+        yield
+    finally:
+        _TOLD.reset(token)
+
+
+@contextmanager
+def unquestioned() -> Iterator[None]:
+    """Take any number without a word: it is ours, or it was looked at already."""
+    with _in_manner("pass"):
+        yield
+
+
+def question(name: str, value: float, unit: str, usual: Usual) -> None:
+    """Warn of a number outside all practice; zero is what switches something off.
+
+    Parameters
+    ----------
+    name : str
+        In the words of the person who gave it.
+    value : float
+        [unit]; of a number that may be negative, its size.
+    unit : str
+        As in `phasemap._shared.quantities.KINDS`.
+    usual : (float, float)
+        The least and the most that anybody works with [unit].
+
+    Raises
+    ------
+    InputError
+        Within `strict_units`, in place of a warning.
+    """
+    low, high = usual
+    size, manner = abs(value), _MANNER.get()
+    if manner == "pass" or size == 0 or size != size or low * (1 - ROUNDING) <= size <= high * (1 + ROUNDING):
+        return
+    told = _TOLD.get()
+    if manner == "warn" and told is not None:
+        if name in told:
+            return
+        told.add(name)
+    units = UDUNITS.get(unit, unit)
+    text = WRITTEN.get(units, units)
+    given, range_ = (
+        f"{value:g} {text}".rstrip(),
+        f"usual {f'{say(low, units)} … ' if low else 'up to '}{say(high, units)}",
+    )
+    likely = LIKELY.get(units, ()) if TYPED[0] <= size < TYPED[1] else ()
+    meant = next((one for one in likely if low <= size * one <= high), None)
+    cure = f"id you mean {value:g} {PREFIXES[meant]}{text}?" if meant else ""
+    if manner == "raise":
+        raise InputError(name, Word(given), f"the {range_}", "D" + cure if cure else "")
+    message = f"{name} = {given}; {range_}" + (f"; d{cure}" if cure else ".")
+    warnings.warn(message, PlausibilityWarning, stacklevel=_outside())
+
+
+@contextmanager
+def _in_manner(manner: str) -> Iterator[None]:
+    token = _MANNER.set(manner)
+    try:
+        yield
+    finally:
+        _MANNER.reset(token)
+
+
+def _outside() -> int:
+    """How far up the line of code is that is not ours, as `warnings.warn` counts for who calls this."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and (frame.f_globals.get("__name__") or "").partition(".")[0] == "phasemap":
+        level, frame = level + 1, frame.f_back
+    return level

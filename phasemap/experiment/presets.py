@@ -1,0 +1,154 @@
+"""Presets: usual materials and levers, every number with its range and its source, from ``presets.toml``."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any
+
+from phasemap._shared.checks import check_choice
+
+__all__ = ["Preset", "Quoted", "levers", "materials", "preset_of"]
+
+ESTIMATE = "estimate"
+
+
+@dataclass(frozen=True)
+class Quoted:
+    """A number as it is quoted.
+
+    Parameters
+    ----------
+    value : float
+        In the SI unit of its field.
+    low, high : float
+        The range in which it is found.
+    source : str
+        Where it comes from.
+
+    Examples
+    --------
+    >>> materials()["PS"].numbers["adhesion"].is_estimate
+    True
+    """
+
+    value: float
+    low: float
+    high: float
+    source: str
+
+    @property
+    def is_estimate(self) -> bool:
+        """Whether nobody measured it as such."""
+        return self.source.startswith(ESTIMATE)
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A material or a lever.
+
+    Parameters
+    ----------
+    name : str
+    title : str
+        In words.
+    numbers : mapping of str to Quoted
+        By the arguments of `phasemap.Material` or `phasemap.Cantilever`.
+
+    Examples
+    --------
+    >>> materials()["PS"].title, materials()["PS"].values["modulus"]
+    ('polystyrene', 2800000000.0)
+    """
+
+    name: str
+    title: str
+    numbers: Mapping[str, Quoted]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The arguments alone."""
+        return {name: quoted.value for name, quoted in self.numbers.items()}
+
+
+def materials() -> Mapping[str, Preset]:
+    """Every preset of a material by its name.
+
+    Examples
+    --------
+    >>> len(materials()) >= 25, "gold" in materials()
+    (True, True)
+    """
+    return _read()["materials"]
+
+
+def levers() -> Mapping[str, Preset]:
+    """Every preset of a lever by its name.
+
+    Examples
+    --------
+    >>> levers()["PPP-NCHR"].numbers["stiffness"].high
+    130.0
+    """
+    return _read()["levers"]
+
+
+def preset_of(kind: str, name: object) -> Preset:
+    """The preset with a name, in whatever case, or with a title.
+
+    Parameters
+    ----------
+    kind : {"materials", "levers"}
+    name : str
+
+    Raises
+    ------
+    InputError
+        If there is none.
+
+    Examples
+    --------
+    >>> preset_of("materials", "polystyrene").name, preset_of("materials", "pmma").name
+    ('PS', 'PMMA')
+    """
+    every = _read()[kind]
+    known = {key.lower(): one for one in every.values() for key in (one.title, one.name)}
+    if isinstance(name, str) and name.lower() in known:
+        return known[name.lower()]
+    check_choice("preset", name, every)
+    return every[str(name)]
+
+
+def combined(numbers: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of a preset, with some of them changed; a viscosity takes the place of a damping.
+
+    Examples
+    --------
+    >>> combined({"modulus": 3e9, "damping": 0.01}, {"viscosity": 20.0})
+    {'modulus': 3000000000.0, 'viscosity': 20.0}
+    """
+    viscous = changes.get("viscosity") is not None and "damping" not in changes
+    return {**{name: value for name, value in numbers.items() if not (viscous and name == "damping")}, **changes}
+
+
+@cache
+def _read() -> dict[str, Mapping[str, Preset]]:
+    """The file, once."""
+    tables = tomllib.loads(files("phasemap.experiment").joinpath("presets.toml").read_text(encoding="utf-8"))
+    sources = tables["sources"]
+    return {
+        kind: MappingProxyType({name: _preset(name, table, sources) for name, table in tables[kind].items()})
+        for kind in ("materials", "levers")
+    }
+
+
+def _preset(name: str, table: dict[str, Any], sources: dict[str, str]) -> Preset:
+    numbers = {
+        key: Quoted(one["value"], one["range"][0], one["range"][1], sources[one["source"]])
+        for key, one in table.items() if key != "title"
+    }  # fmt: skip
+    return Preset(name, table["title"], MappingProxyType(numbers))

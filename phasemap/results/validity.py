@@ -1,0 +1,99 @@
+"""Results outside what the model describes: counted, with what cures them.
+
+The model is a rigid sphere on a half-space and the first eigenmode of the lever. It solves what lies outside too, and
+such an image looks like any other.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._shared.units import say
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import xarray as xr
+
+__all__ = ["FORCES", "describe_validity"]
+
+FORCES = ("adhesion_force", "lever_force")
+"""Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""
+LOW_Q = 20.0  # below this, first-order averaging is off by degrees
+FREE = 1.2  # times the adhesion: force at which a lever comes free; 1.1 did wherever it was tried
+AVERAGING = 0  # among the flags of `solver`
+
+
+def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
+    """Say how many results are outside the validity of the model, and what cures them.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image, a sweep or a map of contrast, with its configuration.
+    what : str
+        What there are many of.
+
+    Returns
+    -------
+    list of str
+        One line for each way to be outside; empty if nothing is, or if the dataset does not say.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> scope = {"cantilever": {"stiffness": 40.0, "quality_factor": 400.0}, "tip": {"radius": 1e-8}}
+    >>> attrs = {"configuration": json.dumps({"microscope": scope})}
+    >>> ds = xr.Dataset({"indentation": ("x", [2e-9, 13e-9])}, attrs=attrs)
+    >>> describe_validity(ds)[0][:88]
+    '1 of 2 pixels (50 %): the tip sinks in deeper than its radius (13 nm into it, 10 nm), wh'
+    """
+    configuration = json.loads(ds.attrs.get("configuration", "{}"))
+    if "microscope" not in configuration:
+        return []
+    return list(_lines(ds, configuration, what))
+
+
+def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+    lever, tip = configuration["microscope"]["cantilever"], configuration["microscope"]["tip"]
+    if "indentation" in ds:
+        depths = ds["indentation"].values
+        deep = depths > tip["radius"]
+        if deep.any():
+            most = f"{say(float(np.nanmax(depths)), 'm', 3)} into it, {say(tip['radius'], 'm', 3)}"
+            yield (
+                f"{_of(deep, what)}: the tip sinks in deeper than its radius ({most}), where it is no sphere any more. "
+                "Raise the setpoint, lower the free amplitude, or give a larger radius."
+            )
+    if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):
+        inside = ds["tip_offset"].values < ds["mean_deflection"].values
+        if inside.any():
+            yield (
+                f"{_of(inside, what)}: the tip is in contact for more than half of each period, where a lever bends "
+                "otherwise than when it is free. Raise the setpoint or the free amplitude, or take a stiffer lever."
+            )
+    failed = ds["status"].values != 0 if "status" in ds else np.zeros(1, bool)
+    holds, pulls = (ds.attrs.get(name, 0.0) for name in FORCES)
+    if failed.any() and holds > pulls:
+        yield (
+            f"{_of(failed, what)} failed, and the tip may stick: adhesion holds it with up to "
+            f"{say(holds, 'N', 3)}, the lever pulls with {say(pulls, 'N', 3)} at its free amplitude. Take a free "
+            f"amplitude above {say(FREE * holds / lever['stiffness'], 'm', 2)}, a stiffer lever, or the smaller "
+            "adhesion that there is in liquid."
+        )
+    if configuration.get("solver") == "averaging" and lever["quality_factor"] < LOW_Q and "solver" in ds:
+        averaged = ds["solver"].values == AVERAGING
+        if averaged.any():
+            yield (
+                f"{_of(averaged, what)}: first-order averaging is off by degrees at Q = {lever['quality_factor']:g}. "
+                "Take the solver 'auto' or 'orbit'."
+            )
+
+
+def _of(which: np.ndarray, what: str) -> str:
+    """How many of how many."""
+    count = int(np.count_nonzero(which))
+    return f"{count} of {which.size} {what} ({100 * count / which.size:.3g} %)"

@@ -1,0 +1,72 @@
+"""The force between tip and surface against depth, as the laws of interaction have it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._kernels.columns import RELEASE
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
+from phasemap.results.variables import describe, provenance
+from phasemap.solvers.problem import work_of_material
+from phasemap.sweeps.sweep import check_axis
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DEPTHS = "-5 nm:2 nm:281"
+USUAL = (0.0, 1e-5)  # m, of depths and distances that anybody looks at
+
+
+def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> xr.Dataset:
+    """The conservative force of a material on the tip, approaching and retracting.
+
+    Parameters
+    ----------
+    material : Material
+    scope : Microscope
+        Its tip and its interaction.
+    depths : array_like or str, optional
+        How deep the tip is in the surface [m], negative outside, rising or falling.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims ("direction", "depth"), approach and retract: force [N], positive repulsive. The two differ where a law of
+        contact draws out a neck. Damping, which needs a velocity, is not in it.
+
+    Raises
+    ------
+    InputError
+        If the depths are no axis, or the laws of interaction cannot have the material.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip("10 nm"), pm.Drive("20 nm"))
+    >>> curve = pm.force_curve(pm.Material("3 GPa", adhesion="50 mJ/m^2"), scope, ["-0.3 nm", "0 nm", "1 nm"])
+    >>> (1e9 * curve.force.sel(direction="approach")).round(2).values.tolist()
+    [-0.79, -3.14, 11.27]
+    """
+    import xarray as xr
+
+    from phasemap._kernels.law import contact_force, longrange_force
+
+    axis = check_axis("depths", depths, "m", usual=USUAL)
+    work = work_of_material(material, scope, scope.free_amplitude)
+    row = work.rows[0]
+    forces = [
+        [(contact_force if depth >= ends else longrange_force)(work.law, depth, row) for depth in axis.tolist()]
+        for ends in (0.0, row[RELEASE])
+    ]
+    about = {"long_name": "force of the surface on the tip, positive repulsive", "units": "N"}
+    return xr.Dataset(
+        {"force": (("direction", "depth"), np.array(forces), about)},
+        {
+            "direction": ["approach", "retract"],
+            "depth": ("depth", axis, {"long_name": "depth of the tip in the surface", "units": "m"}),
+        },
+        provenance({"microscope": describe(scope), "material": describe(material)}, "force calculated"),
+    )

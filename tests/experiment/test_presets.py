@@ -1,0 +1,101 @@
+"""Presets of materials and levers: what they are made of, and that a scene takes them."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import phasemap as pm
+from phasemap._shared.fields import number_of
+from phasemap.cli import main
+from phasemap.experiment.presets import levers, materials
+
+FILE: dict[str, Any] = tomllib.loads((files("phasemap.experiment") / "presets.toml").read_text(encoding="utf-8"))
+SCENE = Path(__file__).parents[2] / "samples/step.toml"
+REFERENCE_RADIUS, REFERENCE_STIFFNESS, TIP_TENSION = 10e-9, 40.0, 0.040
+
+
+def test_there_are_many_and_each_makes_an_object_of_usual_numbers() -> None:
+    with pm.strict_units():
+        assert len({pm.Material.preset(name) for name in materials()}) == len(materials()) >= 25
+        assert len([pm.Cantilever.preset(name) for name in levers()]) >= 15
+    for wanted in ("PS", "PMMA", "LDPE", "PDMS", "PP", "PET", "epoxy", "mica", "Si", "graphite", "gold", "DNA"):
+        assert wanted in materials()
+
+
+@pytest.mark.parametrize(("every", "cls"), [(materials, pm.Material), (levers, pm.Cantilever)])
+def test_every_number_lies_in_its_range_and_has_a_source(every: Any, cls: Any) -> None:
+    for preset in every().values():
+        for name, quoted in preset.numbers.items():
+            assert quoted.low <= quoted.value <= quoted.high, (preset.name, name)
+            assert quoted.source and number_of(cls, name)
+
+
+def test_adhesion_and_damping_and_quality_factors_are_marked_as_estimates() -> None:
+    assert all(one.numbers[name].is_estimate for one in materials().values() for name in ("adhesion", "damping"))
+    assert all(one.numbers["quality_factor"].is_estimate for one in levers().values())
+    measured = [one for one in materials().values() if not one.numbers["modulus"].is_estimate]
+    assert len(measured) > 0.9 * len(materials())
+
+
+# Two digits are given.
+def test_estimates_follow_the_rules_that_their_sources_state() -> None:
+    for name, table in FILE["materials"].items():
+        adhesion, damping = table["adhesion"], table["damping"]
+        if adhesion["source"] == "wetting":
+            rule = 2 * math.sqrt(TIP_TENSION * adhesion["surface_tension"])
+            assert adhesion["value"] == pytest.approx(rule, rel=0.05), name
+        if damping["source"] == "loss":
+            loss = table["modulus"]["value"] * damping["loss_tangent"]
+            rule = loss * REFERENCE_RADIUS / (2 * REFERENCE_STIFFNESS)
+            assert damping["value"] == pytest.approx(rule, rel=0.05), name
+    used = {one["source"] for kind in ("materials", "levers") for table in FILE[kind].values()
+            for one in table.values() if isinstance(one, dict)}  # fmt: skip
+    assert used == set(FILE["sources"])
+
+
+def test_names_are_found_in_any_case_and_in_words_and_changes_are_taken() -> None:
+    plain = pm.Material.preset("PS")
+    assert plain == pm.Material.preset("ps") == pm.Material.preset("polystyrene")
+    assert pm.Material.preset("PS", modulus="2 GPa").modulus == 2e9
+    viscous = pm.Material.preset("PS", viscosity="20 Pa s")
+    assert (viscous.viscosity, viscous.damping) == (20.0, 0.0)
+    with pytest.raises(pm.InputError, match=r"preset is 'PSS'; allowed: one of PS, .*Did you mean 'PS'\?"):
+        pm.Material.preset("PSS")
+    with pytest.raises(pm.InputError, match="stiffness is '3 nm'"):
+        pm.Cantilever.preset("PPP-FMR", stiffness="3 nm")
+
+
+def test_a_scene_takes_presets_and_numbers_beside_them(tmp_path: Path) -> None:
+    numbers = ("modulus", "adhesion", "damping", "poisson_ratio", "stiffness", "resonance", "quality")
+    lines = SCENE.read_text().splitlines(keepends=True)
+    path = tmp_path / "scene.toml"
+    path.write_text("".join(line for line in lines if not line.startswith(numbers)))
+    presets = ["materials.stiff.preset=PMMA", "materials.compliant.preset=ldpe", "cantilever.preset=PPP-NCHR"]
+    changes = ["materials.stiff.adhesion=50 mJ/m2", "cantilever.quality_factor=500"]
+    scene = pm.load_scene(path, presets + changes)
+    assert scene.microscope.cantilever == pm.Cantilever.preset("PPP-NCHR", quality_factor=500.0)
+    made = {tuple(row) for row in scene.surface.unique()[0].tolist()}
+    wanted = pm.Material.preset("LDPE"), pm.Material.preset("PMMA", adhesion=0.05)
+    assert made == {(one.modulus, one.adhesion, one.damping, one.poisson_ratio) for one in wanted}
+    with pytest.raises(pm.InputError, match=r"\[materials.stiff\] preset is 'LDP'; .*Did you mean 'LDPE'\?"):
+        pm.load_scene(path, [*presets, "materials.stiff.preset=LDP"])
+    with pytest.raises(pm.InputError, match=r"\[tip\] preset is unknown"):
+        pm.load_scene(path, [*presets, "tip.preset=sharp"])
+
+
+def test_the_command_lists_them_and_shows_the_sources_of_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["presets"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"\n{name} " in said for name in (*materials(), *levers()))
+    assert "~0.074 J/m²" in said and "~ marks an estimate." in said
+    assert main(["presets", "ps"]) == 0
+    said = capsys.readouterr().out
+    assert "2.8 GPa, in the range 2.28 GPa to 3.28 GPa" in said and "Callister" in said and "estimate" in said
+    assert main(["presets", "PPPNCHR"]) == 2
+    assert "Did you mean 'PPP-NCHR'?" in capsys.readouterr().err
