@@ -372,7 +372,7 @@ def test_a_law_of_ones_own_is_asked_for() -> None:
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        (("setpoint",), "0.7"), (("setpoint",), 2.0), (("solver",), "magic"), (("solver",), ["orbit"]),
+        (("setpoint",), "0.7 nm"), (("setpoint",), 2.0), (("solver",), "magic"), (("solver",), ["orbit"]),
         (("shape",), "big"), (("shape",), [0, 3]), (("pixel_size",), None), (("control",), None),
         (("control",), {"kind": "accuracy", "phase": 1.0}), (("control", "kind"), "os.system"),
         (("control", "kind"), ["engage"]), (("accuracy", "phase"), "x"), (("accuracy", "more"), 1),

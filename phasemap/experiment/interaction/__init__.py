@@ -64,7 +64,7 @@ class Interaction:
     bias: Number[float] = Number("V", 0.0, minimum=-1e100, maximum=1e100, usual=(1e-6, 100.0))  # it can be squared
 
     def __post_init__(self) -> None:
-        if isinstance(self.contact, str):
+        if isinstance(self.contact, str) and self.contact.lower() in LAWS:
             object.__setattr__(self, "contact", self.contact.lower())
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
         if not known:
