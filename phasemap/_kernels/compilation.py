@@ -33,6 +33,10 @@ ANY_ORDER = {"contract", "reassoc", "nsz"}
 """`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
 
 
+RIGHTS = {"copy": 2, "approach_in_time": 2, "engage_in_time": 2, "scan_segments": 2}
+"""Kernels that may be typed twice: for numbers and for indices, and for the two engines of a scan in time."""
+
+
 def kernel(function: Any = None, *, fastmath: set[str] | None = None, inline: bool = False) -> Any:
     """Compile a function of numbers and arrays when it is first called, from Python or from another kernel.
 
@@ -251,15 +255,12 @@ def compiled() -> int:
 
 
 def compiled_more_than_once() -> dict[str, int]:
-    """Kernels of this process that were typed for several sets of arguments, and for how many.
-
-    `copy` has a right to two: numbers and indices.
-    """
+    """Kernels of this process that were typed for more sets of arguments than they have a right to, and for how many."""
     kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
     return {
         f"{one.__module__}.{one.__name__}": len(one.linked.overloads)
         for one in kernels
-        if len(one.linked.overloads) > 1 + (one.__name__ == "copy")
+        if len(one.linked.overloads) > RIGHTS.get(one.__name__, 1)
     }
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope, parameters
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(24)
@@ -41,5 +41,5 @@ def loop_energies(law: Law, rows: np.ndarray) -> np.ndarray:
     energies = np.zeros(len(rows))
     for i in range(len(rows)):
         if rows[i, 10] != 0.0:
-            energies[i] = loop_energy(law, rows[i])
+            energies[i] = loop_energy(law, parameters(rows[i]))
     return energies

@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.scanning.loop import (
     AMP,
@@ -80,7 +80,7 @@ def beat_on(
     beat: Beat, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
     """Let the periods pass whose middle is within a time `span`, over ground as in `flow_on`; returns a status."""
-    y, memory = beat.y, beat.memory
+    p, y, memory = parameters(row), beat.y, beat.memory
     period = 2.0 * math.pi / lever[col.OMEGA]
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
     at = memory[AHEAD]
@@ -88,7 +88,7 @@ def beat_on(
         _collect(memory, min(at, span), tally)
     while at + 0.5 * period < span:
         z0 = y[PLACE] - ground - slope * (at + 0.5 * period)
-        if march_period(law, row, lever, z0, memory[ETA], beat.tip, beat.sums) < 0:
+        if march_period(law, p, lever, z0, memory[ETA], beat.tip, beat.sums) < 0:
             return col.DIVERGED
         y[AMP], y[AMP + 1] = beat.sums[0], -beat.sums[1]
         if noisy:
