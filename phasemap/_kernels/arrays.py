@@ -17,5 +17,6 @@ def copy(source: np.ndarray, to: np.ndarray) -> None:
 @kernel
 def copy_rows(source: np.ndarray, to: np.ndarray) -> None:
     """Copy the rows of one array, shape (n, m), into the first of another."""
-    for i in range(len(source)):
-        copy(source[i], to[i])
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            to[i, j] = source[i, j]

@@ -204,7 +204,7 @@ class _EntryCompiler(_OurCompiler):
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function, and say so."""
         waiting = [one for one in _kernels_of(func) if not one.linked.overloads]
-        with FirstUse(func.__name__.replace("_", " "), len(waiting)) as _EntryCompiler.first_use:
+        with FirstUse(len(waiting)) as _EntryCompiler.first_use:
             # The many small objects of a compiler are collected in vain: a tenth of the time.
             collects = gc.isenabled()
             gc.disable()

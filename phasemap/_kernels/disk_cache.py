@@ -119,22 +119,30 @@ def places() -> list[pathlib.Path]:
     """Where compiled code may be kept, best first."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    beside, of_user = pathlib.Path(__file__).parent / "__pycache__", pathlib.Path(home) / "phasemap"
-    return [pathlib.Path(named) / "phasemap", of_user] if named else [beside, of_user]
+    first = pathlib.Path(named) / "phasemap" if named else pathlib.Path(__file__).parent / "__pycache__"
+    return [first, pathlib.Path(home) / "phasemap", pathlib.Path(tempfile.gettempdir()) / f"phasemap-{_user()}"]
+
+
+def _user() -> int:
+    """Number of the user who runs this; 0 where users have none."""
+    return int(getattr(os, "getuid", int)())
 
 
 @functools.cache
 def folder() -> pathlib.Path | None:
-    """Where compiled code is kept: beside the kernels, else in the user's cache folder; None where neither can be."""
+    """Where compiled code is kept: the first of `places` that can be written by this user only; None without one."""
     for place in places():
         try:
-            place.mkdir(parents=True, exist_ok=True)
-            if stat.S_IMODE(place.stat().st_mode) & 0o002 == 0:  # nobody else may put code there
+            place.mkdir(mode=0o755, parents=True, exist_ok=True)
+            known = place.stat()
+            of_others = known.st_uid not in (0, _user()) or stat.S_IMODE(known.st_mode) & 0o002
+            if not of_others:  # nobody else may put code there
                 tempfile.TemporaryFile(dir=place).close()
                 return place
         except OSError:
             continue
-    _say_once("compiled code cannot be kept: neither beside the package nor in the user's cache folder can be written.")
+    tried = ", ".join(map(str, places())) or "no place"
+    _say_once(f"compiled code cannot be kept ({tried}): every run compiles again.")
     return None
 
 

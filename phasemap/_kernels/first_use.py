@@ -15,7 +15,6 @@ from typing import Any
 PATIENCE, EVERY = 2.0, 0.5  # seconds before the first word, and between two of a bar
 WIDTH = 24
 SHARE_OF_THE_END = 0.25  # of the whole time, in which what is typed is optimised and emitted: measured, 0.15 to 0.35
-LATER = "later runs load it"
 
 
 class FirstUse:
@@ -23,14 +22,14 @@ class FirstUse:
 
     Parameters
     ----------
-    name : str
-        Of the entry.
     expected : int
         Functions that are to be typed.
     """
 
-    def __init__(self, name: str, expected: int) -> None:
-        self.name, self.expected, self.done = name, max(expected, 1), 0
+    said = False  # where there is no bar, one line a process is enough
+
+    def __init__(self, expected: int) -> None:
+        self.expected, self.done = max(expected, 1), 0
         self._started = time.monotonic()
         self._ended = threading.Event()
         self._bar = bool(getattr(sys.stderr, "isatty", bool)())
@@ -50,23 +49,19 @@ class FirstUse:
         left = f", about {max(spent / share - spent, 1.0):.0f} s left" if share > 0.1 else ""
         filled = round(WIDTH * share)
         bar = f" [{'#' * filled}{'.' * (WIDTH - filled)}]" if self._bar else ""
-        return f"phasemap: compiling {self.name} for its first use{bar}{left}; {LATER}."
+        return f"phasemap: compiling kernels for their first use{bar}{left}; later runs load them."
 
     def _speak(self) -> None:
         """Say it until the work has ended."""
-        longest = 0
-        wait = PATIENCE
+        longest, wait = 0, PATIENCE
         while not self._ended.wait(wait):
-            line = self.line()
-            longest = max(longest, len(line))
-            print(
-                f"\r{line:<{longest}}" if self._bar else line,
-                end="" if self._bar else "\n",
-                file=sys.stderr,
-                flush=True,
-            )
+            line, wait = self.line(), EVERY
             if not self._bar:
+                if not FirstUse.said:
+                    print(line, file=sys.stderr, flush=True)
+                FirstUse.said = True
                 return
-            wait = EVERY
-        if longest and self._bar:
+            longest = max(longest, len(line))
+            print(f"\r{line:<{longest}}", end="", file=sys.stderr, flush=True)
+        if longest:
             print("\r" + " " * longest + "\r", end="", file=sys.stderr, flush=True)

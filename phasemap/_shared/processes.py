@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -104,6 +105,7 @@ def _hire(task: Callable[[T], R]) -> tuple[Connection, SpawnProcess]:
 
 def _serve(line: Connection, task: Callable[[T], R]) -> None:
     """Answer what comes over the line until there is nobody at the other end."""
+    os.environ["PHASEMAP_QUIET"] = "1"  # the process that waits says what there is to say
     try:
         while True:
             item = line.recv()

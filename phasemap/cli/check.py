@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.interrupts import interruptible
-from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -103,10 +102,9 @@ def _with_progress(image: xr.Dataset, surface: Surface | None, arguments: argpar
     from tqdm import tqdm
 
     interval = 0.1 if sys.stderr.isatty() else 10.0
-    with patience() as started, tqdm(delay=1.0, mininterval=interval, unit="", file=sys.stderr, leave=False) as bar:
+    with tqdm(delay=1.0, mininterval=interval, unit="", file=sys.stderr, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
-            started()
             bar.total = total
             bar.update(done - bar.n)
 

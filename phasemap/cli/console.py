@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from phasemap._shared.plausible import PlausibilityWarning
 
 PATIENCE = 3.0  # seconds without a first result after which a word is due
-STILL_COMPILING = "phasemap: no result yet; a first run compiles the solvers, about a minute, later runs start at once."
+STILL_COMPILING = "phasemap: no result yet; kernels are compiled for their first use, later runs load them."
 
 
 @contextmanager

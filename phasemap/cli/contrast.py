@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.console import patience
 from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
@@ -136,13 +135,9 @@ def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: b
     if quiet:
         return map_contrast(first, second, setup.microscope, **options)
     interval = 0.1 if sys.stderr.isatty() else 10.0
-    with (
-        patience() as started,
-        tqdm(delay=1.0, mininterval=interval, unit=" points", file=sys.stderr, leave=False) as bar,
-    ):
+    with tqdm(delay=1.0, mininterval=interval, unit=" points", file=sys.stderr, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
-            started()
             bar.total = total
             bar.update(done - bar.n)
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.console import patience
 from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
@@ -227,13 +226,9 @@ def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namesp
     if arguments.quiet:
         return invert_pixels(images, given.scopes, **options), notes
     interval = 0.1 if sys.stderr.isatty() else 10.0
-    with (
-        patience() as started,
-        tqdm(delay=1.0, mininterval=interval, unit=" pixels", file=sys.stderr, leave=False) as bar,
-    ):
+    with tqdm(delay=1.0, mininterval=interval, unit=" pixels", file=sys.stderr, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
-            started()
             bar.total = total
             bar.update(done - bar.n)
 
@@ -249,10 +244,9 @@ def _by_regions(
     labels = _labels(text, given.images[0])
     known = _known(setup, arguments.known)
     level = 0.0 if arguments.flat else math.inf
-    with patience():
-        return fit_regions(
-            given.images, labels, given.scopes, known=known, branch=arguments.branch, topography_error=level, **options
-        )
+    return fit_regions(
+        given.images, labels, given.scopes, known=known, branch=arguments.branch, topography_error=level, **options
+    )
 
 
 def _labels(text: str, image: xr.Dataset) -> np.ndarray:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap.cli import ensemble as cli_ensemble
-from phasemap.cli.console import patience
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,9 +66,9 @@ def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.D
     """The image, with a word on what is being done unless it is not wanted."""
     options = {"strict": arguments.strict, "threads": arguments.threads, "checkpoint": parts}
     if arguments.quiet:
+        os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
         return interruptible(lambda: scene.simulate(**options))
-    with patience() as first_result:
-        return interruptible(lambda: _with_progress(scene, options, first_result))
+    return interruptible(lambda: _with_progress(scene, options))
 
 
 def validate(arguments: argparse.Namespace) -> None:
@@ -118,8 +118,8 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
     return scene.output
 
 
-def _with_progress(scene: Scene, options: dict[str, Any], started: Callable[[], None]) -> xr.Dataset:
-    """Simulate, with a bar on stderr if it takes more than a second; calls `started` at the first result."""
+def _with_progress(scene: Scene, options: dict[str, Any]) -> xr.Dataset:
+    """Simulate, with a bar on stderr if it takes more than a second."""
     from tqdm import tqdm
 
     interval = 0.1 if sys.stderr.isatty() else 10.0
@@ -127,7 +127,6 @@ def _with_progress(scene: Scene, options: dict[str, Any], started: Callable[[], 
     with tqdm(delay=1.0, mininterval=interval, unit=unit, file=sys.stderr, leave=False) as bar:
 
         def progress(done: int, total: int) -> None:
-            started()
             bar.total = total
             bar.update(done - bar.n)
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.console import patience
 from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
@@ -111,9 +110,7 @@ def sweep(arguments: argparse.Namespace) -> None:
         check_target(arguments.plot, arguments.overwrite)
     if arguments.plot is not None:
         check_format(arguments.plot)
-    with patience() as done:
-        found = _sweep(arguments, values, material, setup)
-        done()
+    found = _sweep(arguments, values, material, setup)
     found.attrs["title"] = f"{name} of {arguments.scene.name}"
     if arguments.output is not None:
         save(found, arguments.output, arguments.overwrite)

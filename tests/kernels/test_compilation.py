@@ -160,12 +160,13 @@ def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch
 
     monkeypatch.setattr(first_use, "PATIENCE", 0.0)
     monkeypatch.delenv("PHASEMAP_QUIET", raising=False)
-    with FirstUse("cheap rows", 80) as use:
+    monkeypatch.setattr(FirstUse, "said", False)
+    with FirstUse(80) as use:
         use.done = 40
         use._started -= 3.0
         while "compiling" not in (said := capsys.readouterr().err):
             pass
-    assert said.startswith("phasemap: compiling cheap rows for its first use, about 5 s left")  # 3 s for 0.375 of it
+    assert said.startswith("phasemap: compiling kernels for their first use, about 5 s left")  # 3 s for 0.375 of it
     assert "\r" not in said
 
 

@@ -83,8 +83,11 @@ ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
 def copy_orbit(source: Orbit, to: Orbit) -> None:
     """Copy an orbit."""
     count = int(source.head[COUNT, ELEMENTS]) + 1
+    old, new = source.elements, to.elements
     for e in range(count):
-        copy_rows(source.elements[e], to.elements[e])
+        for i in range(old.shape[1]):
+            for j in range(old.shape[2]):
+                new[e, i, j] = old[e, i, j]
     copy_rows(source.head, to.head)
 
 

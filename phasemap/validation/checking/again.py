@@ -8,16 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels import columns as col
 from phasemap._kernels.columns import NOWHERE
 from phasemap._kernels.scanning.slots import Orbits
+from phasemap._kernels.wide import WIDE
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.solvers.both_branches import stable_branches
+from phasemap.solvers.integrals import bare_rows, with_adhesion
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, make_work
@@ -39,7 +41,7 @@ class Again(NamedTuple):
     ----------
     pixels : ndarray of int, shape (n,)
         Flat, in the order of the picture.
-    rows : ndarray, shape (n, COLUMNS)
+    rows : ndarray, shape (n, WIDE)
     status, solver : ndarray of int8, shape (n,)
     materials : int
         How many distinct ones these pixels have.
@@ -58,6 +60,7 @@ class _Part:
 
     pixels: Pixels
     work: Work
+    bare: Array  # rows of the same contacts without adhesion
     numbers: NDArray[np.intp]
 
 
@@ -99,7 +102,7 @@ def solve_again(
         As in `phasemap.simulate`.
     """
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
-    rows = np.full((len(pixels), col.COLUMNS), np.nan)
+    rows = np.full((len(pixels), WIDE), np.nan)
     status, used = np.zeros(len(pixels), np.int8), np.zeros(len(pixels), np.int8)
     materials = done = 0
     for part in _parts(picture, surface, pixels):
@@ -108,9 +111,10 @@ def solve_again(
         if carries:
             found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
             at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
-            several = found.rows, found.status, found.solver
+            several = with_adhesion(found.rows, part.work, part.bare), found.status, found.solver
         else:
-            at, several = (part.numbers,), run(solver, part.work, claims.accuracy, threads=threads, progress=report)
+            solved, codes, by = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
+            at, several = (part.numbers,), (with_adhesion(solved, part.work, part.bare), codes, by)
         rows[part.pixels], status[part.pixels], used[part.pixels] = (values[at] for values in several)
         materials, done = materials + len(part.work), done + len(part.pixels)
     return Again(pixels, rows, status, used, materials)
@@ -133,10 +137,14 @@ def _parts(picture: Picture, surface: Surface, pixels: Pixels) -> list[_Part]:
     return parts
 
 
-def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float) -> tuple[Work, NDArray[np.intp]]:
-    """Work of the distinct materials of pixels, and which each pixel has."""
+def _work(
+    surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float
+) -> tuple[Work, Array, NDArray[np.intp]]:
+    """Work of the distinct materials of pixels, the same contacts without adhesion, and which each pixel has."""
     materials, numbers = np.unique(surface.materials(pixels), axis=0, return_inverse=True)
-    return make_work(materials, surface.viscosity is not None, scope, amplitude), numbers.reshape(-1)
+    viscous = surface.viscosity is not None
+    bare = bare_rows(properties(materials, viscous, scope)[0], scope)
+    return make_work(materials, viscous, scope, amplitude), bare, numbers.reshape(-1)
 
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:

@@ -21,7 +21,7 @@ from phasemap.solvers.solver import by_name
 from phasemap.validation.checking.again import solve_again
 from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import FAILS, OPEN, Claim, judged
-from phasemap.validation.checking.tolerance import AGAIN, Errors, allowed, spread, values_again
+from phasemap.validation.checking.tolerance import Errors, allowed, spread, values_again
 
 __all__ = ["repeat"]
 
@@ -47,8 +47,8 @@ def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | No
         Flat.
     threads : int, optional
     """
-    names = [str(name) for name in picture.image.data_vars if name in AGAIN]
     again = _made_again(picture, surface, pixels, threads)
+    names = [str(name) for name in picture.image.data_vars if name in again]  # not integrals over orbits, where asked
     largest = _largest(picture, pixels, again)
     wrong, at = np.zeros(picture.shape, bool), np.zeros(picture.shape, bool)
     at.reshape(-1)[pixels], differ = True, []
@@ -105,5 +105,6 @@ def _largest(picture: Picture, pixels: Pixels, again: dict[str, Any]) -> dict[st
         largest[f"{name}_spread"] = MEAN * spread(picture, pixels, again, name)
     amplitude = RELATIVE * picture.claims.amplitude + picture.coarse("amplitude")
     largest["amplitude"] = amplitude + largest["amplitude_spread"]
+    largest["adhesion_virial"], largest["adhesion_loss"] = largest["virial"], largest["dissipation"]
     largest["energy_closure"] = np.full(len(pixels), CLOSES)
     return largest

@@ -13,18 +13,16 @@ from phasemap.experiment.lever import lever_of
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import values_of
 from phasemap.imaging.engaged import DEEPEST
-from phasemap.results.variables import IMAGE_VARIABLES, OF_ADHESION
+from phasemap.results.variables import IMAGE_VARIABLES
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import MEAN, Picture
 
-__all__ = ["AGAIN", "IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]
+__all__ = ["IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 QUANTITIES = ("phase", "height", "mean_deflection", "indentation", "dissipation", "virial")
-AGAIN = tuple(name for name in IMAGE_VARIABLES if name not in OF_ADHESION)
-"""Variables that are solved again; what is integrated over their orbits afterwards is not."""
 SAMPLED = 1e-3  # of the amplitude: the deepest of the points at which a solver evaluates the force; 5e-4 was measured
 OF = {"phase": "phase", "height": "amplitude"}  # whose spread goes with the mean of each
 IRREGULAR = 0.1, 20e-12  # [degree, m] to which the mean of irregular motion is known, beside what its spread leaves
@@ -51,7 +49,7 @@ def stated(picture: Picture, pixels: NDArray[np.intp]) -> Errors:
 
 def values_again(again: Again, surface: Surface) -> dict[str, Any]:
     """Variables of the pixels that were solved again, as an image has them."""
-    values = values_of(AGAIN, again.rows, again.status, again.solver)
+    values = values_of(IMAGE_VARIABLES, again.rows, again.status, again.solver)
     if surface.topography is not None:
         values["height"] = values["height"] + surface.topography.reshape(-1)[again.pixels % surface.topography.size]
     return values
