@@ -127,12 +127,10 @@ class Mode:
     'fm'
     """
 
-    stiffness: Number[float] = Number("N/m", said="stiffness of the second mode", above=0, usual=(1e-2, 1e5))
-    frequency: Number[float] = Number("Hz", said="frequency of the second mode", above=0, usual=(5e3, 1e8))
-    quality_factor: Number[float] = Number("1", said="quality_factor of the second mode", above=0.5, usual=(0.5, 1e6))
-    free_amplitude: Number[float] = Number(
-        "m", said="free_amplitude of the second mode", above=0, usual=(1e-12, 100e-9)
-    )
+    stiffness: Number[float] = Number("N/m", said="second mode's stiffness", above=0, usual=(1e-2, 1e5))
+    frequency: Number[float] = Number("Hz", said="second mode's frequency", above=0, usual=(5e3, 1e8))
+    quality_factor: Number[float] = Number("1", said="second mode's quality_factor", above=0.5, usual=(0.5, 1e6))
+    free_amplitude: Number[float] = Number("m", said="second mode's free_amplitude", above=0, usual=(1e-12, 100e-9))
     detection: str = "fm"
 
     def __post_init__(self) -> None:

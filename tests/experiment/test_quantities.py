@@ -22,11 +22,12 @@ from phasemap.experiment.interaction import LinearSpring, MaugisDugdale, Neck
 
 CLASSES = (
     pm.Material, pm.Cantilever, pm.Tip, pm.Drive, pm.Interaction, pm.Accuracy, pm.Feedback, pm.Realism, pm.TipChange,
-    LinearSpring, MaugisDugdale, Neck,
+    LinearSpring, MaugisDugdale, Neck, pm.Mode,
 )  # fmt: skip
 BESIDE = {  # what else a constructor needs
     pm.Material: {"modulus": 1e9}, pm.Drive: {"free_amplitude": 20e-9}, pm.Tip: {"radius": 10e-9},
     pm.Cantilever: {"stiffness": 40.0, "resonance_frequency": 3e5, "quality_factor": 400.0},
+    pm.Mode: {"stiffness": 1600.0, "frequency": 1.88e6, "quality_factor": 600.0, "free_amplitude": 1e-10},
     pm.TipChange: {"line": 3, "radius": 1e-8}, Neck: {"length": 1e-9}, pm.Feedback: {},
 }  # fmt: skip
 WRITTEN = {  # a number that a field of this unit can have, with a unit, and in SI

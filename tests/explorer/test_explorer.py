@@ -199,6 +199,19 @@ def test_a_value_that_is_not_allowed_is_refused_by_name(message: object, said: s
     assert said in str(refused.value)
 
 
+def test_a_value_may_be_text_with_a_unit() -> None:
+    assert step(radius="20 nm", materials=[{"modulus": "1 GPa"}, {}]).materials["compliant"].modulus == 1e9
+    assert step(radius="20 nm").scope == step(radius=20e-9).scope
+
+
+def test_a_value_outside_all_practice_is_refused_where_the_scene_is_strict_only() -> None:
+    assert step(radius=1e-3).scope.tip.radius == 1e-3
+    subject = subject_of(STEP, overrides=["scan.strict_units=true"])
+    with pytest.raises(pm.InputError, match=r"tip radius is 0\.001 m; allowed: the usual"):
+        Setting.of(subject, {"radius": 1e-3})
+    assert Setting.of(subject, {}).tables()["scan"]["strict_units"] is True
+
+
 def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Path) -> None:
     folder = tmp_path / "here"
     folder.mkdir()
