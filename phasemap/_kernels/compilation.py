@@ -255,7 +255,7 @@ def compiled() -> int:
 
 
 def compiled_more_than_once() -> dict[str, int]:
-    """Kernels of this process that were typed for more sets of arguments than they have a right to, and for how many."""
+    """Kernels of this process typed for more sets of arguments than they have a right to, and for how many."""
     kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
     return {
         f"{one.__module__}.{one.__name__}": len(one.linked.overloads)

@@ -177,8 +177,9 @@ def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None]) 
 
     def follow(process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None
-        for line in process.stdout:
-            told(Cost(**json.loads(line)))
+        with process.stdout as lines:
+            for line in lines:
+                told(Cost(**json.loads(line)))
 
     command = [sys.executable, "-m", "phasemap.validation.kinds_of_work"]
     quiet = {**os.environ, "PHASEMAP_QUIET": "1"}

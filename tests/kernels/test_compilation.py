@@ -143,7 +143,7 @@ found = []
 keep = DiskCache.save_overload
 DiskCache.save_overload = lambda self, sig, data: (found.append(self._function.__name__), keep(self, sig, data))
 scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9), pm.Interaction(Cone()))
-assert pm.solve_pixel(pm.Material(2e9, 0.1), scope, 0.8, "averaging").status == 0
+assert pm.solve_pixel(pm.Material(2e9, 0.1), scope, 0.8, "averaging").status is pm.Status.good
 print(*sorted(found))
 """
     pm.solve_pixel(
@@ -161,13 +161,17 @@ def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch
     monkeypatch.setattr(first_use, "PATIENCE", 0.0)
     monkeypatch.delenv("PHASEMAP_QUIET", raising=False)
     monkeypatch.setattr(FirstUse, "said", False)
-    with FirstUse(80) as use:
-        use.done = 40
-        use._started -= 3.0
-        while "compiling" not in (said := capsys.readouterr().err):
-            pass
-    assert said.startswith("phasemap: compiling kernels for their first use, about 5 s left")  # 3 s for 0.375 of it
-    assert "\r" not in said
+    use = FirstUse(80)
+    use.done = 40
+    use._started -= 3.0  # for 0.375 of it
+    expected = "phasemap: compiling kernels for their first use, about 5 s left; later runs load them."
+    assert use.line() == expected
+    for _ in range(2):
+        with use:
+            use._ended.wait(0.2)
+    assert capsys.readouterr().err == expected + "\n"  # once a process
+    use._bar = True
+    assert "[#########...............]" in use.line()
 
 
 def test_every_kind_of_work_is_compiled_ahead() -> None:
