@@ -43,7 +43,7 @@ class Adrift:
             target, by_amplitude = held_at(curves.path, x), curves.path.kind == HELD_AMPLITUDE
             row[col.PARAMETER] = x
         move = carry_on if by_amplitude else carry_to
-        status = move(curves.law, np.array(p), lever, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        status = move(curves.law, p, lever, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
             row[: col.COLUMNS] = np.nan
         row[col.SEEN] = show(lever, row[col.AMPLITUDE], row[col.PHASE])[0]
