@@ -36,10 +36,10 @@ def march_rows(
         if status[i] == col.GOOD:
             start[0], start[1] = out[i, col.TIP_OFFSET], out[i, col.MEAN]
             start[2], start[3] = amplitude, 0.5 * math.pi - out[i, col.PHASE]
-            status[i] = settle(law, rows[i], lever, amplitude, start, eta, most, out[i])
+            status[i] = settle(law, p, lever, amplitude, start, eta, most, out[i])
         else:
             far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
             step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free
-            status[i] = approach(law, rows[i], lever, amplitude, far, step, eta, most, out[i])
+            status[i] = approach(law, p, lever, amplitude, far, step, eta, most, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan

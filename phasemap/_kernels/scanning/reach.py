@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.in_time import COARSE, average, begin_sums, block_of, pace_of
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.time.period_map import new_tip
 
 
@@ -35,6 +35,6 @@ def reach_rows(
         sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
         while tip.periods[0] < most and tip.u[3] < top:
-            if not average(law, rows[i], lever, COARSE * eta, block, -pace, tip, sums) or sums[0] < 0.0:
+            if not average(law, parameters(rows[i]), lever, COARSE * eta, block, -pace, tip, sums) or sums[0] < 0.0:
                 reach[i] = tip.u[3]
                 break
