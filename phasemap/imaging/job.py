@@ -119,18 +119,19 @@ class Job:
         """Variables of distinct materials, one entry a material."""
 
         def solve(some: Array, later: Progress | None) -> Values:
-            rows, status, used = run(self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later)
-            return values_of(self.names, self.widened(rows, used, some), status, used)
+            work = self.work(some)
+            rows, status, used = run(self.solver, work, self.accuracy, threads=self.workers, progress=later)
+            return values_of(self.names, self.widened(rows, used, work, some), status, used)
 
         return self.in_chunks(materials, solve, progress)
 
-    def widened(self, rows: Array, used: NDArray[np.int8], materials: Array) -> Array:
+    def widened(self, rows: Array, used: NDArray[np.int8], work: Work, materials: Array) -> Array:
         """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides."""
         if set(OF_ADHESION) & set(self.names):
             stiffness = self.properties(materials)[0]
-            rows = with_adhesion(rows, self.work(materials), bare_rows(stiffness, self.scope))
+            rows = with_adhesion(rows, work, bare_rows(stiffness, self.scope))
         if set(OF_FORCES) & set(self.names):
-            rows = with_forces(rows, self.work(materials), used, self.scope)
+            rows = with_forces(rows, work, used, self.scope)
         return rows
 
     def in_chunks(

@@ -82,10 +82,11 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     """Solve the branches of materials."""
 
     def solve(some: Array, later: Progress | None) -> Values:
-        found = stable_branches(job.work(some), job.solver, job.accuracy, job.workers, later)
+        work = job.work(some)
+        found = stable_branches(work, job.solver, job.accuracy, job.workers, later)
         orbits = dict(zip((STABLE, BEGINS, OFFSETS, REACH), found.orbits, strict=True))
         return {
-            **values_of(job.names, job.widened(found.rows, found.solver, some), found.status, found.solver),
+            **values_of(job.names, job.widened(found.rows, found.solver, work, some), found.status, found.solver),
             **orbits,
         }
 

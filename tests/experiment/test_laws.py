@@ -228,6 +228,7 @@ def maugis_force(d: float, lam: float) -> float:
     return maugis_state(1 + math.exp(x), lam)[2]
 
 
+@pytest.mark.filterwarnings("ignore::phasemap.PlausibilityWarning")  # of ranges beyond all practice
 @pytest.mark.parametrize("lam", [0.01, 0.3, 0.8, 1.0, 3.0, 30.0])
 def test_maugis_dugdale_solves_its_equations(lam: float) -> None:
     k = 4 / 3 * MODULUS
@@ -243,6 +244,7 @@ def test_maugis_dugdale_solves_its_equations(lam: float) -> None:
         assert law.force(d * scale, p) / PI_W_R == pytest.approx(maugis_force(d, lam), rel=tolerance, abs=tolerance)
 
 
+@pytest.mark.filterwarnings("ignore::phasemap.PlausibilityWarning")  # the same
 def test_maugis_dugdale_lies_between_dmt_and_jkr() -> None:
     k = 4 / 3 * MODULUS
     scale = (math.pi**2 * ADHESION**2 * RADIUS / k**2) ** (1 / 3)

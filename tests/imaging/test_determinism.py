@@ -6,6 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,8 @@ def test_another_process_with_another_seed_of_hashes_gives_the_same_bytes() -> N
         "print(*(t.digest(pm.simulate(s, t.SCOPE, 0.7, **o)) for n, (s, o) in t.CASES.items() if n != 'marched'))"
     )
     command = [sys.executable, "-c", code]
-    environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": os.pathsep.join(["tests", *sys.path])}
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": path}
     there = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
     here = [digest(pm.simulate(s, SCOPE, 0.7, **o)) for name, (s, o) in CASES.items() if name != "marched"]
     assert there.split() == here

@@ -98,7 +98,7 @@ def test_strict_raises_for_the_first_pixel_that_fails() -> None:
         pm.simulate(surface, SCOPE, 0.7, strict=True)
 
 
-@pytest.mark.parametrize("setpoint", [0.0, 1.0, -0.5, 1.5, float("nan"), "0.7", True])
+@pytest.mark.parametrize("setpoint", [0.0, 1.0, -0.5, 1.5, float("nan"), "0.7 nm", True])
 def test_a_setpoint_outside_0_and_1_is_refused(setpoint: object) -> None:
     with pytest.raises(pm.InputError, match=r"setpoint is .*; allowed: a number above 0 and below 1"):
         image_of_setpoint(setpoint)

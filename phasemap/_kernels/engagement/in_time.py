@@ -18,11 +18,10 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.stuck import fallen, stuck
+from phasemap._kernels.engagement.stuck import stuck
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
-    MOST_JUMPS,
     Tip,
     amplitude_of,
     fill,
@@ -61,7 +60,6 @@ HOPE = 4.0  # times the periods allowed, that a mean would take by its first sta
 PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
-FIRST_FALL = MOST_JUMPS - 1  # jumps that a fall from far counts: two more tell that it hunts
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
@@ -288,12 +286,12 @@ def hold_mean(
 
 @kernel
 def hold(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, jumps: int, tip: Tip,
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip,
     row: np.ndarray,
 ) -> int:  # fmt: skip
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row."""
     how = (fine(p, eta), PRECISE[0] * amplitude, PRECISE[1])
-    status = hold_periodic(law, p, lever, how, amplitude, most, jumps, tip, row)
+    status = hold_periodic(law, p, lever, how, amplitude, most, tip, row)
     if status != col.NOT_SETTLED:
         return status
     return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
@@ -308,9 +306,10 @@ def settle(
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
+    row[:] = math.nan
     z = start[1] + start[2] * math.cos(start[3])
     tip = new_tip(z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
-    return hold(law, p, lever, amplitude, eta, most, 0, tip, row)
+    return hold(law, p, lever, amplitude, eta, most, tip, row)
 
 
 @kernel
@@ -339,6 +338,7 @@ def approach(
     tip = new_tip(free.real, -omega * free.imag, z0)
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
     least = AWAY * abs(free)
+    row[:] = math.nan
     while True:
         ends = follow_down(law, p, lever, amplitude, step, how, most, tip)
         periodic = ends == SEEN
@@ -348,7 +348,7 @@ def approach(
         if ends == SEEN and stuck(law, p, lever, amplitude, tip):
             return col.NO_STABLE_ORBIT
         if periodic:
-            return hold(law, p, lever, amplitude, eta, most, FIRST_FALL * fallen(lever, amplitude, tip), tip, row)
+            return hold(law, p, lever, amplitude, eta, most, tip, row)
         if ends == SEEN:
             return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
         if ends != AGAIN:
@@ -388,7 +388,7 @@ def carry_on(
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
     ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), how, most, tip)
     if ends == AGAIN:
-        return hold(law, p, lever, amplitude, eta, most, 0, tip, row)
+        return hold(law, p, lever, amplitude, eta, most, tip, row)
     if ends == SEEN:
         return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
     return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT

@@ -10,6 +10,7 @@ import numpy as np
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import unquestioned
 from phasemap.imaging.imperfections import drifted
 from phasemap.validation.checking.again import other_solver, solve_again
 from phasemap.validation.checking.claims import Claims, claims_of, scene_of
@@ -38,6 +39,7 @@ PER_LINE = 32  # pixels that a line in time counts for
 BY = {"march": "by the equation of motion in time", "orbit": "by periodic orbits"}
 
 
+@unquestioned()  # who made the image was told already
 @np.errstate(all="ignore")  # a file may hold any numbers
 def check(
     image: xr.Dataset,

@@ -198,13 +198,12 @@ def rest(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, most: int, ti
 
 @kernel
 def hold_periodic(
-    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, jumps: int, tip: Tip,
+    law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, amplitude: float, most: int, tip: Tip,
     row: np.ndarray,
 ) -> int:  # fmt: skip
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
     Steps of the tip offset get longer as long as the amplitude goes with it as predicted: a tip that sticks is freed.
-    `jumps` says how often the amplitude has jumped across the setpoint on the way here.
 
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
@@ -213,7 +212,7 @@ def hold_periodic(
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = STRIDE * amplitude, max(STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
-    before = np.empty(4)
+    jumps, before = 0, np.empty(4)
     patience = int(PATIENCE * ring_down(lever))
     while not skip(law, p, lever, how, amplitude, tip):
         if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
