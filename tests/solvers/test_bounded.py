@@ -41,7 +41,7 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
     problem = work.law, work.rows[0], work.lever
     tip, row, how = tip_at(scope, 24e-9), np.empty(col.COLUMNS), (0.5, 1e-7 * amplitude, 1e-12)
     {
-        "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, 0, tip, row),
+        "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, tip, row),
         "hold_mean": lambda: in_time.hold_mean(*problem, amplitude, 0.25, most, tip, row),
         "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, how, most, tip),
         "follow_down": lambda: in_time.follow_down(*problem, amplitude, 1e-10, how, most, tip),

@@ -52,7 +52,12 @@ def least_push(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> 
 
 @kernel
 def stuck(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
-    """Whether a tip that fell across this amplitude [m] comes back to it only by a jump, and falls again."""
+    """Whether a tip that fell across this amplitude [m] comes back to it only by a jump, and falls again.
+
+    Without a neck a tip may leave the contact for a part of each period, high above the surface: time says so then.
+    """
+    if p[col.RELEASE] == 0.0:
+        return False
     acc = tip.acc
     swings = math.hypot(acc[0], acc[1])
     if not fallen(lever, amplitude, tip) or acc[2] - tip.u[3] - SWING * swings < p[col.RELEASE]:
