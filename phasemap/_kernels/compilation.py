@@ -66,7 +66,7 @@ class _Plain(CPUDispatcher):
     """As numba compiles, but for types of literals and the cache: what is left with a numba whose parts do not fit."""
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any) -> None:
-        super().__init__(py_func, locals, targetoptions, **more)
+        super().__init__(py_func, locals or {}, targetoptions, **more)  # numba 0.61 takes no None
         self._cache = DiskCache(py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
