@@ -32,7 +32,6 @@ OPTIONS: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "nump
 ANY_ORDER = {"contract", "reassoc", "nsz"}
 """`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
 
-
 RIGHTS = {"copy": 2, "approach_in_time": 2, "engage_in_time": 2, "scan_segments": 2}
 """Kernels that may be typed twice: for numbers and for indices, and for the two engines of a scan in time."""
 
@@ -248,18 +247,21 @@ def _kernels_of(function: Any) -> list[_Entry]:
     return list(found)
 
 
+def _all_kernels() -> list[_Entry]:
+    """The kernels that this process has imported."""
+    return [one for one in gc.get_objects() if isinstance(one, _Entry)]
+
+
 def compiled() -> int:
     """How many functions were typed in this process, as entries or to be linked."""
-    kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
-    return sum(len(one.linked.overloads) + sum(one._cache_misses.values()) for one in kernels)
+    return sum(len(one.linked.overloads) + sum(one._cache_misses.values()) for one in _all_kernels())
 
 
 def compiled_more_than_once() -> dict[str, int]:
     """Kernels of this process typed for more sets of arguments than they have a right to, and for how many."""
-    kernels = [one for one in gc.get_objects() if isinstance(one, _Entry)]
     return {
         f"{one.__module__}.{one.__name__}": len(one.linked.overloads)
-        for one in kernels
+        for one in _all_kernels()
         if len(one.linked.overloads) > RIGHTS.get(one.__name__, 1)
     }
 

@@ -1,7 +1,7 @@
 """Compiled code on disk: one file for each function and set of argument types.
 
-A file is found by its name, which has a digest of everything that its bits depend on: the sources of all kernels, the
-function's own bytecode, the versions of Python, numba and LLVM, and the processor. It begins with a digest of its
+A file is found by its name, which has a digest of everything that its bits depend on: the sources of all kernels, of a
+formula all that it uses, the versions of Python, numba and LLVM, and the processor. It begins with a digest of its
 content. What is damaged, or of another version, is not found, and compiled again; what cannot be written is compiled
 again by the next process, after one sentence on stderr.
 """
@@ -25,13 +25,10 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core import serialize
-from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 
-SUFFIX = ".compiled"
+SUFFIX, KERNELS = ".compiled", "phasemap._kernels."
 _DIGEST = hashlib.sha256().digest_size
-
-
 _written: list[int] = []  # sizes of files
 
 
@@ -40,7 +37,7 @@ def written() -> int:
     return sum(_written)
 
 
-class DiskCache(_Cache):
+class DiskCache:
     """The files of one function, as numba's dispatchers ask for them."""
 
     def __init__(self, function: Any) -> None:
@@ -85,18 +82,22 @@ class DiskCache(_Cache):
         if place is None:
             return None
         of_what = hashlib.sha256(repr((sig, codegen.magic_tuple())).encode()).hexdigest()[:16]
-        of_which = hashlib.sha256(sources() + fingerprint(self._function).encode()).hexdigest()[:16]
-        name = f"{self._function.__module__.removeprefix('phasemap._kernels.')}.{self._function.__name__}"
-        return place / f"{name}-{python()}-{of_what}.{of_which}{SUFFIX}"
+        of_which = hashlib.sha256(sources() + self._own().encode()).hexdigest()[:16]
+        return place / f"{self._name()}-{python()}-{of_what}.{of_which}{SUFFIX}"
 
-    def enable(self) -> None:
-        """Nothing: it always is."""
+    def _name(self) -> str:
+        """Of the function, as its files begin."""
+        return f"{self._function.__module__.removeprefix(KERNELS)}.{self._function.__name__}"
 
-    def disable(self) -> None:
-        """Nothing: it always is."""
+    def _own(self) -> str:
+        """What the code depends on beside the sources of the kernels, of which a kernel is one."""
+        return "" if self._function.__module__.startswith(KERNELS) else fingerprint(self._function)
 
     def flush(self) -> None:
-        """Remove the files of all versions of the function."""
+        """Remove the files of this function."""
+        place = folder()
+        for old in place.glob(f"{self._name()}-{python()}-*{SUFFIX}") if place else ():
+            old.unlink(missing_ok=True)
 
 
 @functools.cache

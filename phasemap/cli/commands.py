@@ -109,6 +109,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _called(arguments: argparse.Namespace) -> int:
     """Call the command, and say what it raises; the exit code."""
+    if getattr(arguments, "quiet", False):
+        os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
     try:
         return arguments.command(arguments) or 0
     except PhasemapError as error:

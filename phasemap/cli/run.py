@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Mapping
@@ -66,7 +65,6 @@ def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.D
     """The image, with a word on what is being done unless it is not wanted."""
     options = {"strict": arguments.strict, "threads": arguments.threads, "checkpoint": parts}
     if arguments.quiet:
-        os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
         return interruptible(lambda: scene.simulate(**options))
     return interruptible(lambda: _with_progress(scene, options))
 

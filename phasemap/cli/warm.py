@@ -37,7 +37,7 @@ def warm(arguments: argparse.Namespace) -> None:
 
     def told(cost: Cost) -> None:
         costs.append(cost)
-        print(line(cost), file=sys.stderr, flush=True)
+        print(cost, file=sys.stderr, flush=True)
 
     try:
         in_processes(ALL if arguments.all else USUAL, told)
@@ -45,16 +45,8 @@ def warm(arguments: argparse.Namespace) -> None:
         raise PhasemapError("a process that compiled kernels failed; it said why above.") from None
     from phasemap._kernels.disk_cache import folder
 
-    if not sum(cost.functions for cost in costs):
+    whole = Cost.of_all(costs)
+    if not whole.functions:
         print(f"nothing left to compile; kept in {folder()}")
         return
-    seconds, size = sum(cost.seconds for cost in costs), sum(cost.size for cost in costs)
-    print(f"{seconds:.0f} s of processor time, {size / 1e6:.1f} MB kept in {folder()}")
-
-
-def line(cost: object) -> str:
-    """What one kind of work cost, in a line."""
-    from phasemap.validation.kinds_of_work import Cost
-
-    assert isinstance(cost, Cost)
-    return f"{cost.kind:24s} {cost.seconds:6.1f} s {cost.functions:5d} functions {cost.size / 1e6:6.2f} MB"
+    print(f"{whole.seconds:.0f} s of processor time, {whole.size / 1e6:.1f} MB kept in {folder()}")

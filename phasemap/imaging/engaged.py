@@ -161,7 +161,7 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
         close(rows.T, lever)
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
         used = np.full(last - first, col.INTERPOLATED, np.int8)
-        canvas.put(part, values_of(job.names, job.widened(rows.T, used, job.work(materials), materials), status, used))
+        canvas.put(part, values_of(job.names, job.widened(rows.T, used, None, materials), status, used))
         painted.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:

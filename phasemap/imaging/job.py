@@ -125,8 +125,14 @@ class Job:
 
         return self.in_chunks(materials, solve, progress)
 
-    def widened(self, rows: Array, used: NDArray[np.int8], work: Work, materials: Array) -> Array:
-        """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides."""
+    def widened(self, rows: Array, used: NDArray[np.int8], work: Work | None, materials: Array) -> Array:
+        """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides.
+
+        Their work is made here where it was not made yet, and only if a variable needs it.
+        """
+        if not {*OF_ADHESION, *OF_FORCES} & set(self.names):
+            return rows
+        work = self.work(materials) if work is None else work
         if set(OF_ADHESION) & set(self.names):
             stiffness = self.properties(materials)[0]
             rows = with_adhesion(rows, work, bare_rows(stiffness, self.scope))

@@ -11,9 +11,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -153,6 +152,16 @@ class Cost:
     functions: int
     size: int
 
+    def __str__(self) -> str:
+        """In a line."""
+        return f"{self.kind:24s} {self.seconds:8.1f} s {self.functions:5d} functions {self.size / 1e6:6.2f} MB"
+
+    @classmethod
+    def of_all(cls, costs: Sequence[Cost]) -> Cost:
+        """The sum."""
+        seconds, functions = sum(one.seconds for one in costs), sum(one.functions for one in costs)
+        return cls("all of them", seconds, functions, sum(one.size for one in costs))
+
 
 def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
     """Do work of these kinds in this process."""
@@ -165,8 +174,8 @@ def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
         yield Cost(kind, time.process_time() - started, compiled() - functions, written() - size)
 
 
-def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None]) -> None:
-    """Do work of these kinds, each group in a process of its own.
+def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None], cache: str | None = None) -> None:
+    """Do work of these kinds, each group in a process of its own, with compiled code kept in a folder of that name.
 
     Raises
     ------
@@ -182,7 +191,7 @@ def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None]) 
                 told(Cost(**json.loads(line)))
 
     command = [sys.executable, "-m", "phasemap.validation.kinds_of_work"]
-    quiet = {**os.environ, "PHASEMAP_QUIET": "1"}
+    quiet = {**os.environ, "PHASEMAP_QUIET": "1", **({} if cache is None else {"NUMBA_CACHE_DIR": cache})}
     processes = [subprocess.Popen([*command, *group], env=quiet, stdout=subprocess.PIPE, text=True) for group in groups]
     threads = [threading.Thread(target=follow, args=(process,)) for process in processes]
     try:
@@ -202,14 +211,7 @@ def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None]) 
 def in_an_empty_cache(told: Callable[[Cost], None]) -> None:
     """Do work of all kinds, one after the other, in a process that finds nothing on disk."""
     with tempfile.TemporaryDirectory(prefix="phasemap-bench-") as folder:
-        before = os.environ.get("NUMBA_CACHE_DIR")
-        os.environ["NUMBA_CACHE_DIR"] = str(Path(folder))
-        try:
-            in_processes([KINDS], told)
-        finally:
-            del os.environ["NUMBA_CACHE_DIR"]
-            if before is not None:
-                os.environ["NUMBA_CACHE_DIR"] = before
+        in_processes([KINDS], told, folder)
 
 
 if __name__ == "__main__":

@@ -77,11 +77,8 @@ def table(progress: Callable[[str], None]) -> str:
         progress(f"{cost.kind}: {cost.seconds:.1f} s")
 
     in_an_empty_cache(told)
-    lines = [f"{'first use of':24s} {'processor':>10s} {'functions':>10s} {'on disk':>9s}"]
-    lines += [f"{one.kind:24s} {one.seconds:8.1f} s {one.functions:10d} {one.size / 1e6:6.2f} MB" for one in costs]
-    functions, size = sum(one.functions for one in costs), sum(one.size for one in costs)
-    lines.append(f"{'all of them':24s} {sum(one.seconds for one in costs):8.1f} s {functions:10d} {size / 1e6:6.2f} MB")
-    return "\n".join(lines)
+    head = "first use of: processor time, kernels compiled, kept on disk"
+    return "\n".join([head, *map(str, costs), str(Cost.of_all(costs))])
 
 
 if __name__ == "__main__":
