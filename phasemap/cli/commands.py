@@ -21,6 +21,7 @@ from phasemap.cli import check, compare, contrast, explore, invert, sweep, warm
 from phasemap.cli import measured as cli_measured
 from phasemap.cli import presets as cli_presets
 from phasemap.cli import run as cli_run
+from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import plain_warnings
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ EXAMPLES = """examples:
 PLOT_EXAMPLES = """examples:
   phasemap plot blend.nc
   phasemap plot blend.nc -o blend.pdf
+  phasemap plot blend.nc --vmin -30 --vmax 60 --cmap height=gray
   phasemap plot rubber.nc --mark-irregular
   phasemap plot ensemble.nc --sample 3
   phasemap plot curve.nc --quantities amplitude,phase,dissipation
@@ -202,6 +204,7 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument(
         "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
     )
+    add_colours(plot, "a map", "-30 or height=0,phase=-30; alone, of the phase")
     plot.add_argument("--overwrite", action="store_true", help="replace the picture if it exists")
 
     about = "open a page with a slider for every knob, and see at once what it does"
@@ -320,7 +323,8 @@ def _plot(arguments: argparse.Namespace) -> None:
             curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
         else:
             wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
-            plot(ds, output, arguments.overwrite, variables=wanted, mark_irregular=arguments.mark_irregular)
+            options = {"variables": wanted, "mark_irregular": arguments.mark_irregular}
+            plot(ds, output, arguments.overwrite, **options, **colours_of(arguments))
     print(f"written to  {output}")
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("--row", type=int, metavar="N", help="of the line profile, from 0; default: the middle")
     parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
     parser.add_argument("--plot", metavar="PAGE.png", type=Path, help="page to draw (.png, .pdf, .svg)")
+    add_colours(parser, "both phases on the page", "-30")
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     parser.add_argument("--quiet", action="store_true", help="no summary")
 
@@ -96,7 +98,7 @@ def compare(arguments: argparse.Namespace) -> None:
     if arguments.plot is not None:
         from phasemap.plot import comparison
 
-        comparison(found, arguments.plot, arguments.overwrite, row=arguments.row)
+        comparison(found, arguments.plot, arguments.overwrite, row=arguments.row, **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
         for path in (arguments.output, arguments.plot):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
+from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
     parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
     parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
+    add_colours(parser, "the map's contrast", "-60")
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
     parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
@@ -88,7 +90,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     if arguments.plot is not None:
         from phasemap.plot import contrast as draw
 
-        draw(found, arguments.plot, arguments.overwrite)
+        draw(found, arguments.plot, arguments.overwrite, **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print(f"took        {time.perf_counter() - started:.2f} s")
@@ -159,8 +161,8 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
-    from phasemap.plot.figure import describe_failures, describe_flags, describe_irregular
     from phasemap.results.validity import describe_validity
+    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]

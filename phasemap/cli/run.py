@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
+from phasemap._shared.notices import untold
 from phasemap.cli import ensemble as cli_ensemble
 
 if TYPE_CHECKING:
@@ -128,7 +129,8 @@ def _with_progress(scene: Scene, options: dict[str, Any]) -> xr.Dataset:
             bar.total = total
             bar.update(done - bar.n)
 
-        return scene.simulate(**options, progress=progress)
+        with untold():  # the summary says it
+            return scene.simulate(**options, progress=progress)
 
 
 def _print_scene(scene: Scene, modelled: str) -> None:
@@ -161,9 +163,8 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.plot import describe_failures, describe_flags
-    from phasemap.plot.images import describe_irregular
     from phasemap.results.validity import describe_validity
+    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
 
     _print_scene(scene, image.attrs["modelled"])
     if "gain_margin" in image.attrs:
