@@ -147,14 +147,14 @@ def _print_scene(scene: Scene, modelled: str) -> None:
         print(f"realism     {realism}")
 
 
-def _in_words(notes: Mapping[str, Any]) -> str:
+def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:
     """Gains of a feedback, and what they are worth."""
     gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
     factor = notes["gain_margin"]
     rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
     if factor != factor:
         rings = "nothing is known of when it rings"
-    if notes["ringing_lines"]:
+    if notes["ringing_lines"] and not noisy:  # noise leaves no feedback at rest
         rings = f"it did not come to rest before {notes['ringing_lines']} lines: lower the gains"
     return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
 
@@ -167,8 +167,10 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     from phasemap.results.words import describe_failures, describe_flags, describe_irregular
 
     _print_scene(scene, image.attrs["modelled"])
+    realism = scene.options["realism"]
+    noisy = realism.temperature is not None or realism.detector_noise is not None
     if "gain_margin" in image.attrs:
-        print(f"feedback    {_in_words(image.attrs)}")
+        print(f"feedback    {_in_words(image.attrs, noisy)}")
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
     for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):
