@@ -25,6 +25,7 @@ from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS
 from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
+from phasemap.scenes.surface import seen
 from phasemap.solvers.pixel import solve_pixel
 from phasemap.solvers.problem import make_work
 from phasemap.sweeps.contrasts.contrast_map import contrast
@@ -108,7 +109,8 @@ def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
     """
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
-        scene = scene_from_tables(setting.tables(), subject.folder, setting.surface)
+        surface = seen(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
+        scene = scene_from_tables(setting.tables(), subject.folder, surface)
         return scene.simulate(progress=progress)
     solver = setting.solver if setting.exact else subject.options["solver"]
     options = {**subject.options, "setpoint": setting.setpoint, "solver": solver}

@@ -25,6 +25,7 @@ __all__ = ["comparison", "is_comparison"]
 
 COLOURS = ("0.15", "#D55E00")  # of the two images: black and Okabe and Ito's vermilion
 LEAST_SPAN = 0.1  # degrees
+DWARFS, MOST_SPIKES = 4.0, 6  # times as high as the other histogram; labelled at most
 FLAT, TALL = 0.25, 1.6  # height over width of the maps on the page, at least and at most
 SHORT, LONG = 12, 50  # letters of a name that have room over a map, and of a file in the head
 
@@ -187,20 +188,33 @@ def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked
 
 
 def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None:
-    """How often each phase occurs in either image."""
+    """How often each phase occurs in either image; a spike that dwarfs the other runs out, and is labelled."""
     edges = np.linspace(*_limits(ds), 90)
+    shares = []
     for name, called, colour in zip(("measured", "simulated"), names, COLOURS, strict=True):
         values = ds[name].values[np.isfinite(ds[name].values)]
-        counts = 100 * np.histogram(values, edges)[0] / len(values)
-        axes.stairs(counts, edges, color=colour, linewidth=1.2, label=called)
-        axes.stairs(counts, edges, color=colour, fill=True, alpha=0.15)
+        shares.append(100 * np.histogram(values, edges)[0] / len(values))
+        axes.stairs(shares[-1], edges, color=colour, linewidth=1.2, label=called)
+        axes.stairs(shares[-1], edges, color=colour, fill=True, alpha=0.15)
+    low, high = sorted(float(share.max()) for share in shares)
+    top = 2 * low if high > DWARFS * low > 0 else high or 1.0
+    spikes = [
+        (share[k], edges[k + 1], c) for share, c in zip(shares, COLOURS, strict=True) for k in np.where(share > top)[0]
+    ]
+    for n, (share, x, colour) in enumerate(spikes[:MOST_SPIKES]):
+        axes.annotate(
+            f"{share:.0f} %", (x, top), xytext=(2, -10 * n), textcoords="offset points", color=colour, fontsize=7.5,
+            va="top",
+        )  # fmt: skip
     axes.set_xlim(edges[0], edges[-1])
-    axes.set_ylim(0, 1.18 * axes.get_ylim()[1])  # room for the legend
+    axes.set_ylim(0, 1.05 * top)
     zero = float(ds["offset"])
     shifted = f", 0 is {zero:.4g} as recorded" if zero else ""
     axes.set_xlabel(f"phase (degrees){shifted}", fontsize=8.5)
     axes.set_ylabel("share of pixels (%)", fontsize=8.5)
-    axes.legend(fontsize=8, frameon=False, ncols=2, loc="upper left", borderaxespad=0, handlelength=1.4)
+    axes.legend(
+        fontsize=8, frameon=False, ncols=2, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.1, handlelength=1.4
+    )
 
 
 def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
