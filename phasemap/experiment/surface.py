@@ -196,7 +196,10 @@ class Surface:
         if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
             label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
-            raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
+            hint = "Try labels.astype(int)."
+            if label_map.dtype.kind in "SUO":
+                hint = "Number the names: names, numbers = numpy.unique(labels, return_inverse=True)."
+            raise InputError("type of labels", label_map.dtype.name, "whole numbers", hint)
         names, table, viscous = _material_table(materials)
         _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         index = _positions(label_map, names)

@@ -260,9 +260,7 @@ def _start(subject: Subject) -> bytes:
             "materials": list(subject.materials),
             "resonance": subject.scope.cantilever.resonance_frequency,
             "driven": subject.scope.drive.frequency,
-            "control": None
-            if subject.plain
-            else str(subject.options.get("control") or "") or "with all that it asks for",
+            "control": None if subject.plain else control,
             "sharp": subject.blurred,
             "colours": colours,
         }

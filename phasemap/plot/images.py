@@ -42,7 +42,7 @@ WIDE, STEP, LEFT, TITLE, GAP, HISTOGRAM, AXIS = 3.5, 4.31, 0.3, 0.3, 0.06, 0.5, 
 
 
 def plot(
-    ds: xr.Dataset,
+    ds: xr.Dataset | xr.DataArray,
     path: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     *,
@@ -62,10 +62,10 @@ def plot(
 
     Parameters
     ----------
-    ds : xarray.Dataset
+    ds : xarray.Dataset or xarray.DataArray
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
         leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or what a
-        sweep, `phasemap.contrast`, `phasemap.compare` or `phasemap.invert` returned.
+        sweep, `phasemap.contrast`, `phasemap.compare` or `phasemap.invert` returned; or one variable of an image.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -105,6 +105,13 @@ def plot(
     >>> len(plot(ds, vmin=-30, vmax=30).axes)
     6
     """
+    import xarray as xr
+
+    if isinstance(ds, xr.DataArray):
+        name = str(ds.name or "variable")
+        ds, variables = ds.to_dataset(name=name), (name,)
+    if not isinstance(ds, xr.Dataset):
+        raise InputError("what is drawn", f"a {type(ds).__name__}", "a Dataset of phasemap, or a variable of an image")
     colours: dict[str, Any] = {"vmin": vmin, "vmax": vmax, "cmap": cmap}
     if is_contrast(ds):
         return contrast(ds, path, overwrite, **colours)

@@ -98,6 +98,12 @@ def test_limits_that_cannot_be_are_refused(given: dict[str, Any], said: str) -> 
         plot(image(), **given)
 
 
+def test_one_variable_may_be_drawn_and_what_is_no_image_is_named() -> None:
+    assert [axes.get_title(loc="left") for axes in plot(image().phase).axes if axes.images] == ["Phase"]
+    with pytest.raises(InputError, match="what is drawn is 'a ndarray'"):
+        plot(image().phase.values)  # type: ignore[arg-type]
+
+
 def test_a_notebook_shows_the_picture() -> None:
     assert plot(image())._repr_png_()[1:4] == b"PNG"
 

@@ -135,7 +135,8 @@ def contrast(
     started = time.perf_counter()
     for name, material in (("first", first), ("second", second)):
         if not isinstance(material, Material):
-            raise InputError(name, material, "a Material")
+            hint = "The order is contrast(first, second, scope, setpoints)."
+            raise InputError(name, f"a {type(material).__name__}", "a Material", hint)
     accuracy = Accuracy() if accuracy is None else accuracy
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
