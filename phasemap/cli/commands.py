@@ -65,10 +65,7 @@ BENCH_EXAMPLES = """examples:
   phasemap bench --quick
   phasemap bench --output bench.nc --plot bench.png
   phasemap bench --seed 7 --pixels 80 --no-peers
-  phasemap bench --hard
   phasemap bench --box --materials 1000 --microscopes 100
-  phasemap bench --scan
-  phasemap bench --blocks
   phasemap bench --compile
 
 Peers (numbalsoda, heyoka, scipy) are measured where they are installed: pip install "afm-phasemap[bench]".
@@ -271,13 +268,8 @@ def _parser() -> argparse.ArgumentParser:
     bench = command("bench", _bench, "measure time against error of every solver, and of general tools", BENCH_EXAMPLES)
     bench.add_argument("--quick", action="store_true", help="few cases, in under a minute")
     instead = bench.add_mutually_exclusive_group()
-    instead.add_argument(
-        "--hard", action="store_true", help="solve the hard cases instead, and say what became of each"
-    )
     about = "solve materials drawn at random instead, and say what became of them and how long they took"
     instead.add_argument("--box", action="store_true", help=about)
-    instead.add_argument("--scan", action="store_true", help="compare the two engines of a scan in time instead")
-    instead.add_argument("--blocks", action="store_true", help="measure simulation block by block with Dask instead")
     instead.add_argument(
         "--compile", action="store_true", help="say what the first use of each kind of work takes instead"
     )
@@ -347,7 +339,7 @@ def _complain(sentence: str) -> int:
 
 def _bench(arguments: argparse.Namespace) -> None:
     """Measure every solver, or what there are tables of their own for."""
-    if arguments.hard or arguments.box or arguments.scan or arguments.blocks or arguments.compile:
+    if arguments.box or arguments.compile:
         _bench_of_its_own(arguments)
         return
     for name in ("materials", "microscopes"):
@@ -378,33 +370,21 @@ def _bench(arguments: argparse.Namespace) -> None:
 
 
 def _bench_of_its_own(arguments: argparse.Namespace) -> None:
-    """Solve the hard cases or those of a box, compare the engines of a scan in time, or measure block by block."""
-    kind = next(name for name in ("hard", "box", "scan", "blocks", "compile") if getattr(arguments, name))
+    """Solve materials drawn at random, or say what first uses compile."""
+    kind = "box" if arguments.box else "compile"
     for name in ("output", "plot", "pixels", *(() if kind == "box" else ("materials", "microscopes"))):
         if getattr(arguments, name) is not None:
             raise PhasemapError(f"--{name} does not go with --{kind}, which prints a table of its own cases.")
     with _saying() as say:
-        if kind == "hard":
-            from phasemap.validation.bench.hard import hard
-
-            said = hard(progress=say)
-        elif kind == "box":
+        if kind == "box":
             from phasemap.validation.bench.box import MATERIALS, MICROSCOPES, box
 
             count = arguments.materials or MATERIALS
             said = box(count, arguments.microscopes or min(MICROSCOPES, count), arguments.seed, say)
-        elif kind == "scan":
-            from phasemap.validation.bench.scan import scan
-
-            said = scan(progress=say)
-        elif kind == "compile":
+        else:
             from phasemap.validation.bench.compiling import table
 
             said = table(say)
-        else:
-            from phasemap.validation.bench.blocks import blocks
-
-            said = blocks(progress=say)
     print(said)
 
 

@@ -1,16 +1,10 @@
-"""`phasemap bench --blocks`: what it measures, what it concludes from that, and the command."""
+"""What it costs to simulate block by block: what is measured, and what is concluded from that."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from types import ModuleType
-
 import numpy as np
 import pytest
-
-from phasemap.cli import main
-from phasemap.validation.bench.blocks import (
+from blocks import (
     CORES,
     ENGAGED,
     KINDS,
@@ -91,17 +85,3 @@ def test_a_block_alone_counts_its_own_pixels() -> None:
     for line in cells(alone(32, lambda text: None)):
         pixels = 32 if "line" in line[0] else 32**2
         assert float(line[3]) == pytest.approx(1e6 * float(line[1]) / pixels, rel=0.02)  # three digits
-
-
-def test_the_command_prints_the_tables(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def measured(progress: Callable[[str], None]) -> str:
-        progress("a block alone: two materials")
-        return "| image |"
-
-    module = ModuleType("phasemap.validation.bench.blocks")
-    monkeypatch.setattr(module, "blocks", measured, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.blocks", module)
-    assert main(["bench", "--blocks"]) == 0
-    assert capsys.readouterr() == ("| image |\n", "a block alone ...\n")
-    assert main(["bench", "--blocks", "--plot", "a.png"]) == 2
-    assert "--plot does not go with --blocks" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What it costs to simulate block by block, alone, on two cores and on many: `phasemap bench --blocks`.
+"""What it costs to simulate block by block, alone, on two cores and on many: ``python tests/bench/blocks.py``.
 
 The projection to more cores is of a map of N blocks on p cores, with the times that were measured here::
 
@@ -404,3 +404,7 @@ def forward(costs: dict[str, Cost]) -> str:
             ]  # fmt: skip
             lines.append(f"| {name} | {side} x {side} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(blocks(print))

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import DATA
+from hard import CASES, UNSOLVED, HardCase, fault_of, hard, shot
+from hard_cases import BOX, case_of, draw
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap.validation.bench.hard import CASES, UNSOLVED, HardCase, fault_of, hard, shot
-from phasemap.validation.bench.hard_cases import BOX, case_of, draw
 
 KNOWN: dict[str, dict[str, Any]] = json.loads((DATA / "hard.json").read_text())
 WRONG = {  # known and open
@@ -251,7 +251,7 @@ def test_few_of_any_cases_end_without_an_answer() -> None:
 
 def test_the_bench_finds_nothing_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     few = tuple(case for case in CASES if case.family in ("grazing contact", "damping") and "drawn" not in case.name)
-    monkeypatch.setattr("phasemap.validation.bench.hard.CASES", few)
+    monkeypatch.setattr("hard.CASES", few)
     said: list[str] = []
     table = hard(said.append, "orbit").splitlines()
     assert [line.split(" | ")[0][2:] for line in table[2:4]] == ["grazing contact", "damping"]
