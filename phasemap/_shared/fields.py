@@ -81,18 +81,19 @@ class Number(Generic[T]):
         return cast(T, self._default)
 
     def __set__(self, instance: object, value: T | Scalar) -> None:
-        instance.__dict__[self._name] = None if value is None and self._optional else self._checked(value)
+        found = self.check(value)
+        if found is not None and self._asks:
+            self.look_at(found)
+        instance.__dict__[self._name] = found
+
+    def check(self, value: object) -> float | None:
+        """What the field makes of a value; an `InputError` if it is not allowed."""
+        return None if value is None and self._optional else number(str(self._said), value, self.unit, **self._bounds)
 
     def look_at(self, value: float) -> None:
         """Warn of a value outside all practice."""
         if self.usual is not None:
             question(str(self._said), value, self.unit, self.usual)
-
-    def _checked(self, value: object) -> float:
-        found = number(str(self._said), value, self.unit, **self._bounds)
-        if self._asks:
-            self.look_at(found)
-        return found
 
 
 def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
