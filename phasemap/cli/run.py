@@ -109,7 +109,7 @@ def validate(arguments: argparse.Namespace) -> None:
     names = inputs_of(*split(scene.options["variables"], control, scope.drive.second is not None), control)
     check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
     materials = surface.unique()[0]
-    amplitude = scene.options["setpoint"] * scope.free_amplitude
+    amplitude = scene.options["setpoint"] * scope.driven_amplitude
     work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
     _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
     print(f"output      {scene.output or 'to be named with -o'}")
@@ -140,7 +140,7 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
-    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
+    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")
     print(f"solver      {scene.options['solver']}")
     if control := str(scene.options["control"]):
         print(f"control     {control}")

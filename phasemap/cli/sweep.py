@@ -176,11 +176,11 @@ def _values(
 def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float, float]:
     """START and STOP where they are not given."""
     if axis == "distance":
-        return scope.free_amplitude + BEYOND, 0.0
+        return scope.driven_amplitude + BEYOND, 0.0
     if axis == "setpoint":
         return SETPOINTS
     if axis == "frequency":
-        resonance, reach = scope.cantilever.resonance_frequency, HALF_WIDTHS * scope.cantilever.damping
+        resonance, reach = scope.cantilever.resonance_frequency, HALF_WIDTHS * scope.cantilever.damping_ratio
         return resonance * max(1 - reach, 0.1), resonance * (1 + reach)
     owners = (material, scope.cantilever, scope.tip, scope.drive, scope.interaction)
     value = next((getattr(owner, axis) for owner in owners if hasattr(owner, axis)), None)

@@ -167,7 +167,7 @@ def simulate(
         check_image(surface.shape, names, control.directions, workspace(realism))
     surface = drifted(surface, realism.drift)
     method = by_name(solver)
-    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.free_amplitude, workers_of(threads)
+    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(threads)
     job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
     painter.check(job)
     configuration = {
@@ -257,14 +257,14 @@ def _largest_material(surface: Surface) -> Array:
 
 def _largest(surface: Surface, scope: Microscope) -> Work:
     """Work of `_largest_material`."""
-    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.free_amplitude)
+    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.driven_amplitude)
 
 
 def _forces(surface: Surface, scope: Microscope) -> tuple[float, float]:
     """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
     stiffness, adhesion, _ = properties(_largest_material(surface), surface.viscosity is not None, scope)
     pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
-    return float(pull[0]), scope.cantilever.stiffness * scope.free_amplitude
+    return float(pull[0]), scope.cantilever.stiffness * scope.driven_amplitude
 
 
 def _refuse_failures(status: Array) -> None:

@@ -118,7 +118,7 @@ def compare(case: ScanCase) -> Difference:
     good = (flow.status.values == 0) & (full.status.values == 0)
     return Difference(
         phase=abs(flow.phase - full.phase).values[good],
-        amplitude=100 / case.scope.free_amplitude * abs(flow.amplitude_error - full.amplitude_error).values[good],
+        amplitude=100 / case.scope.driven_amplitude * abs(flow.amplitude_error - full.amplitude_error).values[good],
         at_rest=float(abs(averaged.phase - exact.phase).max()),
         failed=(failed(flow), failed(full)),
         seconds=(float(flow_seconds.min()), float(full_seconds.min())),

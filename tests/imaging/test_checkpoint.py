@@ -125,7 +125,7 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     control, realism = options.get("control", pm.Engage()), options.get("realism", pm.Realism())
     names = check_variables(None, variables_of(control))
     job = Job(
-        surface, Place(0, 0, surface.shape), SCOPE, 0.7 * SCOPE.free_amplitude, control,
+        surface, Place(0, 0, surface.shape), SCOPE, 0.7 * SCOPE.driven_amplitude, control,
         by_name(options.get("solver", "auto")), Accuracy(), realism, names, 1,
     )  # fmt: skip
     stretches = plan_image(job, survey(surface, painter_of(control).most(job)))

@@ -121,4 +121,4 @@ def test_anywhere_in_the_valid_box_a_pixel_is_an_orbit_or_says_why_not(
         assert abs(pixel.energy_closure) < 1e-6
         assert pixel.floquet < 1
         assert pixel.feedback_slope > 0
-        assert pixel.amplitude == pytest.approx(setpoint * scope.free_amplitude, rel=1e-12)
+        assert pixel.amplitude == pytest.approx(setpoint * scope.driven_amplitude, rel=1e-12)

@@ -106,7 +106,7 @@ def _around(oracle: Oracle, feet: Array, ends: Ends, shares: Array, amplitude: f
 
 def around(oracle: Oracle) -> tuple[float, ...]:
     """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
-    narrowest = NARROWEST * oracle.scope.free_amplitude
+    narrowest = NARROWEST * oracle.scope.driven_amplitude
     if oracle.amplitude >= narrowest:
         return (oracle.amplitude,)
     return (1 - SPREAD) * narrowest, narrowest, (1 + SPREAD) * narrowest

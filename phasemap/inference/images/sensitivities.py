@@ -84,7 +84,7 @@ def sensitivity(
     setpoint = check_setpoint(setpoint)
     if not isinstance(surface, Surface):
         raise InputError("surface", type(surface).__name__, "a Surface")
-    amplitude, workers = setpoint * scope.free_amplitude, workers_of(threads)
+    amplitude, workers = setpoint * scope.driven_amplitude, workers_of(threads)
     viscous = surface.viscosity is not None
     materials, inverse = surface.unique()
     work = make_work(materials, viscous, scope, amplitude)

@@ -73,7 +73,7 @@ class Claims:
     @property
     def amplitude(self) -> float:
         """At the setpoint [m]."""
-        return self.setpoint * self.microscope.free_amplitude
+        return self.setpoint * self.microscope.driven_amplitude
 
 
 def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:

@@ -126,7 +126,7 @@ def _reproduced(picture: Picture, again: Values, rows: Rows, said: str) -> Claim
 
 def _between_engines(picture: Picture, again: Values, rows: Rows, engine: str) -> Claim:
     """How far the other engine is, where both are on one branch for three pixels in a row."""
-    units = {"phase": 1.0, "amplitude": picture.claims.microscope.free_amplitude}
+    units = {"phase": 1.0, "amplitude": picture.claims.microscope.driven_amplitude}
     names = [name for name in USUAL if name in picture]
     if not names or "branch" not in picture:
         return Claim(ABOUT, OPEN, 0, "the file has no phase, or no branch")
