@@ -84,8 +84,9 @@ def simulate(
     variables : iterable of str, optional
         Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
         to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
-        `phasemap.channels`: "loss_tangent", "dissipation_ev" and more. What a second mode shows comes by default where
-        the drive has one.
+        `phasemap.channels`: "loss_tangent", "loss_tangent_corrected" and more; and what only these need,
+        adhesion_virial and adhesion_loss [J], whose integral costs more than an interpolated pixel. What a second mode
+        shows comes by default where the drive has one.
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
@@ -102,8 +103,7 @@ def simulate(
     xarray.Dataset
         Dims ("y", "x"), row 0 at the top, coordinates in m: height, phase, amplitude, tip_offset, mean_deflection,
         indentation [m and degree], dissipation, virial [J], branch, status, solver (CF flags), error_phase [degree] and
-        error_height [m] where estimated, energy_closure [1] where the solver has it, adhesion_virial and
-        adhesion_loss [J]. `Raster` and `Feedback` have a
+        error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
         leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
         amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
         attributes.
