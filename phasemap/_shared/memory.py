@@ -55,7 +55,7 @@ def available() -> float:
     Raises
     ------
     InputError
-        If ``PHASEMAP_MEMORY`` is no number of bytes.
+        If ``PHASEMAP_MEMORY`` is not a number of bytes.
 
     Examples
     --------

@@ -52,7 +52,7 @@ def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int]
 
 @contextmanager
 def saying() -> Iterator[Callable[[str], None]]:
-    """Say on stderr what is being done: on one line that changes or, where that is no terminal, on a line each."""
+    """Say on stderr what is being done: on one line that changes or, where that is not a terminal, on a line each."""
     terminal, last = sys.stderr.isatty(), ""
 
     def say(text: str) -> None:

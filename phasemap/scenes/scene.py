@@ -297,7 +297,7 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     Raises
     ------
     InputError
-        If the text is no such scene.
+        If the text is not such a scene.
     FileError
         If a file cannot be read, or is not the one that was read then.
 

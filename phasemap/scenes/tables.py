@@ -210,7 +210,7 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
     Raises
     ------
     InputError
-        If what is on the way is no table.
+        If what is on the way is not a table.
 
     Examples
     --------
@@ -229,7 +229,7 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
 
 
 def _is_text(text: str) -> bool:
-    """Whether Unicode has all of it: bytes of the command line that are no UTF-8 could not be kept in a file."""
+    """Whether Unicode has all of it: bytes of the command line that are not UTF-8 could not be kept in a file."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -40,7 +40,7 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     Raises
     ------
     InputError
-        If the depths are no axis, or the laws of interaction cannot have the material.
+        If the depths are not an axis, or the laws of interaction cannot have the material.
 
     Examples
     --------

@@ -26,7 +26,7 @@ def cells(table: str) -> list[list[str]]:
 
 def cost(plan: float = 0.0, describe: float = 0.0, empty: float = 0.0) -> Cost:
     """Of four blocks that take 2 s each, and have two tasks each beside the plan."""
-    one = Run(8.0 + plan, {"phasemap-paint": [0.8] * 7, "phasemap-plan": [plan]})
+    one = Run(8.0 + plan, {"phasemap-fill": [0.8] * 7, "phasemap-plan": [plan]})
     return Cost((8.0, 5.0), (one, Run(5.0, {})), one, describe, empty, 4)
 
 
@@ -61,8 +61,8 @@ def test_maps_are_those_of_their_names() -> None:
 
 def test_tasks_are_told_apart_and_timed() -> None:
     run = _threaded(ENGAGED[0], ENGAGED[0].surface(64, 32))
-    assert {name: len(run.tasks[name]) for name in ("phasemap-survey", "phasemap-plan", "phasemap-paint")} == {
-        "phasemap-survey": 4, "phasemap-plan": 1, "phasemap-paint": 4,
+    assert {name: len(run.tasks[name]) for name in ("phasemap-survey", "phasemap-plan", "phasemap-fill")} == {
+        "phasemap-survey": 4, "phasemap-plan": 1, "phasemap-fill": 4,
     }  # fmt: skip
     assert 0 < run.busy < run.wall  # one thread
 

@@ -42,7 +42,7 @@ def sensitivity(
     """Compute how phase and height of every pixel change with modulus, adhesion and damping.
 
     Derivatives are central differences of exact orbits on the branch that engagement finds; a jump to the other branch
-    is no part of them. Where the material has none of a property, its derivative is 0.
+    is not a part of them. Where the material has none of a property, its derivative is 0.
 
     Parameters
     ----------

@@ -138,7 +138,7 @@ def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> A
     Raises
     ------
     InputError
-        If one is unknown or no number.
+        If one is unknown or not a number.
     """
     if given is None:
         recorded = [one.attrs.get(name) for one in images]
