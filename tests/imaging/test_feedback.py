@@ -18,7 +18,7 @@ from scipy import signal
 import phasemap as pm
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import advance, start_at
-from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.imaging.feedback import margin, tune
 from phasemap.imaging.feedback.loop import bandwidth_of, check, loop_of
@@ -330,7 +330,7 @@ def wandering(solver: str, temperature: float = 0.0, detector_noise: float = 0.0
     work = make_work(np.array([[1e9, 0.0, 0.0, 0.35]]), False, scope, 0.7 * scope.driven_amplitude)
     control = pm.Feedback(bandwidth=2e3, order=1)
     loop = loop_of(control, scope, 0.7 * scope.driven_amplitude, temperature, detector_noise)
-    tip = new_flow() if solver == "averaging" else new_beat(0.7)
+    tip = new_flow() if solver == "averaging" else new_periods(0.7)
     states, row = np.zeros((4000, 4)), np.append(work.rows[0], [0.0, 0.0])
     span = 1 / work.lever[1] + 1 / loop[of.RATE]
     wander(work.law, row, work.lever, loop, tip, np.random.default_rng(1), span, states)

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.scanning.line import approach_in_time
-from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.periods import new_periods
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.continuation.pieces import patience
 from phasemap.solvers.problem import work_of_material
@@ -68,7 +68,7 @@ def test_a_scan_gives_up_an_approach_after_as_many(periods: int, expected: int) 
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
     amplitude = 0.8 * scope.driven_amplitude
     work = work_of_material(pm.Material(2e9, 0.02, 0.01), scope, amplitude)
-    loop, tip = loop_of(pm.Feedback(), scope, amplitude, periods=periods), new_beat(0.7)
+    loop, tip = loop_of(pm.Feedback(), scope, amplitude, periods=periods), new_periods(0.7)
     noise = np.random.default_rng(0)
     assert approach_in_time(work.law, work.rows[0], work.lever, loop, 0.0, tip, noise) == expected
 

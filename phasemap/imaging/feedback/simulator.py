@@ -13,7 +13,7 @@ from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.feedback.harmonics import Bulges, bulges_of
+from phasemap.imaging.feedback.harmonics import Lifts, lifts_of
 from phasemap.imaging.feedback.lines import ENGAGED, Lines, Tip
 from phasemap.imaging.feedback.loop import check, drive_frequency
 from phasemap.imaging.feedback.settling import quietened
@@ -40,7 +40,7 @@ class Plan:
         With gains.
     engine : int
         Code of the solver that moves the tip.
-    bulges : Bulges or None
+    lifts : Lifts or None
         None for the equation of motion, which has all harmonics.
     notes : dict
         Gains and what they are worth, for the image's attributes.
@@ -48,7 +48,7 @@ class Plan:
 
     control: Feedback
     engine: int
-    bulges: Bulges | None
+    lifts: Lifts | None
     notes: dict[str, float]
 
 
@@ -83,7 +83,7 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
         if control.integral_gain is None:
             control = quietened(linear.tuned(), job, work, engine)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
-    return Plan(control, engine, bulges_of(job, work) if engine == col.AVERAGING else None, notes)
+    return Plan(control, engine, lifts_of(job, work) if engine == col.AVERAGING else None, notes)
 
 
 def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
@@ -114,7 +114,7 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
 def _fill(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
     """Fill the canvas of some lines, to which the tip comes in a state, and return that in which it leaves."""
     materials, numbers = job.surface.unique()
-    lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.bulges, canvas)
+    lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.lifts, canvas)
     bounds = range(len(numbers) + 1)
     tip = None
     if plan.control.engage == "line":

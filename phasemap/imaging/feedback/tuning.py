@@ -205,7 +205,7 @@ def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean: float) -> Array:
     """Central differences of the loop's rates."""
-    reach, size, bulge = reach_of(work.law, p), NUDGE * loop[of.SETPOINT], (0.0, 0.0)  # of no weight for ringing
+    reach, size, lift = reach_of(work.law, p), NUDGE * loop[of.SETPOINT], (0.0, 0.0)  # of no weight for ringing
     out = np.zeros((of.STATE, of.STATE))
     rate = np.zeros(of.STATE)
     for j in range(of.STATE):
@@ -214,6 +214,6 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean:
             there[j] += sign * size
             guess = mean
             for _ in range(3):  # the mean deflection settles at once
-                guess = rates(work.law, p, bulge, work.lever, reach, loop, 0.0, there, guess, rate)
+                guess = rates(work.law, p, lift, work.lever, reach, loop, 0.0, there, guess, rate)
             out[:, j] += sign * rate / (2 * size)
     return out
