@@ -49,8 +49,8 @@ def lower(
     """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, returned last.
 
     The second value is the tip offset at which the tip leaves the curve: where its orbit is no longer stable, or the
-    lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above `lingering`
-    belongs to orbits that linger at an unstable equilibrium.
+    lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above
+    `lingering` belongs to orbits that linger at an unstable equilibrium.
     """
     p, lever = path.p, path.lever
     step, lowest, have, highest = FIRST_STEP, 1e300, False, 10.0 * (abs(point[ZP]) + point[AP] + path.reach)
