@@ -77,10 +77,6 @@ def in_si(value: object, unit: str) -> object:
     unit : str
         As in `KINDS`, or as UDUNITS writes it; empty for any, in SI units without a prefix, and degrees.
 
-    Returns
-    -------
-    object
-
     Raises
     ------
     NotThatUnit

@@ -228,10 +228,6 @@ def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> f
 def summary(found: xr.Dataset) -> list[str]:
     """Say what a sweep found: folds and jumps, and what is missing.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-
     Returns
     -------
     list of str

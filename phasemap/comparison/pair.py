@@ -97,10 +97,6 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
     -------
     xarray.Dataset
         With dims ("y", "x").
-
-    Raises
-    ------
-    InputError
     """
     for channel in needed:
         if channel not in getattr(ds, "data_vars", ()):

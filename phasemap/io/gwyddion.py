@@ -80,10 +80,6 @@ class Channel:
 def load_channels(path: Path) -> list[Channel]:
     """Read every image of a file.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     list of Channel
@@ -172,10 +168,6 @@ def extra(module: str, purpose: str, name: str) -> Any:
         What needs it: ``"reading measured files"``.
     name : str
         The extra that brings it along.
-
-    Returns
-    -------
-    module
 
     Raises
     ------

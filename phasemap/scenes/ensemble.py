@@ -95,10 +95,6 @@ class Ensemble:
         sample : int
             From 0.
 
-        Returns
-        -------
-        Scene
-
         Raises
         ------
         InputError, FileError

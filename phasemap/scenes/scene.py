@@ -82,12 +82,7 @@ class Scene:
     source: Path | None = None
 
     def to_json(self) -> str:
-        """The resolved configuration as one line of JSON.
-
-        Returns
-        -------
-        str
-        """
+        """The resolved configuration as one line of JSON."""
         return json.dumps(self.config, ensure_ascii=False)
 
     def simulate(
@@ -143,10 +138,6 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     ----------
     path, overrides
         As in `load_scene`.
-
-    Returns
-    -------
-    Setup
 
     Raises
     ------
@@ -217,10 +208,6 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
         checked in no time.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     InputError, FileError
@@ -289,10 +276,6 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     text : str
     folder : Path
         Where relative names of files start.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------

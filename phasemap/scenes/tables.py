@@ -64,10 +64,6 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
     allowed, required : iterable of str
         Names of keys.
 
-    Raises
-    ------
-    InputError
-
     Examples
     --------
     >>> check_keys("[tip]", {"radus": 10e-9}, ["radius", "modulus"])
@@ -111,10 +107,6 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     ----------
     path, overrides
         As in `load_scene`.
-
-    Returns
-    -------
-    dict
 
     Raises
     ------
@@ -169,10 +161,6 @@ def with_override(tables: Table, override: str) -> Table:
     override : str
         As in `load_scene`.
 
-    Returns
-    -------
-    dict
-
     Raises
     ------
     InputError
@@ -202,10 +190,6 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
     name : str
         ``"table.key"``; tables on the way are made where there are none.
     value : object
-
-    Returns
-    -------
-    dict
 
     Raises
     ------

@@ -83,10 +83,6 @@ def stable_branches(
         Threads; the numbers do not depend on it.
     progress : callable, optional
 
-    Returns
-    -------
-    Branches
-
     Examples
     --------
     >>> import phasemap as pm

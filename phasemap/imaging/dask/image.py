@@ -37,12 +37,7 @@ FAN = 16  # surveys that are joined at a time
 
 
 def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: object) -> None:
-    """Refuse what needs the whole image at once.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what needs the whole image at once."""
     if strict:
         raise InputError(
             "strict", strict, "False for a surface in Dask arrays", "Look at `status` when it is computed."

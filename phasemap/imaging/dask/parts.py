@@ -101,12 +101,7 @@ class Maps(NamedTuple):
             top += height
 
     def after(self, task: Any) -> Maps:
-        """The same maps, but no block is computed before a task is done, even if it was before.
-
-        Parameters
-        ----------
-        task : Delayed
-        """
+        """The same maps, but no block is computed before a task is done, even if it was before."""
         import dask.array as da
         from dask.highlevelgraph import HighLevelGraph
 

@@ -53,12 +53,7 @@ class Plan:
 
 
 def _check(job: Job) -> None:
-    """Refuse a solver that does not act in time, and a loop that cannot work with this lever.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a solver that does not act in time, and a loop that cannot work with this lever."""
     assert isinstance(job.control, Feedback)
     check(job.control, job.scope, job.place.image[1])
     if (name := job.solver.name) not in ("auto", "averaging", "march"):

@@ -71,14 +71,7 @@ def margin(control: Feedback, scope: Microscope, work: Work) -> float:
 
 
 class LinearLoop:
-    """The loop made linear about every stable orbit of the materials, whatever its gains.
-
-    Parameters
-    ----------
-    control : Feedback
-    scope : Microscope
-    work : Work
-    """
+    """The loop made linear about every stable orbit of the materials, whatever its gains."""
 
     def __init__(self, control: Feedback, scope: Microscope, work: Work) -> None:
         self._control, self._scope, self._alpha0 = control, scope, float(work.lever[ALPHA0])

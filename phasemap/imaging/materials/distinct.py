@@ -15,10 +15,6 @@ BLOCK = 1 << 15  # pixels that are worked on together
 class Distinct:
     """A set of materials of at most `most` members.
 
-    Parameters
-    ----------
-    most : int
-
     Examples
     --------
     >>> known = Distinct(10)

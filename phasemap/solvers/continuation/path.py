@@ -38,13 +38,7 @@ BEYOND = 1.01  # where a curve is begun and left, just outside the values wanted
 
 @dataclass(frozen=True)
 class Question:
-    """A material under a microscope, with one number of either changed.
-
-    Parameters
-    ----------
-    material : Material
-    scope : Microscope
-    """
+    """A material under a microscope, with one number of either changed."""
 
     material: Material
     scope: Microscope

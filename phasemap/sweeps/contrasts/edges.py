@@ -95,11 +95,6 @@ def borders(
         How many threads.
     progress : callable, optional
         Called in lines between neighbours that are looked into.
-
-    Returns
-    -------
-    jumps : list of Jump
-    inversions : list of Inversion
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _suspects(axis, axes, phases, branch, sure)]

@@ -84,15 +84,6 @@ class Reference:
 def find_orbit(case: Case, start: Start) -> Reference:
     """Find the orbit of a case near a start.
 
-    Parameters
-    ----------
-    case : Case
-    start : Start
-
-    Returns
-    -------
-    Reference
-
     Raises
     ------
     NoOrbit

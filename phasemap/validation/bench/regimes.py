@@ -237,10 +237,6 @@ def draw(regime: Regime, batches: int, pixels: int, rng: np.random.Generator) ->
         How many materials under each.
     rng : numpy.random.Generator
 
-    Returns
-    -------
-    tuple of Batch
-
     Examples
     --------
     >>> [len(batch) for batch in draw(REGIMES[0], 2, 5, np.random.default_rng(0))]

@@ -86,10 +86,6 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
     scope : Microscope, optional
         Needed where its contact law is one's own.
 
-    Returns
-    -------
-    Claims
-
     Raises
     ------
     InputError
@@ -135,14 +131,6 @@ def _table(text: object) -> dict[str, Any]:
 
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
     """Make a microscope again from what `phasemap.results.variables.describe` gave.
-
-    Parameters
-    ----------
-    stored : mapping
-
-    Returns
-    -------
-    Microscope
 
     Raises
     ------
@@ -214,10 +202,6 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape
         Where files that the scene names may be.
     shape : (int, int)
         Rows and columns of the image; a scene that says others is not made.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
