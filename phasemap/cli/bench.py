@@ -22,6 +22,9 @@ A full run takes some four minutes, and times mean something only if nothing els
 """
 
 
+MOVED = {"hard": "hard", "scan": "scans", "blocks": "blocks"}  # options of former versions, and where they went
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument("--quick", action="store_true", help="few cases, in under a minute")
@@ -30,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     instead.add_argument("--box", action="store_true", help=about)
     about = "say what the first use of each kind of work takes instead"
     instead.add_argument("--compile", action="store_true", help=about)
+    for name in MOVED:
+        instead.add_argument(f"--{name}", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--pixels", type=whole, metavar="N", help="cases a regime that are compared; default: 40")
     parser.add_argument("--materials", type=whole, metavar="N", help="with --box, in all; default: 10000")
     parser.add_argument("--microscopes", type=whole, metavar="N", help="with --box; default: 300")
@@ -40,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def bench(arguments: argparse.Namespace) -> None:
     """Measure every solver, or what there are tables of their own for."""
+    for name, script in MOVED.items():
+        if getattr(arguments, name):
+            raise PhasemapError(f"--{name} has moved: in a copy of the repository, run python tests/bench/{script}.py.")
     if arguments.box or arguments.compile:
         _bench_of_its_own(arguments)
         return

@@ -363,6 +363,7 @@ def test_the_site_shows_a_table_that_the_command_made(measured: xr.Dataset) -> N
         (["--plot", "bench.docx"], "the picture's suffix is '.docx'; allowed: one of"),
         (["--box", "--plot", "bench.png"], "--plot does not go with --box"),
         (["--box", "--compile"], "not allowed with argument"),
+        (["--scan"], "--scan has moved: in a copy of the repository, run python tests/bench/scans.py."),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence_before_anything_is_measured(
