@@ -203,7 +203,7 @@ def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], se
         ratio = said.get("setpoint") if setpoint is None else setpoint
         if ratio is None:
             raise InputError("setpoint", None, "a number between 0 and 1", "The image has no amplitude.")
-        held = number("setpoint", ratio, "1", above=0, below=1) * scope.free_amplitude
+        held = number("setpoint", ratio, "1", above=0, below=1) * scope.driven_amplitude
     return image["phase"] * 0 + held
 
 

@@ -54,7 +54,7 @@ class Distinct:
         Raises
         ------
         InputError
-            If one is no member: the maps are not what they were.
+            If one is not a member: the maps are not what they were.
         """
         from phasemap._kernels.materials.distinct import look_up
 

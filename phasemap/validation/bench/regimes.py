@@ -49,7 +49,7 @@ class Batch:
 
     def work(self) -> Work:
         """What solvers take."""
-        amplitudes = np.full(len(self), self.setpoint * self.scope.free_amplitude)
+        amplitudes = np.full(len(self), self.setpoint * self.scope.driven_amplitude)
         return make_work(self.materials, False, self.scope, amplitudes)
 
     def case(self, index: int) -> Case:

@@ -73,7 +73,7 @@ class Claims:
     @property
     def amplitude(self) -> float:
         """At the setpoint [m]."""
-        return self.setpoint * self.microscope.free_amplitude
+        return self.setpoint * self.microscope.driven_amplitude
 
 
 def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
@@ -199,7 +199,7 @@ def _object(stored: Any) -> Any:
             raise InputError(f"{name} of the image", fields.get(name), f"a {part.__name__}")
     try:
         return KINDS[kind](**fields)
-    except TypeError as error:  # one is missing, or no number
+    except TypeError as error:  # one is missing, or not a number
         raise InputError(f"configuration of {kind}", str(stored), "its arguments", f"{error}.") from None
 
 

@@ -18,7 +18,7 @@ from phasemap.imaging.feedback.lines import ENGAGED, Lines, Tip
 from phasemap.imaging.feedback.loop import check, drive_frequency
 from phasemap.imaging.feedback.settling import quietened
 from phasemap.imaging.feedback.tuning import LinearLoop
-from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.survey import Survey
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
@@ -111,7 +111,7 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
     return col.AVERAGING if name == "averaging" else col.MARCH
 
 
-def _paint(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
+def _fill(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
     """Fill the canvas of some lines, to which the tip comes in a state, and return that in which it leaves."""
     materials, numbers = job.surface.unique()
     lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.bulges, canvas)
@@ -173,4 +173,4 @@ def _thaw(arrays: Values) -> Tip | None:
     return Tip.thaw(arrays) if arrays else None
 
 
-PAINTER = Painter(_check, _most, _plan, _paint, NOTES, _freeze, _thaw)
+SIMULATOR = Simulator(_check, _most, _plan, _fill, NOTES, _freeze, _thaw)

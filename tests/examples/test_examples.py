@@ -17,7 +17,7 @@ import pytest
 
 from phasemap.cli import main
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only
 PAGES = {
     str(path.relative_to(ROOT)): path.read_text()
