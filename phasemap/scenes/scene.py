@@ -322,8 +322,8 @@ def _scan(table: Table) -> tuple[float, Table]:
     scan = {"solver": "auto", **table}
     check_keys("[scan]", scan, ("setpoint", "solver", "strict_units"), ("setpoint",))
     complaints = Complaints()
-    complaints.of(check_choice, "[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
     setpoint = complaints.of(construct, "[scan]", {"setpoint": scan["setpoint"]}, check_setpoint)
+    complaints.of(check_choice, "[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
     complaints.make()
     assert setpoint is not None
     return setpoint, scan
