@@ -183,11 +183,6 @@ class Feedback(Shown):
 
 
 def check_engage(engage: object) -> None:
-    """Refuse what is neither "line" nor "image".
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what is neither "line" nor "image"."""
     if engage not in ("line", "image"):
         raise InputError("engage", engage, "'line' or 'image'")

@@ -117,10 +117,6 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     surface : Surface
     tip : Tip
 
-    Returns
-    -------
-    Surface
-
     Raises
     ------
     InputError

@@ -159,7 +159,7 @@ def solve_pixel(
     (45.57, 'repulsive')
     """
     whole("samples", samples, 0, MOST_SAMPLES)
-    amplitude = check_setpoint(setpoint) * scope.free_amplitude
+    amplitude = check_setpoint(setpoint) * scope.driven_amplitude
     work = work_of_material(material, scope, amplitude)
     method = by_name(solver)
     if isinstance(method, Orbit):

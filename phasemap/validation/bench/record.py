@@ -52,10 +52,6 @@ REFERENCE = {
 def to_dataset(measured: Measured) -> xr.Dataset:
     """Everything that was measured, with units and provenance.
 
-    Parameters
-    ----------
-    measured : Measured
-
     Returns
     -------
     xarray.Dataset
