@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
+from phasemap._shared.units import ELECTRONVOLT
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
 from phasemap.cli.console import progress_bar
@@ -176,7 +177,8 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
         print(f"feedback    {_in_words(image.attrs, noisy)}")
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
-    for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):
+    shown = (("phase", "degrees", 1.0), ("height", "nm", 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
+    for name, unit, factor in shown:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))

@@ -211,8 +211,8 @@ def _draw_turns(axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray) -> Non
     for phase, regime in zip(ds["phase"].values, ds["regime"].values, strict=True):
         known = np.where(np.isin(regime, (1, 2)), phase, np.nan)
         if min(known.shape) > 1 and _turns(regime[None]).any():
-            drawn = axes.contour(x, y, known, [0.0])
-            drawn.set(gid="border", **LINES["regime"])
+            style: dict[str, Any] = {f"{name}s": [value] for name, value in LINES["regime"].items()}
+            axes.contour(x, y, known, [0.0], **style).set_gid("border")
 
 
 def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, hatch: str) -> None:
