@@ -71,7 +71,7 @@ class Pixel:
         Its value is a sentence of advice.
     period : xarray.Dataset or None
         Where samples were asked for: deflection [m] of the tip, positive to the surface, and force [N] of the surface
-        on it, over "drive_phase" [degree]; NaN where there is no exact periodic orbit.
+        on it, over "drive_phase" [degree]; NaN where no exact periodic orbit is near the one found.
     """
 
     tip_offset: float
