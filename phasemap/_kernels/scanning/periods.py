@@ -47,7 +47,7 @@ class Beat(NamedTuple):
     memory: np.ndarray
 
 
-@kernel
+@kernel(light=True)
 def new_beat(eta: float) -> Beat:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)

@@ -83,7 +83,7 @@ def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
     return 0.1 * rest
 
 
-@kernel
+@kernel(shared=True)
 def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
     amplitude, e = state[AMP], state[E]
@@ -123,7 +123,7 @@ def balance(
     return h
 
 
-@kernel
+@kernel(shared=True)
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
     limit_phase: float, limit_height: float,
