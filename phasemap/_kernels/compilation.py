@@ -17,8 +17,8 @@ from importlib import import_module
 from typing import Any
 
 import numba
-from llvmlite.binding import Linkage, add_symbol
-from numba.core import sigutils, types
+from llvmlite.binding import Linkage, add_symbol, parse_assembly
+from numba.core import cgutils, sigutils, types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
@@ -176,6 +176,11 @@ class _Name(str):
 
 class _OurCode(JITCodeLibrary):
     """Code that is optimised as a whole only."""
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take in what was lowered; it is verified with all the rest."""
+        self._raise_if_finalized()
+        self.add_llvm_module(parse_assembly(cgutils.normalize_ir_text(str(ir_module))))
 
     def add_llvm_module(self, ll_module: Any) -> None:
         """Take in what was lowered, as it is."""

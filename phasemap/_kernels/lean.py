@@ -9,6 +9,7 @@ arrays where a function neither makes nor is given one.
 from __future__ import annotations
 
 import copy
+import operator
 from typing import Any, ClassVar
 
 from numba.core import ir, lowering, types
@@ -44,7 +45,7 @@ class _Typing(Context):
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         """The signature of a call."""
-        if type(func) is not types.Function:
+        if type(func) is not types.Function and getattr(func, "__module__", "") != operator.add.__module__:
             return super().resolve_function_type(func, args, kws)
         key = func, args, tuple(kws.items())
         found = self.known.get(key)
@@ -124,6 +125,18 @@ class _Lowering(NativeLowering):
         return any(models[one].contains_nrt_meminfo() for one in dict.fromkeys(of))
 
 
+class _ArrayRewrites(NopythonRewrites):
+    """Expressions of whole arrays become loops."""
+
+    def run_pass(self, state: Any) -> bool:
+        """Rewrite, where there are some."""
+        signatures = [one for call, one in state.calltypes.items() if isinstance(call, ir.Expr) and call.op in _SUMS]
+        return any(isinstance(one.return_type, types.Array) for one in signatures) and bool(super().run_pass(state))
+
+
+_SUMS = {"binop", "inplace_binop", "unary", "call"}
+
+
 class _SSA(ReconstructSSA):
     """Each variable assigned once."""
 
@@ -141,7 +154,7 @@ _PASSES = (
     _SSA(),
     NopythonTypeInference(),
     PreLowerStripPhis(),
-    NopythonRewrites(),
+    _ArrayRewrites(),
     IRLegalization(),
     AnnotateTypes(),
     _Lowering(),

@@ -83,7 +83,7 @@ def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
     return 0.1 * rest
 
 
-@kernel(shared=True)
+@kernel
 def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
     amplitude, e = state[AMP], state[E]
