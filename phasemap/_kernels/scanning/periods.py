@@ -47,7 +47,7 @@ class Periods(NamedTuple):
     memory: np.ndarray
 
 
-@kernel
+@kernel(light=True)
 def new_periods(eta: float) -> Periods:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)

@@ -71,7 +71,7 @@ class Flow(NamedTuple):
     memory: np.ndarray
 
 
-@kernel
+@kernel(light=True)
 def new_flow() -> Flow:
     """Return an empty one."""
     return Flow(np.zeros(STATE), np.zeros((STAGES, STATE)), np.zeros(STATE), np.zeros(2))

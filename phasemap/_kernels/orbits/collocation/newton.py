@@ -126,7 +126,7 @@ def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, 
     return col.PENDING, change
 
 
-@kernel
+@kernel(shared=True)
 def newton(
     law: Law,
     p: np.ndarray,
@@ -160,7 +160,7 @@ def newton(
     return col.NOT_CONVERGED, most, orbit, spare
 
 
-@kernel
+@kernel(shared=True)
 def newton_swept(
     law: Law,
     p: np.ndarray,

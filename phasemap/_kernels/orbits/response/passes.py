@@ -123,7 +123,7 @@ def balance(
     return h
 
 
-@kernel
+@kernel(shared=True)
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
     limit_phase: float, limit_height: float,
