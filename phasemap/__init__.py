@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from phasemap.inference.images.images import invert
     from phasemap.inference.images.region_fit import fit_regions
     from phasemap.inference.images.sensitivities import sensitivity
+    from phasemap.inference.series.series import series
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
     from phasemap.results.channels import channels
@@ -64,6 +65,7 @@ _NAMES = {
     "inference.images.images": ("invert",),
     "inference.images.region_fit": ("fit_regions",),
     "inference.images.sensitivities": ("sensitivity",),
+    "inference.series.series": ("series",),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
     "results.channels": ("channels",),
@@ -89,7 +91,7 @@ __all__ = [
     "Realism", "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare",
     "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions", "force_curve", "generate",
     "interaction", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image",
-    "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "strict_units", "sweep_distance",
+    "register", "scene_from", "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance",
     "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 

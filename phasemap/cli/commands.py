@@ -21,6 +21,7 @@ from phasemap.cli import check, compare, contrast, explore, invert, sweep, warm
 from phasemap.cli import measured as cli_measured
 from phasemap.cli import presets as cli_presets
 from phasemap.cli import run as cli_run
+from phasemap.cli import series as cli_series
 from phasemap.cli.console import plain_warnings
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ EXAMPLES = """examples:
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
   phasemap compare measured.nid blend.nc --plot page.png
   phasemap invert samples/blend.toml at50.nc at80.nc --regions 2 --plot materials.png
+  phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap export blend.nc blend.gwy
   phasemap check blend.nc
@@ -248,6 +250,9 @@ def _parser() -> argparse.ArgumentParser:
         ),
         _positive,
     )
+
+    about = "explain the contrast in several measured files of one sample"
+    cli_series.add_arguments(command("series", cli_series.series, about, cli_series.EXAMPLES), _positive)
 
     about = "make a scene of a measured image: topography, materials and microscope"
     cli_measured.add_scene(command("scene", cli_measured.scene, about, cli_measured.SCENE_EXAMPLES), _positive)
