@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 WIDTH = 100  # letters on a line of the summary
 SAID = {"stiffness": "stiffness", "quality_factor": "quality factor", "radius": "tip radius"}
-EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and one
-lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
-unknown: free amplitude, setpoint, zero and sign of the phase. A LIST has commas: a number a file in the order given, or one for
-all. key=value sets a part of the microscope that files do not say, such as tip.radius=20nm.
+EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
+one lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
+unknown: free amplitude, setpoint, zero and sign of the phase. A LIST has commas: a number a file in the order given,
+or one for all. key=value sets a part of the microscope that files do not say, such as tip.radius=20nm.
 
 examples:
   phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
@@ -46,7 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("files", metavar="FILE", nargs="+", help="two or more; key=value sets a part of the microscope")
     parser.add_argument("--regions", type=positive, default=2, metavar="N", help="how many to find; default: 2")
     parser.add_argument(
-        "--by", choices=("phase", "height", "both"), help="what tells regions apart; default: the sharper of the two"
+        "--by",
+        choices=("phase", "height", "both"),
+        help="what tells regions apart; default: phase, or height where it is far sharper",
     )
     parser.add_argument(
         "--labels", metavar="LIST", help="netCDF files with maps of regions, as phasemap scene writes them"

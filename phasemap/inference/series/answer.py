@@ -14,6 +14,7 @@ from phasemap.inference.images.verdict import UNITS
 from phasemap.inference.series.contrasts import Labels, Medians
 from phasemap.inference.series.problem import Problem, State
 from phasemap.inference.series.sampling import Draws
+from phasemap.inference.series.settings import SAME
 from phasemap.inference.series.words import tell
 from phasemap.results.variables import describe, provenance
 
@@ -25,7 +26,6 @@ Array = NDArray[np.float64]
 ENDS = (2.5, 97.5)  # percentiles
 CURVE = np.linspace(0.2, 0.98, 53)  # setpoints of curves
 BAND = 60  # draws that have curves
-SAME = 0.02  # by which free amplitudes are the same
 SMALL = 256  # pixels to a side of the pictures that are kept
 SIDES = ("attractive", "repulsive")
 DEGREE = {"units": "degree"}
@@ -201,9 +201,10 @@ def _branches(problem: Problem, state: State, draw: int, amplitude: float) -> Ar
 
 
 def _engaged(both: Array) -> Array:
-    """The branch that the tip meets first, from far: the attractive one where there is one."""
+    """The branch that the tip meets first, from far: the attractive one, as far as it goes without a gap."""
     lower, upper = np.moveaxis(both, -3, 0)
-    engaged: Array = np.where(np.isnan(lower), upper, lower)
+    whole = np.logical_and.accumulate(~np.isnan(lower)[..., ::-1], axis=-1)[..., ::-1]
+    engaged: Array = np.where(whole | np.isnan(upper), lower, upper)
     return engaged
 
 

@@ -21,6 +21,7 @@ Labels = NDArray[np.int64]
 
 WAYS = ("phase", "height", "both")
 BANDS = 16  # of rows, whose differences say how well a median is known
+PREFERRED = 1.5  # times as sharp has the height to be to tell regions apart instead of the phase
 FEWEST = 12  # pixels of a region in a band that count
 PASSES = 6
 ALIKE = 0.7  # correlation of heights above which two files are of one place
@@ -45,7 +46,7 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     names : sequence of str
     labels : array_like of int, or a sequence of them, one a file; optional
     by : {"phase", "height", "both"}, optional
-        What tells regions apart; by default phase or height, whichever does it more sharply.
+        What tells regions apart; by default the phase, or the height where it is much sharper.
     count : int
         How many regions.
 
@@ -63,13 +64,16 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
     found = {way: [_segment(one, way, count) for one in images] for way in tried}
     sharp = {way: [_sharpness(one, mine, way) for one, mine in zip(images, found[way], strict=True)] for way in tried}
-    way = max(tried, key=lambda one: float(np.median(sharp[one])))
+    way = max(tried, key=lambda one: float(np.median(sharp[one])) * (PREFERRED if one == "phase" else 1.0))
     best = int(np.argmax(sharp[way]))
     told = [f"Regions by {'phase and height' if way == 'both' else way}; region 0 is the largest."]
     laid = _laid(images, best, found[way][best])
     if laid is not None:
         told.append(f"All files are of one place: the regions of {names[best]} serve all.")
         return Regions(_largest_first(laid, best), told)
+    if min(sharp[way]) == 0.0:
+        plain = names[int(np.argmin(sharp[way]))]
+        raise InputError("regions", f"one in {plain}", f"{count} in every file", "Give labels, or another way (by).")
     if way == "height":
         matched = _largest_first(found[way], best)
     else:
@@ -126,9 +130,12 @@ def _feature(image: xr.Dataset, way: str) -> Array:
 
 
 def _segment(image: xr.Dataset, way: str, count: int) -> Labels:
-    """Regions of one file."""
+    """Regions of one file; one only where nothing tells them apart."""
     if way != "both":
-        return segment_phase(_feature(image, way), count).astype(np.int64)
+        try:
+            return segment_phase(_feature(image, way), count).astype(np.int64)
+        except InputError:
+            return np.zeros(image["phase"].shape, np.int64)
     from scipy.cluster.vq import kmeans2
     from scipy.ndimage import median_filter
 
@@ -146,6 +153,8 @@ def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
     """Distance of the populations over their spread."""
     values = _feature(image, "phase" if way == "both" else way)
     parts = [values[labels == k] for k in np.unique(labels[labels >= 0])]
+    if len(parts) < 2:
+        return 0.0
     levels = np.array([np.median(one) for one in parts])
     spread = float(np.median(np.concatenate([np.abs(one - level) for one, level in zip(parts, levels, strict=True)])))
     return float(np.diff(np.sort(levels)).min(initial=np.inf)) / max(SPREAD * spread, 1e-12)

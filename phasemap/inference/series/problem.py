@@ -131,7 +131,8 @@ class Problem:
     def likelihood(self, phases: Array, zeros: Array, sign: Array) -> tuple[Array, Array]:
         """Logarithm of the likelihood, shape (n,), and chances of the repulsive branch, shape (n, r, m).
 
-        Where the tip may be on either branch, both count, the one it meets first for more.
+        Where the tip may be on either branch, both count, the one it meets first for more: the attractive one, if it
+        goes on without a gap to larger setpoints.
 
         Parameters
         ----------
@@ -141,8 +142,10 @@ class Problem:
             Of the recorded phase.
         """
         there = ~np.isnan(phases)
-        first = np.where(there[0], np.where(there[1], 1 - OTHER, 1.0), 0.0)
-        second = np.where(there[1], np.where(there[0], OTHER, 1.0), 0.0)
+        left = (~there[0]).astype(float) @ self.settings.above > 0  # a gentler file has no attractive orbit
+        before = np.where(left, OTHER, 1 - OTHER)
+        first = np.where(there[0], np.where(there[1], before, 1.0), 0.0)
+        second = np.where(there[1], np.where(there[0], 1 - before, 1.0), 0.0)
         with np.errstate(divide="ignore"):
             chances = np.log(np.stack([first, second]))
         precision = 1.0 / self.errors**2

@@ -18,10 +18,10 @@ from phasemap.inference.series.problem import REACH, Problem
 
 Array = NDArray[np.float64]
 
-DRAWS, FIRST = 1500, 12000  # particles, and draws of the prior from which they come
+DRAWS, FIRST = 1500, 20000  # particles, and draws of the prior from which they come
 LEAST = 200  # draws of the prior with which anything is known
-MOVES, LAST_MOVES = 4, 12  # after each step, and at the end
-KEPT = 0.5  # share of the effective particles
+MOVES, LAST_MOVES = 5, 14  # after each step, and at the end
+KEPT = 0.6  # share of the effective particles
 MOST_STEPS = 60
 JITTER = 0.02  # of a prior's standard deviation, so that all is reached
 TURNS = 0.1  # share of the moves that turn the sign, where it is not known

@@ -73,7 +73,7 @@ def series(
     regions : int
         How many to find, 2 to 4.
     by : {"phase", "height", "both"}, optional
-        What tells regions apart; by default phase or height, whichever does it more sharply.
+        What tells regions apart; by default the phase, or the height where that does it much more sharply.
     labels : array_like of int, or a sequence of them, one a file; optional
         Regions (2 to 5) that are known, -1 where pixels are left out.
     known : mapping of int to Material, optional

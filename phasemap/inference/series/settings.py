@@ -30,6 +30,7 @@ HIGHEST = (0.4, 0.97)  # between which the highest setpoint of a series is, wher
 LOWEST = 0.05  # setpoint at which anybody taps
 STEP = 0.06  # of setpoints that are interpolated
 ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be anywhere on the circle [degree]
+SAME = 0.02  # by which free amplitudes are the same
 SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
 
 
@@ -74,6 +75,13 @@ class Settings:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def above(self) -> Array:
+        """Which files (rows) have a larger setpoint than others (columns) at the same free amplitude, shape (m, m)."""
+        alike = np.abs(np.log(self.relative[:, np.newaxis] / self.relative)) < SAME
+        larger: Array = (alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
+        return larger
 
     @property
     def loose(self) -> Array:
