@@ -16,5 +16,6 @@ from phasemap.plot.side_by_side import comparison
 from phasemap.plot.sweep import curve
 
 __all__ = [
-    "comparison", "contrast", "curve", "describe_failures", "describe_flags", "image", "inversion", "plot", "series", "trace",
+    "comparison", "contrast", "curve", "describe_failures", "describe_flags", "image", "inversion", "plot", "series",
+    "trace",
 ]  # fmt: skip
