@@ -142,6 +142,8 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         proportional_gain=value("ProportionalGain"),
         integral_gain=value("IntegralGain"),
         phase_zero=value("FreeAirPhase"),
+        phase_sign=-1.0,  # lag: above 90 degrees attractive, below repulsive (Asylum Research, AC mode manual)
+        drive_voltage=value("DriveAmplitude"),
         free_amplitude_voltage=free,
         setpoint_voltage=volts,
         setpoint=volts / free if volts and free else None,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap.inference.images.regions import MEDIAN, SPREAD
-from phasemap.io.measured import level_height, on_one_turn, segment_phase
+from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -133,6 +133,8 @@ def _segment(image: xr.Dataset, way: str, count: int) -> Labels:
     """Regions of one file; one only where nothing tells them apart."""
     if way != "both":
         try:
+            if way == "height":
+                return segment_height(image["height"].values, count).astype(np.int64)
             return segment_phase(_feature(image, way), count).astype(np.int64)
         except InputError:
             return np.zeros(image["phase"].shape, np.int64)

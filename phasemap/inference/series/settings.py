@@ -181,6 +181,9 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
     sign = given["sign"]
     if sign is None and all("configuration" in one for one in known):
         sign = 1  # of phasemap's own images
+    if sign is None and len({one.get("phase_sign") for one in known}) == 1 and known[0].get("phase_sign") in (1, -1):
+        sign = int(known[0]["phase_sign"])
+        told.append(f"Phase is counted with sign {sign}, as this vendor documents.")
     if sign not in (None, 1, -1):
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
