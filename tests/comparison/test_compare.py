@@ -171,7 +171,7 @@ def of_file(name: str, direction: str) -> xr.Dataset:
     spec = find_spec("NSFopen")
     assert spec is not None and spec.submodule_search_locations is not None
     path = Path(spec.submodule_search_locations[0], "example", name)
-    return read_image(path, phase=f"Phase {direction}")
+    return read_image(path, phase=f"Phase {direction}", height="Z-Axis")  # what the scanner was told
 
 
 @needs_reader
