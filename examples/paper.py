@@ -1,7 +1,7 @@
 """Wang (1999), "The role of damping in phase imaging in tapping mode AFM", Surf. Sci. 429, 178: its parameters.
 
-What the examples `paper_fig*.py` and tests/test_paper.py share. What the paper gives is a plain number here; what it
-leaves open is chosen, and said why.
+What the examples `paper_fig*.py` and tests/examples/test_paper.py share. What the paper gives is a plain number here;
+what it leaves open is chosen, and said why.
 """
 
 import math

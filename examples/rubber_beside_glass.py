@@ -74,7 +74,7 @@ def main(folder: Path = Path()) -> None:
         stretch = curve.motion == 1
         axes.plot(1e9 * OFFSETS, curve.phase.where(~stretch), ".", color=colour, label=name)
         axes.plot(1e9 * OFFSETS, curve.phase.where(stretch), "o", color=colour, fillstyle="none", markersize=4)
-        held = np.interp(SETPOINT, curve.amplitude[::-1] / SCOPE.free_amplitude, OFFSETS[::-1])
+        held = np.interp(SETPOINT, curve.amplitude[::-1] / SCOPE.driven_amplitude, OFFSETS[::-1])
         axes.axvline(1e9 * held, color=colour, linestyle=":", linewidth=1)
     axes.plot([], [], "o", color="0.4", fillstyle="none", markersize=4, label="irregular: mean")
     axes.plot([], [], ":", color="0.4", linewidth=1, label=f"setpoint {SETPOINT:g}")

@@ -1,7 +1,6 @@
-"""The order in which files of tests are begun.
+"""The order in which files of tests are begun: the longest first, so that both workers end together.
 
-More than half of the time is numba's. Two workers that begin with the same kernels both compile them; where one
-compiles the exact orbits while the other compiles scans and the march, each later finds the other's work on disk.
+Files of the exact orbits and of scans in time alternate. What one worker compiles, the other later finds on disk.
 """
 
 from __future__ import annotations
@@ -13,14 +12,22 @@ from pathlib import Path
 import pytest
 
 FIRST = (
-    "test_orbits",
-    "test_march",
-    "test_laws",
-    "test_ensemble",
-    "test_sweeps",
-    "test_feedback",
+    "test_examples",
+    "test_compilation",
+    "test_bench",
+    "test_detuned",
+    "test_fit",
     "test_hard",
-    "test_raster",
+    "test_orbits",
+    "test_regions",
+    "test_excitation",
+    "test_bounded",
+    "test_invert",
+    "test_irregular",
+    "test_dask",
+    "test_checkpoint",
+    "test_ensemble",
+    "test_plot",
 )
 
 

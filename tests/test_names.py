@@ -83,3 +83,11 @@ def test_several_setpoints_are_a_dim() -> None:
     assert images.attrs["Conventions"] == "CF-1.11" and "flag_meanings" in images.status.attrs
     with pytest.raises(pm.InputError, match=r"setpoint is .*; allowed: one number, or several different ones"):
         pm.simulate(SURFACE, SCOPE, [0.5, 0.5])
+
+
+def test_old_names_of_what_had_two_meanings_go_on_with_a_warning() -> None:
+    scope = pm.Microscope(LEVER, TIP, pm.Drive(20e-9, frequency=299e3))
+    with pytest.warns(DeprecationWarning, match="Microscope.free_amplitude is now called driven_amplitude, for"):
+        assert scope.free_amplitude == scope.driven_amplitude < scope.drive.free_amplitude  # beside resonance
+    with pytest.warns(DeprecationWarning, match="Cantilever.damping is now called damping_ratio, for"):
+        assert LEVER.damping == LEVER.damping_ratio == 1 / 800

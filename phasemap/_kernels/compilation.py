@@ -12,11 +12,13 @@ deep in the chain of calls.
 from __future__ import annotations
 
 import gc
+from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numba
-from llvmlite.binding import Linkage
-from numba.core import sigutils, types
+from llvmlite.binding import Linkage, add_symbol, parse_assembly
+from numba.core import cgutils, sigutils, types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
@@ -25,6 +27,11 @@ from numba.core.registry import CPUDispatcher, cpu_target
 
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.first_use import FirstUse
+
+try:
+    from phasemap._kernels import lean
+except ImportError:  # another numba
+    lean = None  # type: ignore[assignment]
 
 OPTIONS: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """Products and sums may be fused; nothing else is relaxed, for NaN must survive."""
@@ -36,7 +43,14 @@ RIGHTS = {"copy": 2, "approach_in_time": 2, "engage_in_time": 2, "scan_segments"
 """Kernels that may be typed twice: for numbers and for indices, and for the two engines of a scan in time."""
 
 
-def kernel(function: Any = None, *, fastmath: set[str] | None = None, inline: bool = False) -> Any:
+def kernel(
+    function: Any = None,
+    *,
+    fastmath: set[str] | None = None,
+    inline: bool = False,
+    shared: bool = False,
+    light: bool = False,
+) -> Any:
     """Compile a function of numbers and arrays when it is first called, from Python or from another kernel.
 
     Parameters
@@ -46,13 +60,19 @@ def kernel(function: Any = None, *, fastmath: set[str] | None = None, inline: bo
         In place of {"contract"}.
     inline : bool
         Whether LLVM must inline every call.
+    shared : bool
+        Whether it is emitted once and called where it is: for what is large and reached by several entries.
+    light : bool
+        Whether Python runs it as it is: for what is done faster than it is compiled.
     """
     if function is None:
-        return lambda one: kernel(one, fastmath=fastmath, inline=inline)
+        return lambda one: kernel(one, fastmath=fastmath, inline=inline, shared=shared, light=light)
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
     if numba.config.DISABLE_JIT:
         return function
-    return (_Entry if LINKS else _Plain)(function, targetoptions=options)
+    if not LINKS:
+        return _Plain(function, targetoptions=options)
+    return (_Light if light else _Entry)(function, shared, options)
 
 
 def _plain_type(argument: types.Type) -> types.Type:
@@ -75,11 +95,11 @@ class _Plain(CPUDispatcher):
 
 
 class _Entry(_Plain):
-    """A function as Python calls it, and as other kernels link it."""
+    """A function as Python calls it, and as other kernels do."""
 
-    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **_: Any) -> None:
-        super().__init__(py_func, locals, targetoptions, pipeline_class=_EntryCompiler)
-        self.linked = _Linked(py_func, locals, targetoptions, pipeline_class=_LinkedCompiler)
+    def __init__(self, py_func: Any, shared: bool, options: dict[str, Any]) -> None:
+        super().__init__(py_func, targetoptions=options, pipeline_class=_EntryCompiler)
+        self.linked = _Shared(py_func, options) if shared else _Linked(py_func, options)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """For a call from another kernel."""
@@ -90,8 +110,46 @@ class _Entry(_Plain):
         return self.linked.get_overload(sig)
 
 
+class _Light(_Entry):
+    """A function that Python runs as it is, and other kernels link."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.py_func(*arguments)
+
+
+class _Shared(_Plain):
+    """A function that is emitted once for all kernels that call it, and kept on disk."""
+
+    def __init__(self, py_func: Any, options: dict[str, Any]) -> None:
+        super().__init__(py_func, targetoptions=options, pipeline_class=_SharedCompiler)
+        self._cache = DiskCache(py_func, ".shared")
+
+    def add_overload(self, cres: CompileResult) -> None:
+        """Make the address of its code known to what is emitted or loaded from now on."""
+        super().add_overload(cres)
+        name = cres.fndesc.llvm_func_name
+        add_symbol(name, cres.library.get_pointer_to_function(name))
+        cres.library.needed = _Needed(self.py_func.__module__, self.py_func.__name__, cres.signature.args)
+
+
+@dataclass(frozen=True)
+class _Needed:
+    """A shared function that code on disk calls: it is loaded, or compiled, before that code is loaded."""
+
+    module: str
+    name: str
+    arguments: tuple[types.Type, ...]
+
+    def __call__(self) -> None:
+        """Have its address known."""
+        getattr(import_module(self.module), self.name).linked.compile(self.arguments)
+
+
 class _Linked(_Plain):
     """A function as other kernels link it."""
+
+    def __init__(self, py_func: Any, options: dict[str, Any]) -> None:
+        super().__init__(py_func, targetoptions=options, pipeline_class=_LinkedCompiler)
 
     def compile(self, sig: Any) -> Any:
         """Type and lower it for arguments; returns what numba knows the code by."""
@@ -118,6 +176,11 @@ class _Name(str):
 
 class _OurCode(JITCodeLibrary):
     """Code that is optimised as a whole only."""
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take in what was lowered; it is verified with all the rest."""
+        self._raise_if_finalized()
+        self.add_llvm_module(parse_assembly(cgutils.normalize_ir_text(str(ir_module))))
 
     def add_llvm_module(self, ll_module: Any) -> None:
         """Take in what was lowered, as it is."""
@@ -170,6 +233,9 @@ def _link(library: Any, module: Any, linkage: str) -> None:
     """Add all that a library reaches to its module, with this linkage."""
     own = {one.name for one in module.functions if not one.is_declaration}
     for other in _reached(library):
+        if needed := getattr(other, "needed", None):
+            library._reload_init.add(needed)
+            continue
         library._reload_init.update(other._reload_init)
         if isinstance(other, _LinkedCode):
             module.link_in(other._final_module, preserve=True)
@@ -184,7 +250,7 @@ def _link(library: Any, module: Any, linkage: str) -> None:
             one.linkage, one.visibility = linkage, "default"
 
 
-class _OurCompiler(Compiler):
+class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[misc]
     """numba's compiler, with a library of our own."""
 
     library: Any
@@ -219,6 +285,20 @@ class _EntryCompiler(_OurCompiler):
                     gc.enable()
 
 
+class _SharedCompiler(_OurCompiler):
+    """For what several entries call; its name is the same in every process."""
+
+    library = _EntryCode
+
+    def compile_extra(self, func: Any) -> CompileResult:
+        """Compile a function."""
+        self.state.targetctx.numbered = False
+        self.state.flags.no_cpython_wrapper = True
+        result = super().compile_extra(func)
+        _count_one()
+        return result
+
+
 class _LinkedCompiler(_OurCompiler):
     """For what other kernels call: up to LLVM code."""
 
@@ -228,9 +308,14 @@ class _LinkedCompiler(_OurCompiler):
         """Type and lower a function."""
         self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
         result = super().compile_extra(func)
-        if _EntryCompiler.first_use is not None:
-            _EntryCompiler.first_use.done += 1
+        _count_one()
         return result
+
+
+def _count_one() -> None:
+    """A function on the way to an entry is done."""
+    if _EntryCompiler.first_use is not None:
+        _EntryCompiler.first_use.done += 1
 
 
 def _kernels_of(function: Any) -> list[_Entry]:
@@ -254,7 +339,10 @@ def _all_kernels() -> list[_Entry]:
 
 def compiled() -> int:
     """How many functions were typed in this process, as entries or to be linked."""
-    return sum(len(one.linked.overloads) + sum(one._cache_misses.values()) for one in _all_kernels())
+    return sum(
+        len(one.linked.overloads) - sum(one.linked._cache_hits.values()) + sum(one._cache_misses.values())
+        for one in _all_kernels()
+    )
 
 
 def compiled_more_than_once() -> dict[str, int]:
@@ -279,7 +367,7 @@ def _fits() -> bool:
         library = _LinkedCode(cpu_target.target_context.codegen(), "trial")
     except Exception:
         return False
-    return all(hasattr(library, name) for name in parts + methods)
+    return lean is not None and lean.fits() and all(hasattr(library, name) for name in parts + methods)
 
 
 LINKS = _fits()

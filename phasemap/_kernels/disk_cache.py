@@ -40,8 +40,8 @@ def written() -> int:
 class DiskCache:
     """The files of one function, as numba's dispatchers ask for them."""
 
-    def __init__(self, function: Any) -> None:
-        self._function = function
+    def __init__(self, function: Any, form: str = "") -> None:
+        self._function, self._form = function, form
 
     @property
     def cache_path(self) -> str:
@@ -87,7 +87,7 @@ class DiskCache:
 
     def _name(self) -> str:
         """Of the function, as its files begin."""
-        return f"{self._function.__module__.removeprefix(KERNELS)}.{self._function.__name__}"
+        return f"{self._function.__module__.removeprefix(KERNELS)}.{self._function.__name__}{self._form}"
 
     def _own(self) -> str:
         """What the code depends on beside the sources of the kernels, of which a kernel is one."""

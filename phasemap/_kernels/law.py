@@ -167,7 +167,7 @@ def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
     return _power_law_slope(d, p)
 
 
-@kernel
+@kernel(light=True)
 def parameters(row: np.ndarray) -> tuple[float, ...]:
     """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
     return (

@@ -12,7 +12,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
 
 
-@kernel
+@kernel(light=True)
 def free_amplitude(lever: np.ndarray) -> float:
     """Amplitude [m] of the free lever at the drive frequency: theory, Eq. (model-2)."""
     omega = lever[col.OMEGA]
@@ -43,7 +43,7 @@ def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> f
     return (x * x + y * y) / (lever[BASE] * lever[BASE]) - 1.0
 
 
-@kernel
+@kernel(light=True)
 def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
     """Phase [rad] from (z0, mean deflection, A, P, S): theory, Eq. (averaging-5)."""
     omega = lever[col.OMEGA]

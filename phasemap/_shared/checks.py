@@ -146,10 +146,6 @@ def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
     value : object
         The value met.
     choices : iterable of str
-
-    Raises
-    ------
-    InputError
     """
     choices = list(choices)
     if value not in choices:

@@ -29,7 +29,7 @@ def lazy_map(name: str, value: Any, dtype: type = np.float64) -> Any:
     Raises
     ------
     InputError
-        If it is no 2-D map of real numbers, or its shape is not known.
+        If it is not a 2-D map of real numbers, or its shape is not known.
     """
     array = value.data if hasattr(value, "dims") else value
     if array.ndim != 2 or not all(side > 0 for side in array.shape):  # NaN where it is not known

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 LONGEST = 300  # characters of a name or a value that an error repeats
 
 
@@ -53,6 +56,35 @@ class InputError(PhasemapError, ValueError):
         return type(self), (self.name, self.value, self.allowed, self.hint)
 
 
+class InputErrors(InputError):
+    """Several things that are wrong, such as all that a scene has: a sentence in each line, and each in `errors`.
+
+    Parameters
+    ----------
+    errors : sequence of PhasemapError
+        Of which one at least is an `InputError`; name, value, allowed and hint are those of the first.
+
+    Examples
+    --------
+    >>> raise InputErrors([InputError("setpoint", 1.2, "a number below 1"), InputError("radius", 0, "more than 0")])
+    Traceback (most recent call last):
+    ...
+    phasemap._shared.errors.InputErrors: setpoint is 1.2; allowed: a number below 1.
+    radius is 0; allowed: more than 0.
+    """
+
+    __module__ = "phasemap._shared.errors"
+
+    def __init__(self, errors: Sequence[PhasemapError]) -> None:
+        first = next(error for error in errors if isinstance(error, InputError))
+        super().__init__(first.name, first.value, first.allowed, first.hint)
+        self.args = ("\n".join(map(str, errors)),)
+        self.errors = tuple(errors)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.errors,)
+
+
 class FileError(PhasemapError, OSError):
     """A file that cannot be read, or a place that cannot be written."""
 
@@ -84,4 +116,4 @@ def _short(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"
 
 
-__test__ = {"InputError": InputError}  # doctest looks for classes of this module only
+__test__ = {"InputError": InputError, "InputErrors": InputErrors}  # doctest looks for classes of this module only

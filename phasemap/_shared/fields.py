@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import fields
 from difflib import get_close_matches
@@ -14,7 +15,7 @@ from phasemap._shared.plausible import Usual, question
 if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
 
-__all__ = ["Number", "known_as", "number_of"]
+__all__ = ["Number", "Renamed", "known_as", "number_of"]
 
 C = TypeVar("C")
 T = TypeVar("T", bound=float | None)
@@ -81,18 +82,44 @@ class Number(Generic[T]):
         return cast(T, self._default)
 
     def __set__(self, instance: object, value: T | Scalar) -> None:
-        instance.__dict__[self._name] = None if value is None and self._optional else self._checked(value)
+        found = self.check(value)
+        if found is not None and self._asks:
+            self.look_at(found)
+        instance.__dict__[self._name] = found
+
+    def check(self, value: object) -> float | None:
+        """What the field makes of a value; an `InputError` if it is not allowed."""
+        return None if value is None and self._optional else number(str(self._said), value, self.unit, **self._bounds)
 
     def look_at(self, value: float) -> None:
         """Warn of a value outside all practice."""
         if self.usual is not None:
             question(str(self._said), value, self.unit, self.usual)
 
-    def _checked(self, value: object) -> float:
-        found = number(str(self._said), value, self.unit, **self._bounds)
-        if self._asks:
-            self.look_at(found)
-        return found
+
+class Renamed:
+    """The old name of an attribute, which goes on for a release with a warning.
+
+    Parameters
+    ----------
+    new : str
+        What it is called now.
+    why : str
+        What it was mistaken for.
+    """
+
+    def __init__(self, new: str, why: str) -> None:
+        self._new, self._why = new, why
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._old = f"{owner.__name__}.{name}"
+
+    def __get__(self, instance: object, owner: type | None = None) -> Any:
+        if instance is None:
+            return self
+        message = f"{self._old} is now called {self._new}, for {self._why}."
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return getattr(instance, self._new)
 
 
 def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:

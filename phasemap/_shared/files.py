@@ -1,4 +1,4 @@
-"""Files that users name: only those are opened that are there, end, and are no pipe or device."""
+"""Files that users name: only those are opened that are there, end, and are neither a pipe nor a device."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
     Raises
     ------
     FileError
-        If there is none, or it is no file: a pipe would be waited for, a device may never end.
+        If there is none, or it is not a file: a pipe would be waited for, a device may never end.
 
     Examples
     --------

@@ -14,7 +14,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
-LENIENCE = 1.0  # seconds after Ctrl-C in which another one changes nothing
+GRACE = 1.0  # seconds after Ctrl-C in which another one changes nothing
 
 
 class EndlessError(Exception):
@@ -90,7 +90,7 @@ def ending_at_once(done: str = "nothing was written") -> Iterator[None]:
 
 @contextmanager
 def interrupted_once() -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt once: the impatient should not break what that sets going."""
+    """Let Ctrl-C raise KeyboardInterrupt once: more of them should not break what that sets going."""
 
     def interrupt() -> None:
         raise KeyboardInterrupt
@@ -110,7 +110,7 @@ class _Once:
         if self._since is None:
             self._since = time.monotonic()
             self._do()
-        elif time.monotonic() - self._since > LENIENCE:
+        elif time.monotonic() - self._since > GRACE:
             os._exit(INTERRUPTED)
 
 

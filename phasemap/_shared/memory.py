@@ -2,7 +2,7 @@
 
 What is free is the least of what the system has, what a control group (a container, a batch job) leaves, and what
 ``ulimit -v`` leaves. The environment variable ``PHASEMAP_MEMORY`` says otherwise, in bytes: ``PHASEMAP_MEMORY=64e9``.
-Where neither is known, nothing is refused.
+Machine and process are psutil's; control groups, which it does not know, are read here.
 """
 
 from __future__ import annotations
@@ -44,27 +44,29 @@ def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> No
     if size < 1 << 20:  # which is not worth a look
         return
     free = available()
-    if free is not None and size > free:
+    if size > free:
         said = f"{what} needs {in_words(size)} of memory, and {in_words(free)} are free."
         raise TooLargeError(f"{said} {advice} {VARIABLE}, in bytes, sets another limit.")
 
 
-def available() -> float | None:
-    """Memory that may be taken [byte], or None where nothing is known.
+def available() -> float:
+    """Memory that may be taken [byte].
 
     Raises
     ------
     InputError
-        If ``PHASEMAP_MEMORY`` is no number of bytes.
+        If ``PHASEMAP_MEMORY`` is not a number of bytes.
 
     Examples
     --------
-    >>> (available() or 1) > 0
+    >>> available() > 0
     True
     """
     told = os.environ.get(VARIABLE)
     if told is None:
-        return min([*_of_system(), *_of_groups(), *_of_process()], default=None)
+        import psutil
+
+        return min([float(psutil.virtual_memory().available), *_of_groups(), *_of_process()])
     try:
         limit = float(told)
     except ValueError:
@@ -84,18 +86,6 @@ def in_words(size: float) -> str:
     """
     power = min(int(math.log10(size)) // 3, 8) if 1 <= size < math.inf else 0
     return f"{size / 1000**power:.3g} {['', 'k', 'M', 'G', 'T', 'P', 'E', 'Z', 'Y'][power]}B"
-
-
-def _of_system() -> Iterator[float]:
-    """What the machine has: what is free on Linux, all there is elsewhere."""
-    fields = _fields(Path("/proc/meminfo"))
-    if "MemAvailable:" in fields:
-        yield 1024 * fields["MemAvailable:"]
-        return
-    try:
-        yield float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):  # not on Windows
-        return
 
 
 def _of_groups() -> Iterator[float]:
@@ -120,14 +110,14 @@ def _of_groups() -> Iterator[float]:
 
 def _of_process() -> Iterator[float]:
     """What a limit of the address space leaves."""
-    try:
-        import resource
-    except ImportError:  # not on Windows
+    import psutil
+
+    process = psutil.Process()
+    if not hasattr(process, "rlimit"):  # psutil knows the limit on Linux and FreeBSD
         return
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    pages = _text(Path("/proc/self/statm")).split()
-    if limit != resource.RLIM_INFINITY and pages:
-        yield max(float(limit - int(pages[0]) * os.sysconf("SC_PAGE_SIZE")), 0.0)
+    limit = process.rlimit(psutil.RLIMIT_AS)[0]
+    if limit != psutil.RLIM_INFINITY:
+        yield max(float(limit - process.memory_info().vms), 0.0)
 
 
 def _fields(path: Path) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Numbers outside all practice: a word, once, to the person who gave them.
 
-A lever of 300,000 N/m is no error of the model, so a number that nobody has measured warns by name, with what is usual
-and the unit that was probably meant. With `strict_units` it is an error.
+A lever of 300,000 N/m is not an error of the model, so a number that nobody has measured warns by name, with what is
+usual and the unit that was probably meant. With `strict_units` it is an error.
 """
 
 from __future__ import annotations

@@ -62,26 +62,26 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     from multiprocessing.connection import wait
 
     waiting = iter(items)
-    crew: dict[Any, SpawnProcess] = {}  # by our end of the line to each
+    running: dict[Any, SpawnProcess] = {}  # by our end of the line to each
     try:
-        with _deaf():
+        with _ignoring_interrupts():
             for item in _first(workers, waiting):
-                connection, process = _hire(task)
-                crew[connection] = process
+                connection, process = _start(task)
+                running[connection] = process
                 connection.send(item)
-        busy = set(crew)
+        busy = set(running)
         ready: Any
         while busy:
             for ready in wait(busy):
-                yield _result(ready, crew[ready])
+                yield _result(ready, running[ready])
                 busy.discard(ready)
                 for item in _first(1, waiting):
                     ready.send(item)
                     busy.add(ready)
     finally:
-        for process in crew.values():
+        for process in running.values():
             process.terminate()
-        for process in crew.values():
+        for process in running.values():
             process.join()
 
 
@@ -91,7 +91,7 @@ def _first(count: int, items: Iterator[T]) -> Iterator[T]:
         yield item
 
 
-def _hire(task: Callable[[T], R]) -> tuple[Connection, SpawnProcess]:
+def _start(task: Callable[[T], R]) -> tuple[Connection, SpawnProcess]:
     """Start a process that serves the task, and return our end of the line to it."""
     from multiprocessing import get_context
 
@@ -135,7 +135,7 @@ def _result(line: Connection, process: SpawnProcess) -> Any:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def _ignoring_interrupts() -> Iterator[None]:
     """Processes that are started meanwhile are not interrupted by Ctrl-C, which goes to a whole group of them."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -54,7 +54,7 @@ _SPACES = re.compile(r"\s*([*/·^()]|\s)\s*")
 
 
 class NotThatUnit(ValueError):
-    """Text that is no number with a unit, or one of another kind."""
+    """Text that is not a number with a unit, or one of another kind."""
 
 
 def is_quantity(value: object) -> bool:
@@ -77,15 +77,11 @@ def in_si(value: object, unit: str) -> object:
     unit : str
         As in `KINDS`, or as UDUNITS writes it; empty for any, in SI units without a prefix, and degrees.
 
-    Returns
-    -------
-    object
-
     Raises
     ------
     NotThatUnit
-        If text is no number with a unit, or what it measures is not what `unit` does. Turns and radians are angles, and
-        an angle is no plain number: "5 rad/s" is no frequency.
+        If text is not a number with a unit, or what it measures is not what `unit` does. Turns and radians are angles,
+        and an angle is not a plain number: "5 rad/s" is not a frequency.
 
     Examples
     --------
@@ -129,7 +125,7 @@ def scaled(values: Any, written: str, unit: str) -> Any:
     Raises
     ------
     NotThatUnit
-        If that is no unit of the same kind.
+        If that is not a unit of the same kind.
 
     Examples
     --------

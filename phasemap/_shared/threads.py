@@ -18,7 +18,7 @@ def workers_of(threads: int | None) -> int:
     Raises
     ------
     InputError
-        If `threads` is no whole number of at least 1.
+        If `threads` is not a whole number of at least 1.
     """
     return min(whole("threads", threads, 1), 64) if threads is not None else _cores()
 

@@ -51,10 +51,6 @@ def readable(largest: float, units: str) -> Unit:
     units : str
         UDUNITS, as in the attribute ``units``.
 
-    Returns
-    -------
-    Unit
-
     Examples
     --------
     >>> readable(16e-9, "m"), readable(-2.0, "degree")

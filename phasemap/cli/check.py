@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.interrupts import interruptible
+from phasemap.cli.arguments import add_quiet, add_threads, whole
+from phasemap.cli.console import progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,20 +29,10 @@ Exit code: 0 if no claim fails, 1 if one does, 2 if there is nothing to check (a
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument("image", metavar="IMAGE.nc", type=Path, help="what `phasemap run` or `image.to_netcdf` wrote")
-    parser.add_argument(
-        "--pixels", type=positive, default=64, metavar="N", help="how many are solved again; default: 64"
-    )
+    parser.add_argument("--pixels", type=whole, default=64, metavar="N", help="how many are solved again; default: 64")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the sample of pixels; default: 0")
     surface = parser.add_mutually_exclusive_group()
     surface.add_argument(
@@ -53,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
         "--solver", choices=("march", "orbit"),
         help="that solves them again; default: march, or orbit for an image made by march",
     )  # fmt: skip
-    parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
-    parser.add_argument("--quiet", action="store_true", help="the verdict only")
+    add_threads(parser)
+    add_quiet(parser, "the verdict only")
 
 
 def check(arguments: argparse.Namespace) -> int:
@@ -63,12 +53,8 @@ def check(arguments: argparse.Namespace) -> int:
 
     image = load(arguments.image)
     surface = _surface(arguments)
-    if arguments.quiet:
-        found = interruptible(lambda: _checked(image, surface, arguments, None))
-        print(found.verdict)
-    else:
-        found = interruptible(lambda: _with_progress(image, surface, arguments))
-        print("\n".join([*_header(image), "", str(found)]))
+    found = interruptible(lambda: _checked(image, surface, arguments))
+    print(found.verdict if arguments.quiet else "\n".join([*_header(image), "", str(found)]))
     return 0 if found.holds else FAILED
 
 
@@ -83,32 +69,15 @@ def _surface(arguments: argparse.Namespace) -> Surface | None:
     return None if arguments.surface is None else Surface.from_dataset(load(arguments.surface), allow_nan=True)
 
 
-def _checked(
-    image: xr.Dataset,
-    surface: Surface | None,
-    arguments: argparse.Namespace,
-    progress: Callable[[int, int], None] | None,
-) -> Check:
+def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Namespace) -> Check:
+    """Check, with a bar on stderr."""
     from phasemap.validation.checking.check import check as check_image
 
-    return check_image(
-        image, surface, folders=(arguments.image.parent, "."), pixels=arguments.pixels, seed=arguments.seed,
-        solver=arguments.solver, threads=arguments.threads, progress=progress,
-    )  # fmt: skip
-
-
-def _with_progress(image: xr.Dataset, surface: Surface | None, arguments: argparse.Namespace) -> Check:
-    """Check, with a bar on stderr if it takes more than a second."""
-    from tqdm import tqdm
-
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(delay=1.0, mininterval=interval, unit="", file=sys.stderr, leave=False) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        return _checked(image, surface, arguments, progress)
+    with progress_bar("", arguments.quiet) as progress:
+        return check_image(
+            image, surface, folders=(arguments.image.parent, "."), pixels=arguments.pixels, seed=arguments.seed,
+            solver=arguments.solver, threads=arguments.threads, progress=progress,
+        )  # fmt: skip
 
 
 def _header(image: xr.Dataset) -> list[str]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap.cli.arguments import add_files, add_quiet, check_files, print_files, whole
 from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
@@ -25,16 +25,8 @@ Files are netCDF (.nc), or what an instrument wrote: pip install "afm-phasemap[r
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument("measured", metavar="MEASURED", type=Path, help="the image that is to be explained")
     parser.add_argument("simulated", metavar="SIMULATED", type=Path, help="the image that is to explain it")
     parser.add_argument(
@@ -45,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
         "--sign", default="free", choices=("free", "1", "-1"), help="of the recorded phase; default: what fits better"
     )
     parser.add_argument(
-        "--regions", type=positive, default=2, metavar="N", help="materials told apart, at most 4; default: 2"
+        "--regions", type=whole, default=2, metavar="N", help="materials told apart, at most 4; default: 2"
     )
     parser.add_argument(
         "--limit",
@@ -58,27 +50,18 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     )
     parser.add_argument("--names", metavar="A,B", help="what the images are called; default: measured,simulated")
     parser.add_argument("--row", type=int, metavar="N", help="of the line profile, from 0; default: the middle")
-    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
-    parser.add_argument("--plot", metavar="PAGE.png", type=Path, help="page to draw (.png, .pdf, .svg)")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--quiet", action="store_true", help="no summary")
+    add_files(parser, plot="page to draw (.png, .pdf, .svg)")
+    add_quiet(parser, "no summary")
 
 
 def compare(arguments: argparse.Namespace) -> None:
     """Compare two images, write what is asked for, and say what was found."""
     from phasemap.comparison.result import NAMES
     from phasemap.comparison.result import compare as compare_images
-    from phasemap.io.netcdf import check_target, save
-    from phasemap.plot.figure import check_format
+    from phasemap.io.netcdf import save
 
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
-    if arguments.plot is not None:
-        check_format(arguments.plot)
-        if arguments.plot == arguments.output:
-            raise InputError("--plot", str(arguments.plot), "another file than that of -o")
-    elif arguments.row is not None:
+    check_files(arguments)
+    if arguments.row is not None and arguments.plot is None:
         raise InputError("--row", arguments.row, "with --plot only")
     direction = _parts("--direction", arguments.direction)
     options: dict[str, Any] = {
@@ -99,9 +82,7 @@ def compare(arguments: argparse.Namespace) -> None:
         comparison(found, arguments.plot, arguments.overwrite, row=arguments.row)
     if not arguments.quiet:
         print("\n".join(summary(found)))
-        for path in (arguments.output, arguments.plot):
-            if path is not None:
-                print(f"{'written to':<17}{path}")
+        print_files(arguments, 17)
 
 
 def summary(found: xr.Dataset) -> list[str]:

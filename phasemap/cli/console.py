@@ -7,6 +7,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from phasemap._shared.plausible import PlausibilityWarning
 
@@ -24,6 +25,50 @@ def patience() -> Iterator[Callable[[], None]]:
         yield timer.cancel
     finally:
         timer.cancel()
+
+
+def bar_of(unit: str) -> Any:
+    """Make a bar on stderr, which is drawn if the work takes more than a second."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    return tqdm(delay=1.0, mininterval=interval, unit=unit, file=sys.stderr, leave=False)
+
+
+@contextmanager
+def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
+    """Lend a function of what is done and of all that draws a bar; None where nothing is to be said."""
+    if quiet:
+        yield None
+        return
+    with bar_of(unit) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield progress
+
+
+@contextmanager
+def saying() -> Iterator[Callable[[str], None]]:
+    """Say on stderr what is being done: on one line that changes or, where that is not a terminal, on a line each."""
+    terminal, last = sys.stderr.isatty(), ""
+
+    def say(text: str) -> None:
+        nonlocal last
+        what = text.partition(":")[0]  # what follows counts
+        if terminal:
+            print(f"\r\x1b[K{text} ...", end="", file=sys.stderr, flush=True)
+        elif what != last:
+            print(f"{what} ...", file=sys.stderr, flush=True)
+        last = what
+
+    try:
+        yield say
+    finally:
+        if terminal:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
+from phasemap.cli.arguments import (
+    SURFACE_UNUSED,
+    add_files,
+    add_quiet,
+    add_scene,
+    add_strict_units,
+    add_threads,
+    check_files,
+    print_files,
+)  # fmt: skip
+from phasemap.cli.console import progress_bar
 from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
@@ -31,21 +39,10 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.usage = "%(prog)s SCENE.toml [--materials FIRST,SECOND] [options] [key=value ...]"
-    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
-    parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as tip.radius=20e-9"
-    )
+    add_scene(parser, SURFACE_UNUSED)
     parser.add_argument(
         "--materials", metavar="FIRST,SECOND", help="of [materials.NAME]; not needed if there are only two"
     )
@@ -53,17 +50,15 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("--free-amplitudes", metavar="VALUES", help="at resonance, in m; default: the scene's")
     parser.add_argument("--frequencies", metavar="VALUES", help="of the drive, in Hz; default: the scene's")
     parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
-    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
-    parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
-    parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
+    add_files(parser)
+    add_quiet(parser)
+    add_threads(parser)
+    add_strict_units(parser)
 
 
 def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_dataset, check_target, save
-    from phasemap.plot.figure import check_format
+    from phasemap.io.netcdf import save
     from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
@@ -75,12 +70,7 @@ def contrast(arguments: argparse.Namespace) -> None:
         "frequencies": _values("--frequencies", arguments.frequencies),
         "solver": arguments.solver, "names": names, "threads": arguments.threads,
     }  # fmt: skip
-    if arguments.output is not None:
-        check_dataset(arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        check_target(arguments.plot, arguments.overwrite)
-    if arguments.plot is not None:
-        check_format(arguments.plot)
+    check_files(arguments)
     found = _map(setup, names, options, arguments.quiet)
     found.attrs["title"] = f"{names[1]} less {names[0]} of {arguments.scene.name}"
     if arguments.output is not None:
@@ -92,9 +82,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print(f"took        {time.perf_counter() - started:.2f} s")
-        for path in (arguments.output, arguments.plot):
-            if path is not None:
-                print(f"written to  {path}")
+        print_files(arguments)
 
 
 def _names(setup: Setup, text: str | None) -> tuple[str, str]:
@@ -126,21 +114,11 @@ def _values(option: str, text: str | None) -> Any:
 
 
 def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: bool) -> xr.Dataset:
-    """Map the contrast, with a bar on stderr if it takes more than a second."""
-    from tqdm import tqdm
-
+    """Map the contrast, with a bar on stderr."""
     from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
 
     first, second = (setup.materials[name] for name in names)
-    if quiet:
-        return map_contrast(first, second, setup.microscope, **options)
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(delay=1.0, mininterval=interval, unit=" points", file=sys.stderr, leave=False) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
+    with progress_bar(" points", quiet) as progress:
         return map_contrast(first, second, setup.microscope, **options, progress=progress)
 
 

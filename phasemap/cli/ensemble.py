@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once
-from phasemap.cli.console import patience
+from phasemap.cli.console import bar_of, patience
 
 if TYPE_CHECKING:
     from phasemap.scenes.ensemble import Ensemble
@@ -88,10 +88,7 @@ def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress
 @contextmanager
 def _bar(first_result: Callable[[], None]) -> Iterator[Progress]:
     """Lend a progress that draws a bar on stderr if it takes more than a second."""
-    from tqdm import tqdm
-
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(delay=1.0, mininterval=interval, unit=" samples", file=sys.stderr, leave=False) as bar:
+    with bar_of(" samples") as bar:
 
         def progress(done: int, total: int) -> None:
             if bar.total is None:  # the first call says what an earlier run has done

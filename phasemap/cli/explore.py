@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from phasemap._shared.interrupts import ending_at_once, leave
-from phasemap.cli.run import add_scene
+from phasemap.cli.arguments import add_scene
 
 __all__ = ["EXAMPLES", "add_arguments", "explore"]
 
@@ -21,13 +21,7 @@ GRACE = 0.5  # seconds that an answer which is being made has to end
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    """
+    """Declare the arguments of the command."""
     add_scene(parser)
     parser.add_argument("--no-browser", action="store_true", help="print the address, and open nothing")
     parser.add_argument("--port", type=_port, metavar="N", default=0, help="to listen on; default: any that is free")

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import textwrap
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
+from phasemap.cli.arguments import (
+    SURFACE_UNUSED,
+    add_files,
+    add_quiet,
+    add_scene,
+    add_strict_units,
+    add_threads,
+    check_files,
+    print_files,
+)  # fmt: skip
+from phasemap.cli.console import progress_bar
 from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
@@ -45,19 +54,11 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.usage = "%(prog)s SCENE.toml IMAGE [IMAGE ...] [--regions N] [options] [key=value ...]"
     parser.set_defaults(overrides=[])
-    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
+    add_scene(parser, SURFACE_UNUSED, overrides=False)
     parser.add_argument(
         "images",
         metavar="IMAGE",
@@ -95,11 +96,10 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("--prior", metavar="NAME", help="of the scene's materials: a guess; default: 1 GPa, 0.05, 0.01")
     parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help="how good a guess; default: 10")
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
-    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
-    parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--quiet", action="store_true", help="no progress and no summary")
-    parser.add_argument("--threads", type=positive, metavar="N", help="how many threads; default: all cores")
+    add_files(parser)
+    add_quiet(parser)
+    add_threads(parser)
+    add_strict_units(parser)
 
 
 @dataclass(frozen=True)
@@ -113,18 +113,13 @@ class _Given:
 
 def invert(arguments: argparse.Namespace) -> None:
     """Invert, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_target, save
-    from phasemap.plot.figure import check_format
+    from phasemap.io.netcdf import save
     from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
-    if arguments.plot is not None:
-        check_format(arguments.plot)
     overrides = [word for word in arguments.images if "=" in word] + arguments.overrides
     setup = load_setup(arguments.scene, overrides)
+    check_files(arguments)
     given = _load([Path(word) for word in arguments.images if "=" not in word], setup, arguments, overrides)
     options: dict[str, Any] = {"setpoints": given.setpoints, "prior_factor": arguments.prior_factor}
     for name in ("phase_zero", "phase_zero_error", "phase_error", "height_error", "height_zero_error"):
@@ -143,9 +138,7 @@ def invert(arguments: argparse.Namespace) -> None:
     if not arguments.quiet:
         print("\n".join(_lines(_said_images(given) + [("note", note) for note in notes] + summary(found))))
         print(f"took        {time.perf_counter() - started:.2f} s")
-        for path in (arguments.output, arguments.plot):
-            if path is not None:
-                print(f"written to  {path}")
+        print_files(arguments)
 
 
 def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
@@ -206,8 +199,6 @@ def _invert(
 
 def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namespace) -> tuple[xr.Dataset, list[str]]:
     """Maps, and what to know about them."""
-    from tqdm import tqdm
-
     from phasemap.inference.images.images import invert as invert_pixels
 
     if isinstance(options.get("phase_zero"), str) or (
@@ -223,15 +214,7 @@ def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namesp
         images = [image.drop_vars("height") for image in images]
         notes.append("Heights are not used: how those of different images compare is not known (--height-zero-error).")
     options["threads"] = arguments.threads
-    if arguments.quiet:
-        return invert_pixels(images, given.scopes, **options), notes
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(delay=1.0, mininterval=interval, unit=" pixels", file=sys.stderr, leave=False) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
+    with progress_bar(" pixels", arguments.quiet) as progress:
         return invert_pixels(images, given.scopes, **options, progress=progress), notes
 
 

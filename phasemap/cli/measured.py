@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from phasemap.cli.arguments import add_files, add_overrides, add_strict_units, whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,39 +28,23 @@ EXPORT_EXAMPLES = """examples:
 """
 
 
-def add_scene(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of ``phasemap scene``.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``phasemap scene``."""
     parser.usage = "%(prog)s IMAGE [-o SCENE.toml] [--phases N] [options] [key=value ...]"
     parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
+    add_overrides(parser)
     parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as tip.radius=10e-9"
-    )
-    parser.add_argument("-o", "--output", metavar="SCENE.toml", type=Path, help="scene to write; default: IMAGE.toml")
-    parser.add_argument(
-        "--phases", type=positive, default=2, metavar="N", help="materials that the phase tells apart; default: 2"
+        "--phases", type=whole, default=2, metavar="N", help="materials that the phase tells apart; default: 2"
     )
     parser.add_argument("--height", metavar="NAME", help="channel of the height; default: the first")
     parser.add_argument("--phase", metavar="NAME", help="channel of the phase; default: the first")
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    add_files(parser, "scene to write; default: IMAGE.toml", plot=None, metavar="SCENE.toml")
+    add_strict_units(parser)
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``phasemap export``.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    """
+    """Declare the arguments of ``phasemap export``."""
     parser.add_argument("image", metavar="IMAGE", type=Path, help="an image in netCDF, or a microscope's file")
     parser.add_argument("output", metavar="OUT", type=Path, help="file to write, .gwy or .gsf")
     parser.add_argument("--variable", metavar="NAME", help="the only one to write; a .gsf file holds one")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap.cli import ensemble as cli_ensemble
+from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
+from phasemap.cli.console import progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,15 +20,33 @@ if TYPE_CHECKING:
     from phasemap.scenes.ensemble import Ensemble
     from phasemap.scenes.scene import Scene
 
-__all__ = ["add_scene", "run", "validate"]
+__all__ = ["EXAMPLES", "add_arguments", "add_validate", "run", "validate"]
+
+EXAMPLES = """examples:
+  phasemap run samples/blend.toml -o blend.nc
+  phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
+  phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
+  phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
+
+A scene with a table [ensemble] is simulated in all its variants. After an interrupt the same command goes on.
+"""
 
 
-def add_scene(parser: argparse.ArgumentParser) -> None:
-    """The arguments that name a scene; overrides may stand anywhere, `main` collects them."""
-    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file")
-    parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as scan.setpoint=0.6"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``phasemap run``."""
+    add_scene(parser)
+    add_files(parser, "file to write; default: [output] file", plot=None)
+    add_quiet(parser)
+    add_threads(parser)
+    parser.add_argument("--workers", type=whole, metavar="N", help="processes for an ensemble; default: all cores")
+    parser.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
+    add_strict_units(parser)
+
+
+def add_validate(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``phasemap validate``."""
+    add_scene(parser)
+    add_strict_units(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -49,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
     parts = output.with_name(f"{output.name}.parts")
     try:
-        image = _simulated(scene, arguments, parts)
+        image = interruptible(lambda: _simulated(scene, arguments, parts))
         interruptible(lambda: save(image, output, arguments.overwrite))
     except KeyboardInterrupt:
         kept = f"what is done is kept in {parts}; run the same command again to go on"
@@ -62,11 +81,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.Dataset:
-    """The image, with a word on what is being done unless it is not wanted."""
-    options = {"strict": arguments.strict, "threads": arguments.threads, "checkpoint": parts}
-    if arguments.quiet:
-        return interruptible(lambda: scene.simulate(**options))
-    return interruptible(lambda: _with_progress(scene, options))
+    """The image, with a bar on stderr."""
+    unit = " lines" if scene.options["control"].in_time else " materials"
+    with progress_bar(unit, arguments.quiet) as progress:
+        return scene.simulate(strict=arguments.strict, threads=arguments.threads, checkpoint=parts, progress=progress)
 
 
 def validate(arguments: argparse.Namespace) -> None:
@@ -91,7 +109,7 @@ def validate(arguments: argparse.Namespace) -> None:
     names = inputs_of(*split(scene.options["variables"], control, scope.drive.second is not None), control)
     check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
     materials = surface.unique()[0]
-    amplitude = scene.options["setpoint"] * scope.free_amplitude
+    amplitude = scene.options["setpoint"] * scope.driven_amplitude
     work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
     _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
     print(f"output      {scene.output or 'to be named with -o'}")
@@ -116,28 +134,13 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
     return scene.output
 
 
-def _with_progress(scene: Scene, options: dict[str, Any]) -> xr.Dataset:
-    """Simulate, with a bar on stderr if it takes more than a second."""
-    from tqdm import tqdm
-
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    unit = " lines" if scene.options["control"].in_time else " materials"
-    with tqdm(delay=1.0, mininterval=interval, unit=unit, file=sys.stderr, leave=False) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        return scene.simulate(**options, progress=progress)
-
-
 def _print_scene(scene: Scene, modelled: str) -> None:
     """Size, materials, and what acts between them and the tip."""
     (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
     print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
-    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.free_amplitude * 1e9:.4g} nm")
+    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")
     print(f"solver      {scene.options['solver']}")
     if control := str(scene.options["control"]):
         print(f"control     {control}")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole
 from phasemap.cli.numbers import numbers_in
 
 if TYPE_CHECKING:
@@ -31,20 +31,12 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.usage = "%(prog)s FILE FILE [FILE ...] [--plot PAGE.png] [options] [key=value ...]"
     parser.set_defaults(overrides=[])
     parser.add_argument("files", metavar="FILE", nargs="+", help="two or more; key=value sets a part of the microscope")
-    parser.add_argument("--regions", type=positive, default=2, metavar="N", help="how many to find; default: 2")
+    parser.add_argument("--regions", type=whole, default=2, metavar="N", help="how many to find; default: 2")
     parser.add_argument(
         "--by",
         choices=("phase", "height", "both"),
@@ -63,25 +55,19 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument("--scene", metavar="SCENE.toml", type=Path, help="a scene that says the microscope")
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
     parser.add_argument("--seed", type=int, default=0, help="of the draws; default: 0")
-    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
-    parser.add_argument("--plot", metavar="PAGE.png", type=Path, help="page to draw (.png, .pdf, .svg)")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--quiet", action="store_true", help="no summary")
+    add_files(parser, plot="page to draw (.png, .pdf, .svg)")
+    add_quiet(parser)
+    add_strict_units(parser)
 
 
 def series(arguments: argparse.Namespace) -> None:
     """Explain, write what is asked for, and say what was found."""
     from phasemap.inference.series.series import series as explain
     from phasemap.inference.series.settings import scope_of
-    from phasemap.io.netcdf import check_target, save
+    from phasemap.io.netcdf import save
     from phasemap.io.read import read_image
-    from phasemap.plot.figure import check_format
 
-    for path in (arguments.output, arguments.plot):
-        if path is not None:
-            check_target(path, arguments.overwrite)
-    if arguments.plot is not None:
-        check_format(arguments.plot)
+    check_files(arguments)
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = [read_image(path) for path in paths]
@@ -105,9 +91,7 @@ def series(arguments: argparse.Namespace) -> None:
         draw(found, arguments.plot, arguments.overwrite)
     if not arguments.quiet:
         print("\n".join(summary(found)))
-        for path in (arguments.output, arguments.plot):
-            if path is not None:
-                print(f"written to  {path}")
+        print_files(arguments)
 
 
 def summary(found: xr.Dataset) -> list[str]:

@@ -7,11 +7,19 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
+from phasemap.cli.arguments import (
+    SURFACE_UNUSED,
+    add_files,
+    add_quiet,
+    add_scene,
+    add_strict_units,
+    check_files,
+    print_files,
+    whole,
+)  # fmt: skip
 from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
@@ -49,26 +57,18 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int]) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    positive : callable
-        Reads a whole number of at least 1.
-    """
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser._negative_number_matcher = re.compile(r"^-\.?\d")  # argparse's own has neither 1e-9 nor 5nm
     parser.usage = "%(prog)s SCENE.toml AXIS [START STOP] [options] [key=value ...]"
-    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help="the scene file; its surface is not used")
+    add_scene(parser, SURFACE_UNUSED, overrides=False)
     parser.add_argument("axis", metavar="AXIS", help="distance, setpoint, frequency or a parameter; see below")
     parser.add_argument(
         "overrides", metavar="START STOP key=value", nargs="*",
         help="first and last value, in SI units or with one, such as 60nm 0nm, or START:STOP:N; keys of the scene to "
         "set, such as tip.radius=20nm",
     )  # fmt: skip
-    parser.add_argument("-n", "--points", type=positive, default=200, metavar="N", help="values; default: 200")
+    parser.add_argument("-n", "--points", type=whole, default=200, metavar="N", help="values; default: 200")
     parser.add_argument("--log", action="store_true", help="space the values logarithmically")
     parser.add_argument("--material", metavar="NAME", help="of [materials.NAME]; not needed if there is only one")
     held = parser.add_mutually_exclusive_group()
@@ -85,16 +85,14 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Callable[[str], int
     parser.add_argument(
         "--samples", type=int, default=0, metavar="N", help="keep N points of deflection and force over a period"
     )
-    parser.add_argument("-o", "--output", metavar="OUT.nc", type=Path, help="file to write")
-    parser.add_argument("--plot", metavar="OUT.png", type=Path, help="picture to draw (.png, .pdf, .svg)")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    parser.add_argument("--quiet", action="store_true", help="no summary")
+    add_files(parser)
+    add_quiet(parser, "no summary")
+    add_strict_units(parser)
 
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Do the sweep, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import check_dataset, check_target, save
-    from phasemap.plot.figure import check_format
+    from phasemap.io.netcdf import save
     from phasemap.scenes.scene import load_setup
     from phasemap.scenes.tables import check_choice
 
@@ -104,12 +102,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     setup = load_setup(arguments.scene, overrides)
     name, material = _material(setup, arguments.material)
     values = _values(arguments, ends, points, material, setup.microscope)
-    if arguments.output is not None:
-        check_dataset(arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        check_target(arguments.plot, arguments.overwrite)
-    if arguments.plot is not None:
-        check_format(arguments.plot)
+    check_files(arguments)
     found = _sweep(arguments, values, material, setup)
     found.attrs["title"] = f"{name} of {arguments.scene.name}"
     if arguments.output is not None:
@@ -121,9 +114,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print(f"took        {time.perf_counter() - started:.2f} s")
-        for path in (arguments.output, arguments.plot):
-            if path is not None:
-                print(f"written to  {path}")
+        print_files(arguments)
 
 
 def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
@@ -185,11 +176,11 @@ def _values(
 def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float, float]:
     """START and STOP where they are not given."""
     if axis == "distance":
-        return scope.free_amplitude + BEYOND, 0.0
+        return scope.driven_amplitude + BEYOND, 0.0
     if axis == "setpoint":
         return SETPOINTS
     if axis == "frequency":
-        resonance, reach = scope.cantilever.resonance_frequency, HALF_WIDTHS * scope.cantilever.damping
+        resonance, reach = scope.cantilever.resonance_frequency, HALF_WIDTHS * scope.cantilever.damping_ratio
         return resonance * max(1 - reach, 0.1), resonance * (1 + reach)
     owners = (material, scope.cantilever, scope.tip, scope.drive, scope.interaction)
     value = next((getattr(owner, axis) for owner in owners if hasattr(owner, axis)), None)
@@ -236,10 +227,6 @@ def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> f
 
 def summary(found: xr.Dataset) -> list[str]:
     """Say what a sweep found: folds and jumps, and what is missing.
-
-    Parameters
-    ----------
-    found : xarray.Dataset
 
     Returns
     -------

@@ -19,13 +19,7 @@ Kernels are compiled when they are first used, and kept on disk. This compiles t
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of the command.
-    """
+    """Declare the arguments of the command."""
     parser.add_argument("--all", action="store_true", help="march, inversion and every contact law too")
 
 

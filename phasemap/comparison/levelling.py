@@ -1,4 +1,4 @@
-"""What is no property of the sample, taken out: tilt, offsets of rows, and lines that failed."""
+"""What is not a property of the sample, taken out: tilt, offsets of rows, and lines that failed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def level(
     phase: str = "constant",
     lines: str = "flag",
 ) -> xr.Dataset:
-    """Take out of an image what is no property of the sample.
+    """Take out of an image what is not a property of the sample.
 
     Parameters
     ----------

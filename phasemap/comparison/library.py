@@ -18,10 +18,6 @@ def skimage(module: str, purpose: str) -> Any:
     purpose : str
         What needs it, as the begin of a sentence.
 
-    Returns
-    -------
-    module
-
     Raises
     ------
     PhasemapError

@@ -48,7 +48,7 @@ def pair_of(
     Raises
     ------
     InputError
-        If one is no such image, a direction or channel is missing, or the images differ in size.
+        If one is not such an image, a direction or channel is missing, or the images differ in size.
     """
     images = first, second
     each = _each(direction, images)
@@ -97,10 +97,6 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
     -------
     xarray.Dataset
         With dims ("y", "x").
-
-    Raises
-    ------
-    InputError
     """
     for channel in needed:
         if channel not in getattr(ds, "data_vars", ()):

@@ -108,7 +108,7 @@ def register(
     Raises
     ------
     InputError
-        If one is no such image, they differ in size, or the limit is out of range.
+        If one is not such an image, they differ in size, or the limit is out of range.
     PhasemapError
         If scikit-image is not installed.
 

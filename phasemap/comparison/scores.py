@@ -23,10 +23,6 @@ def is_varied(values: Array) -> bool:
     values : ndarray, shape (n,)
         Finite.
 
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> is_varied(np.full(1001, 0.3)), bool(np.full(1001, 0.3).var() > 0)

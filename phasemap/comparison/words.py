@@ -23,10 +23,6 @@ def names_of(found: xr.Dataset) -> tuple[str, str]:
     ----------
     found : xarray.Dataset
         What `phasemap.compare` returned.
-
-    Returns
-    -------
-    pair of str
     """
     return found.attrs["measured_name"], found.attrs["simulated_name"]
 

@@ -182,11 +182,6 @@ class Feedback:
 
 
 def check_engage(engage: object) -> None:
-    """Refuse what is neither "line" nor "image".
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what is neither "line" nor "image"."""
     if engage not in ("line", "image"):
         raise InputError("engage", engage, "'line' or 'image'")

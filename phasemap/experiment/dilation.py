@@ -55,10 +55,6 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     half_angle : float
         Between the axis and the flank of the cone that the tip goes over into [degree], above 0 and below 90.
 
-    Returns
-    -------
-    Surface
-
     Raises
     ------
     InputError

@@ -54,7 +54,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     """
     stiffness, adhesion, damping = properties(materials, viscous, scope)
     omega, alpha0, k, drive, _ = lever_of(scope)
-    amplitude, radius = setpoint * scope.free_amplitude, scope.tip.radius
+    amplitude, radius = setpoint * scope.driven_amplitude, scope.tip.radius
     pull = scope.interaction.law.pull(stiffness, adhesion, radius)
     reach = scope.interaction.decay_length
 

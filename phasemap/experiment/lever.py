@@ -19,7 +19,7 @@ def lever_of(scope: Microscope) -> Array:
     """
     lever, drive = scope.cantilever, scope.base_amplitude
     base = drive if scope.drive.excitation == "base" else 0.0
-    return np.array([scope.frequency_ratio, lever.damping, lever.stiffness, drive, base])
+    return np.array([scope.frequency_ratio, lever.damping_ratio, lever.stiffness, drive, base])
 
 
 def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, known_as
+from phasemap._shared.fields import Number, Renamed, known_as
 from phasemap._shared.plausible import question
 from phasemap.experiment.interaction import Interaction
 
@@ -33,7 +33,7 @@ class Cantilever:
 
     Examples
     --------
-    >>> Cantilever(stiffness=40.0, resonance_frequency=148.5e3, quality_factor=833.0).damping
+    >>> Cantilever(stiffness=40.0, resonance_frequency=148.5e3, quality_factor=833.0).damping_ratio
     0.0006002400960384153
     """
 
@@ -72,9 +72,11 @@ class Cantilever:
         return cls(**combined(preset_of("levers", name).values, changes))
 
     @property
-    def damping(self) -> float:
+    def damping_ratio(self) -> float:
         """alpha0 = 1 / (2 Q), the lever's own damping [1]."""
         return 0.5 / self.quality_factor
+
+    damping = Renamed("damping_ratio", "`damping` is that of a material")
 
 
 @known_as(R="radius", E="modulus", nu="poisson_ratio")
@@ -199,7 +201,7 @@ class Microscope:
     >>> scope = Microscope(Cantilever(40.0, 148.5e3, 833.0), Tip(30e-9), Drive(127e-9))
     >>> scope.frequency_ratio
     1.0
-    >>> round(scope.free_amplitude * 1e9, 6)
+    >>> round(scope.driven_amplitude * 1e9, 6)
     127.0
     >>> scope == Microscope(Cantilever("40 N/m", "148.5 kHz", 833), Tip("30 nm"), Drive("127 nm"))
     True
@@ -218,7 +220,7 @@ class Microscope:
                 raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
         if self.drive.frequency is not None:
-            question("free amplitude at the drive frequency", self.free_amplitude, "m", (0.0, AMPLITUDE[1]))
+            question("free amplitude at the drive frequency", self.driven_amplitude, "m", (0.0, AMPLITUDE[1]))
 
     @property
     def frequency_ratio(self) -> float:
@@ -233,8 +235,10 @@ class Microscope:
         return self.drive.free_amplitude / self.cantilever.quality_factor
 
     @property
-    def free_amplitude(self) -> float:
+    def driven_amplitude(self) -> float:
         """Amplitude of the free lever at the drive frequency, as the detector sees it [m]: what the setpoint is of."""
-        omega, loss = self.frequency_ratio, 2 * self.cantilever.damping * self.frequency_ratio
+        omega, loss = self.frequency_ratio, 2 * self.cantilever.damping_ratio * self.frequency_ratio
         tip = self.base_amplitude / math.hypot(1 - omega**2, loss)
         return tip if self.drive.excitation == "direct" else tip * math.hypot(omega**2, loss)
+
+    free_amplitude = Renamed("driven_amplitude", "`free_amplitude` is that of the drive, at resonance")

@@ -176,8 +176,8 @@ class Surface:
         Raises
         ------
         InputError
-            If a label has no material, the labels are no 2-D map of whole numbers, or some materials have a viscosity
-            and others a damping.
+            If a label has no material, the labels are not a 2-D map of whole numbers, or some materials have a
+            viscosity and others a damping.
 
         Examples
         --------

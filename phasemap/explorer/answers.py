@@ -85,7 +85,7 @@ def picture(setting: Setting) -> Picture:
     about = {
         "materials": [None if one is None else _plain(one) for one in found.values()],
         "why": lines_of(first, second) if first is not None and second is not None else [],
-        "free_amplitude": setting.scope.free_amplitude,
+        "free_amplitude": setting.scope.driven_amplitude,
         "step": step,
     }
     return _picture(ds, about)
@@ -116,7 +116,7 @@ def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
 def scan(setting: Setting, progress: Check) -> Picture:
     """The whole image for the page to draw; of one that is taken in two directions the trace."""
     ds = image(setting, progress)
-    about: dict[str, Any] = {"step": 1, "free_amplitude": setting.scope.free_amplitude}
+    about: dict[str, Any] = {"step": 1, "free_amplitude": setting.scope.driven_amplitude}
     return _picture(ds.isel(direction=0) if "direction" in ds.dims else ds, about)
 
 
@@ -201,7 +201,7 @@ def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> d
     used, first = np.unique(labels, return_index=True)
     at = dict(zip(used.tolist(), first.tolist(), strict=True))
     rows, viscous = _rows(setting)
-    codes = regimes(make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.free_amplitude))
+    codes = regimes(make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude))
     return {
         name: _found(setting, name, ds, at[i], bool(codes[i] == BISTABLE)) if i in at else None
         for i, name in enumerate(setting.materials)
@@ -222,7 +222,7 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, pixel: int, bistable: bo
     """What the material of one pixel does."""
     values = {key: ds[key].values.reshape(-1)[pixel].item() for key in VARIABLES}
     words = {key: _word(key, values[key]) for key in ("branch", "motion", "solver")}
-    lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.free_amplitude
+    lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.driven_amplitude
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
     status = Status.of(values["status"])
     return Found(
@@ -260,7 +260,7 @@ def _curve(setting: Setting, material: Material) -> dict[str, Any]:
     """The curve of one material."""
     scope = setting.scope
     pixel = solve_pixel(material, scope, setting.setpoint, setting.solver)
-    free = scope.free_amplitude
+    free = scope.driven_amplitude
     low, high = DEEPEST * free, max(HIGHEST * free, free + BEYOND)
     axis = np.linspace(low, high, POINTS)
     works = math.isfinite(pixel.tip_offset)

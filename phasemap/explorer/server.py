@@ -87,7 +87,7 @@ class Server(ThreadingHTTPServer):
         self.server_name, self.server_port = HOST, self.server_address[1]
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that goes away in the middle is no error."""
+        """A browser that goes away in the middle is not an error."""
         if not isinstance(sys.exception(), ConnectionError):
             log.exception("the explorer lost a connection")
 

@@ -167,7 +167,7 @@ def _materials(subject: Subject, given: object) -> dict[str, Material]:
     made = {}
     for name, values in zip(names, given, strict=True):
         check_keys(name, values, ("modulus", "adhesion", loss))
-        real = {  # None is no value here
+        real = {  # None is not a value here
             key: number(f"{name} {key}", value, number_of(Material, key).unit) for key, value in values.items()
         }
         made[name] = construct(name, real, lambda base=subject.materials[name], **new: replace(base, **new))

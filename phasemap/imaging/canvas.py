@@ -55,10 +55,6 @@ def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tupl
         As for `Canvas`.
     more : int
         Bytes a pixel that are needed besides.
-
-    Raises
-    ------
-    TooLargeError
     """
     passes = max(len(directions), 1)
     per_pixel = passes * sum(1 if name in FLAGS else 8 for name in names)

@@ -26,11 +26,11 @@ from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_variables import QUANTITIES
 from phasemap.imaging.canvas import Canvas, joined_notes
 from phasemap.imaging.job import Job, Values
-from phasemap.imaging.plan import Stretch, paint_part, painter_of
+from phasemap.imaging.plan import Stretch, fill_part, simulator_of
 from phasemap.io.netcdf import replacing
 from phasemap.results.variables import provenance
 
-__all__ = ["Checkpoint", "discard", "paint_kept"]
+__all__ = ["Checkpoint", "discard", "fill_kept"]
 
 EVERY = 2.0  # seconds of work that may be lost
 GROWTH = 4  # at most, of what is done at a time
@@ -40,7 +40,7 @@ PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 
 
 class Lines(NamedTuple):
-    """Lines that were painted.
+    """Lines that were filled.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Lines(NamedTuple):
         Their variables.
     notes : dict of str to float
     state : dict of str to ndarray
-        In which the tip left them, as `Painter.freeze` gives it.
+        In which the tip left them, as `Simulator.freeze` gives it.
     """
 
     first: int
@@ -214,32 +214,32 @@ def _under(kind: str, arrays: Values) -> Values:
     return {name.removeprefix(f"{kind}."): one for name, one in arrays.items() if name.startswith(f"{kind}.")}
 
 
-def paint_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: Checkpoint) -> None:
+def fill_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: Checkpoint) -> None:
     """Fill the canvas some lines at a time, keep them every few seconds, and go on after those that were kept.
 
-    How many lines are painted at a time depends on how long they take; the numbers do not depend on it.
+    How many lines are filled at a time depends on how long they take; the numbers do not depend on it.
     """
-    painter, surface, lines = painter_of(job.control), job.surface, job.surface.shape[0]
+    simulator, surface, lines = simulator_of(job.control), job.surface, job.surface.shape[0]
     first, state = _restored(job, canvas, checkpoint)
     waiting, since = Lines(first, first, {}, {}, {}), time.monotonic()
     at_once = 1 if job.control.carried else job.workers  # lines that threads may share
     for rows in checkpoint.portions(first, lines, at_once, lines):
         mine = replace(job, surface=surface.rows(rows), place=job.place._replace(row=rows.start))
         part = canvas.part(mine.surface, rows)
-        state = paint_part(mine, stretches, part, state)
+        state = fill_part(mine, stretches, part, state)
         canvas.note(part.notes)
         waiting = waiting._replace(last=rows.stop, notes=joined_notes(waiting.notes, part.notes))
         if time.monotonic() - since >= EVERY:
             done = slice(waiting.first, waiting.last)
             arrays = canvas.part(surface.rows(done), done).arrays()
-            checkpoint.keep(waiting._replace(arrays=arrays, state=painter.freeze(state)))
+            checkpoint.keep(waiting._replace(arrays=arrays, state=simulator.freeze(state)))
             waiting, since = Lines(rows.stop, rows.stop, {}, {}, {}), time.monotonic()
 
 
 def _restored(job: Job, canvas: Canvas, checkpoint: Checkpoint) -> tuple[int, Any]:
     """Fill in the lines that were kept; returns the first that is not, and the state in which the tip comes to it."""
-    first, state, thaw = 0, None, painter_of(job.control).thaw
-    with suppress(KeyError, TypeError, ValueError):  # of what does not fit, which is painted again
+    first, state, thaw = 0, None, simulator_of(job.control).thaw
+    with suppress(KeyError, TypeError, ValueError):  # of what does not fit, which is made again
         for kept in checkpoint.lines():
             left, rows = thaw(kept.state), slice(kept.first, kept.last)
             canvas.part(job.surface.rows(rows), rows).restore(kept.arrays)

@@ -19,7 +19,7 @@ from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation import Atlas, Oracle, build
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.imaging.interpolation.oracle import FUNCTIONS
-from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
 from phasemap.results.variables import OF_ADHESION, OF_FORCES
@@ -81,15 +81,15 @@ def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
     return Plan(axes=axes, atlas=atlas)
 
 
-def _paint(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
+def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
     """Fill the canvas."""
     if plan.materials is not None and plan.values is not None:
         _put(job, canvas, plan.values, numbers_of(job, plan.materials), 0, job.pixels)
     elif plan.axes is not None and plan.atlas is not None:
-        _paint_from_atlas(job, canvas, plan.axes, plan.atlas)
-        _paint_rest(job, canvas)
+        _fill_from_atlas(job, canvas, plan.axes, plan.atlas)
+        _fill_rest(job, canvas)
     else:
-        _paint_segments(job, canvas)
+        _fill_segments(job, canvas)
 
 
 def numbers_of(job: Job, materials: Array) -> Numbers:
@@ -129,7 +129,7 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int,
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
 
 
-def _paint_segments(job: Job, canvas: Canvas) -> None:
+def _fill_segments(job: Job, canvas: Canvas) -> None:
     """Solve an image range by range, each with as many distinct materials as are kept."""
     first = 0
     while first < job.pixels:
@@ -141,14 +141,14 @@ def _paint_segments(job: Job, canvas: Canvas) -> None:
         first = taken
 
 
-def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None:
+def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None:
     """Interpolate what can be; the other pixels stay pending."""
     wanted = np.array([FUNCTIONS.index(column) for column in _columns_of(job.names)], np.int64)
     to = np.array(FUNCTIONS)[wanted]
-    painted: list[int] = []
+    filled: list[int] = []
     lever = lever_of(job.scope)
 
-    def paint(first: int, last: int) -> None:
+    def fill(first: int, last: int) -> None:
         part = slice(first, last)
         materials = job.surface.materials(part)
         points = axes.points(*job.properties(materials))
@@ -162,13 +162,13 @@ def _paint_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> Non
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
         used = np.full(last - first, col.INTERPOLATED, np.int8)
         canvas.put(part, values_of(job.names, job.widened(rows.T, used, None, materials), status, used))
-        painted.append(int(np.count_nonzero(piece >= 0)))
+        filled.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:
-        job.report(sum(painted))
+        job.report(sum(filled))
 
     if atlas.pieces:
-        spread(paint, [*range(0, job.pixels, BLOCK), job.pixels], job.workers, report)
+        spread(fill, [*range(0, job.pixels, BLOCK), job.pixels], job.workers, report)
 
 
 def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
@@ -217,7 +217,7 @@ def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Arr
     return scope.base_amplitude / amplitude * np.sin(phase) - (1 - scope.frequency_ratio**2)
 
 
-def _paint_rest(job: Job, canvas: Canvas) -> None:
+def _fill_rest(job: Job, canvas: Canvas) -> None:
     """Solve the pixels that are pending, each distinct material once in so many of them."""
     done = job.pixels - int(np.count_nonzero(canvas.status == PENDING))
     held: list[NDArray[np.intp]] = []
@@ -237,4 +237,4 @@ def _paint_rest(job: Job, canvas: Canvas) -> None:
         job.report(done)
 
 
-PAINTER = Painter(_check, _most, _plan, _paint)
+SIMULATOR = Simulator(_check, _most, _plan, _fill)

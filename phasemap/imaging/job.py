@@ -64,7 +64,7 @@ class Job:
     Parameters
     ----------
     surface : Surface
-        Of the image, or of the part that is to be painted.
+        Of the image, or of the part that is to be filled.
     place : Place
         Where it lies in the image.
     scope : Microscope
@@ -74,7 +74,7 @@ class Job:
     solver : Solver
     accuracy : Accuracy
     realism : Realism
-        Its drift is in the surface already; what comes after the scan is no concern of a painter.
+        Its drift is in the surface already; what comes after the scan is not a concern of a simulator.
     names : tuple of str
         Image variables, `status` among them.
     workers : int
@@ -169,7 +169,7 @@ def _joined(parts: list[Values]) -> Values:
     return {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
 
 
-class Painter(NamedTuple):
+class Simulator(NamedTuple):
     """How the images of one control come about: a plan for all of it, then part by part.
 
     Attributes
@@ -181,8 +181,8 @@ class Painter(NamedTuple):
     plan : callable
         ``plan(job, survey, before)``: what all parts share, of a job for the whole image or for the lines of one tip;
         `before` is the plan of the tip before, or None. It can be pickled.
-    paint : callable
-        ``paint(job, plan, canvas, state)``: fills the canvas of a part, to which the tip comes in a state, and returns
+    fill : callable
+        ``fill(job, plan, canvas, state)``: fills the canvas of a part, to which the tip comes in a state, and returns
         that in which it leaves; None is a tip that is far away. A control that carries no state takes and returns None.
     notes : mapping
         Names of what it finds out for the attributes of an image, with long names.
@@ -193,7 +193,7 @@ class Painter(NamedTuple):
     check: Callable[[Job], None]
     most: Callable[[Job], int]
     plan: Callable[[Job, Survey, Any], Any]
-    paint: Callable[[Job, Any, Canvas, Any], Any]
+    fill: Callable[[Job, Any, Canvas, Any], Any]
     notes: Mapping[str, str] = MappingProxyType({})
     freeze: Callable[[Any], Values] = lambda state: {}
     thaw: Callable[[Values], Any] = lambda arrays: None

@@ -10,26 +10,28 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.engaged import PAINTER
+from phasemap.imaging.engaged import SIMULATOR
 from phasemap.imaging.imperfections import scopes_by_row
-from phasemap.imaging.job import Job, Painter
+from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials.survey import Survey
 
 
-def _feedback() -> Painter:
+def _feedback() -> Simulator:
     """Its kernels are imported only where they are needed."""
-    from phasemap.imaging.feedback import PAINTER
+    from phasemap.imaging.feedback import SIMULATOR
 
-    return PAINTER
-
-
-def _raster() -> Painter:
-    from phasemap.imaging.raster import PAINTER
-
-    return PAINTER
+    return SIMULATOR
 
 
-PAINTERS: dict[type[Control], Callable[[], Painter]] = {Engage: lambda: PAINTER, Raster: _raster, Feedback: _feedback}
+def _raster() -> Simulator:
+    from phasemap.imaging.raster import SIMULATOR
+
+    return SIMULATOR
+
+
+SIMULATORS: dict[type[Control], Callable[[], Simulator]] = {
+    Engage: lambda: SIMULATOR, Raster: _raster, Feedback: _feedback
+}  # fmt: skip
 """Who makes the images of each control."""
 
 
@@ -42,7 +44,7 @@ class Stretch(NamedTuple):
         From this line of the image to before that one.
     scope : Microscope
     plan : object
-        What the painter planned for them.
+        What the simulator planned for them.
     """
 
     first: int
@@ -51,7 +53,7 @@ class Stretch(NamedTuple):
     plan: Any
 
 
-def painter_of(control: Control) -> Painter:
+def simulator_of(control: Control) -> Simulator:
     """Who makes the images of a control.
 
     Raises
@@ -59,9 +61,9 @@ def painter_of(control: Control) -> Painter:
     InputError
         If it is none.
     """
-    if type(control) not in PAINTERS:
-        raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in PAINTERS))
-    return PAINTERS[type(control)]()
+    if type(control) not in SIMULATORS:
+        raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
+    return SIMULATORS[type(control)]()
 
 
 def plan_image(job: Job, survey: Survey) -> list[Stretch]:
@@ -74,21 +76,21 @@ def plan_image(job: Job, survey: Survey) -> list[Stretch]:
     survey : Survey
         Of the whole surface.
     """
-    painter, before = painter_of(job.control), None
+    simulator, before = simulator_of(job.control), None
     stretches = []
     for rows, scope in scopes_by_row(job.realism, job.scope, job.place.image[0]):
         mine = replace(job, scope=scope, place=job.place._replace(row=rows.start))
-        before = painter.plan(mine, survey, before)
+        before = simulator.plan(mine, survey, before)
         stretches.append(Stretch(rows.start, rows.stop, scope, before))
     return stretches
 
 
-def paint_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = None) -> Any:
+def fill_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = None) -> Any:
     """Fill the canvas of a part of the image, to which the tip comes in a state, and return that in which it leaves.
 
     Without time a changed tip is engaged anew.
     """
-    painter, top = painter_of(job.control), job.place.row
+    simulator, top = simulator_of(job.control), job.place.row
     for stretch in stretches:
         first, last = max(stretch.first, top), min(stretch.last, top + job.surface.shape[0])
         if first >= last:
@@ -99,6 +101,6 @@ def paint_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = 
         surface = job.surface if last - first == job.surface.shape[0] else job.surface.rows(rows)
         part = replace(job, surface=surface, scope=stretch.scope, place=job.place._replace(row=first), memo=None)
         mine = canvas.part(surface, rows)
-        state = painter.paint(part, stretch.plan, mine, state)
+        state = simulator.fill(part, stretch.plan, mine, state)
         canvas.note(mine.notes)
     return state

@@ -14,7 +14,7 @@ from phasemap._shared.threads import Progress
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.engaged import Numbers, numbers_in, numbers_of
-from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
 from phasemap.solvers.both_branches import stable_branches
@@ -93,7 +93,7 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     return Table(materials, job.in_chunks(materials, solve, progress))
 
 
-def _paint(job: Job, plan: Table | None, canvas: Canvas, state: Tip | None) -> Tip:
+def _fill(job: Job, plan: Table | None, canvas: Canvas, state: Tip | None) -> Tip:
     """Fill the canvas, trace and retrace, from how the tip comes to how it leaves."""
     tip = Tip() if state is None else state
     if plan is not None:
@@ -157,4 +157,4 @@ def _thaw(arrays: Values) -> Tip:
     return Tip(int(arrays["branch"]), float(arrays["tip_offset"]))
 
 
-PAINTER = Painter(_check, _most, _plan, _paint, freeze=_freeze, thaw=_thaw)
+SIMULATOR = Simulator(_check, _most, _plan, _fill, freeze=_freeze, thaw=_thaw)

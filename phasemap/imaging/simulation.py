@@ -23,12 +23,12 @@ from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
-from phasemap.imaging.checkpoint import Checkpoint, paint_kept
-from phasemap.imaging.dask.image import check_lazy, paint_lazily
+from phasemap.imaging.checkpoint import Checkpoint, fill_kept
+from phasemap.imaging.dask.image import check_lazy, simulate_lazily
 from phasemap.imaging.imperfections import drifted, finish
 from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
-from phasemap.imaging.plan import paint_part, painter_of, plan_image
+from phasemap.imaging.plan import fill_part, plan_image, simulator_of
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.status import Status
 from phasemap.results.validity import FORCES
@@ -84,8 +84,9 @@ def simulate(
     variables : iterable of str, optional
         Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
         to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
-        `phasemap.channels`: "loss_tangent", "dissipation_ev" and more. What a second mode shows comes by default where
-        the drive has one.
+        `phasemap.channels`: "loss_tangent", "loss_tangent_corrected" and more; and what only these need,
+        adhesion_virial and adhesion_loss [J], whose integral costs more than an interpolated pixel. What a second mode
+        shows comes by default where the drive has one.
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
@@ -102,8 +103,7 @@ def simulate(
     xarray.Dataset
         Dims ("y", "x"), row 0 at the top, coordinates in m: height, phase, amplitude, tip_offset, mean_deflection,
         indentation [m and degree], dissipation, virial [J], branch, status, solver (CF flags), error_phase [degree] and
-        error_height [m] where estimated, energy_closure [1] where the solver has it, adhesion_virial and
-        adhesion_loss [J]. `Raster` and `Feedback` have a
+        error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
         leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
         amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
         attributes.
@@ -127,7 +127,7 @@ def simulate(
     Of a surface whose maps are Dask arrays the image has Dask arrays too, of the same numbers: to compute them, or to
     write them with ``to_zarr`` or ``to_netcdf``, simulates block by block, on a cluster if there is one. What is only
     known then is missing among the attributes, and the gains of a feedback are variables. All variables that are wanted
-    should be computed at once. The maps are computed twice, for a survey and to be painted, so that none is kept;
+    should be computed at once. The maps are computed twice, for a survey and to be filled, so that none is kept;
     persist those that cost more time than memory.
 
     Beside the maps and what is returned, this takes less than 256 MiB for images of up to 4096 x 4096 pixels.
@@ -155,7 +155,7 @@ def simulate(
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
-    painter = painter_of(control)
+    simulator = simulator_of(control)
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
@@ -167,21 +167,21 @@ def simulate(
         check_image(surface.shape, names, control.directions, workspace(realism))
     surface = drifted(surface, realism.drift)
     method = by_name(solver)
-    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.free_amplitude, workers_of(threads)
+    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(threads)
     job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
-    painter.check(job)
+    simulator.check(job)
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
         "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
         "pixel_size": list(surface.pixel_size),
     }  # fmt: skip
     if surface.lazy:
-        image = paint_lazily(replace(job, workers=threads or 1))
+        image = simulate_lazily(replace(job, workers=threads or 1))
     else:
         kept = None
         if checkpoint is not None:
             kept = Checkpoint(checkpoint, surface, scope.interaction.law, {**configuration, "variables": names})
-        canvas, found = _painted(replace(job, memo=kept), kept)
+        canvas, found = _filled(replace(job, memo=kept), kept)
         if strict:
             _refuse_failures(canvas.status.reshape(-1, *surface.shape))
         image = canvas.image().assign_attrs(
@@ -219,15 +219,15 @@ def workspace(realism: Realism) -> int:
     return 64 * any(realism.drift) + 32 * bool(realism.bits or realism.line_offset or realism.phase_offset)
 
 
-def _painted(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
+def _filled(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
     """The image of a surface in memory, and what was found out about its materials."""
-    found = survey(job.surface, painter_of(job.control).most(job))
+    found = survey(job.surface, simulator_of(job.control).most(job))
     canvas = Canvas(job.surface, job.names, job.control.directions)
     stretches = plan_image(job, found)
     if checkpoint is None:
-        paint_part(job, stretches, canvas)
+        fill_part(job, stretches, canvas)
     else:
-        paint_kept(job, stretches, canvas, checkpoint)
+        fill_kept(job, stretches, canvas, checkpoint)
     return canvas, found
 
 
@@ -257,14 +257,14 @@ def _largest_material(surface: Surface) -> Array:
 
 def _largest(surface: Surface, scope: Microscope) -> Work:
     """Work of `_largest_material`."""
-    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.free_amplitude)
+    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.driven_amplitude)
 
 
 def _forces(surface: Surface, scope: Microscope) -> tuple[float, float]:
     """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
     stiffness, adhesion, _ = properties(_largest_material(surface), surface.viscosity is not None, scope)
     pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
-    return float(pull[0]), scope.cantilever.stiffness * scope.free_amplitude
+    return float(pull[0]), scope.cantilever.stiffness * scope.driven_amplitude
 
 
 def _refuse_failures(status: Array) -> None:

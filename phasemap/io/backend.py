@@ -51,10 +51,6 @@ class PhasemapBackend(BackendEntrypoint):
             Variables to leave out.
         height, phase, amplitude : str, optional
             Names of channels, as in `phasemap.read_image`.
-
-        Returns
-        -------
-        xarray.Dataset
         """
         ds = read_image(filename_or_obj, height=height, phase=phase, amplitude=amplitude)
         dropped = [drop_variables] if isinstance(drop_variables, str) else list(drop_variables or [])

@@ -86,10 +86,6 @@ class Channel:
 def load_channels(path: Path) -> list[Channel]:
     """Read every image of a file.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     list of Channel
@@ -132,7 +128,7 @@ def load_channels(path: Path) -> list[Channel]:
                 check_container(path.read_bytes())
             found = list(reader.parse_gwy(converted).channels.values())
             masks = _masks(converted, native)
-            with np.errstate(all="ignore"):  # of bytes that are no numbers
+            with np.errstate(all="ignore"):  # of bytes that are not numbers
                 data = [_without(one.data, mask) * _volts(one) for one, mask in zip(found, masks, strict=True)]
     except reader.ConverterNotFoundError as error:
         raise PhasemapError(
@@ -179,10 +175,6 @@ def extra(module: str, purpose: str, name: str) -> Any:
     name : str
         The extra that brings it along.
 
-    Returns
-    -------
-    module
-
     Raises
     ------
     PhasemapError
@@ -190,10 +182,10 @@ def extra(module: str, purpose: str, name: str) -> Any:
 
     Examples
     --------
-    >>> extra("colour_of_magic", "painting by magic", "read")
+    >>> extra("colour_of_magic", "reading magic", "read")
     Traceback (most recent call last):
     ...
-    phasemap.PhasemapError: painting by magic needs 'colour_of_magic': run pip install "afm-phasemap[read]".
+    phasemap.PhasemapError: reading magic needs 'colour_of_magic': run pip install "afm-phasemap[read]".
     """
     try:
         return import_module(module)

@@ -44,10 +44,6 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     overwrite : bool
         Whether an existing file may be replaced.
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     FileError
@@ -83,10 +79,6 @@ def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path
     path : path-like
     overwrite : bool
         Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

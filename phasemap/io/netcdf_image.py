@@ -23,10 +23,6 @@ NETCDF = (".nc", ".nc4", ".cdf")
 def read_netcdf(path: Path) -> xr.Dataset:
     """Read an image; what is known about the scan is taken from the configuration of a simulation.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     xarray.Dataset

@@ -68,7 +68,7 @@ def read_image(
     Raises
     ------
     InputError
-        If a name is no string.
+        If a name is not a string.
     FileError
         If the file cannot be read, holds no such channel, or was not recorded in tapping mode.
     PhasemapError
@@ -199,7 +199,7 @@ def _assemble(
         for channel in group.values():
             _check_unit(path, channel, KINDS[kind])
         factor, unit = KINDS[kind].units[next(iter(group.values())).unit]
-        with np.errstate(all="ignore"):  # of bytes that are no numbers
+        with np.errstate(all="ignore"):  # of bytes that are not numbers
             data = np.stack([channel.data * factor for channel in group.values()])
         if kind == "phase":
             data = on_one_turn(data)

@@ -45,10 +45,6 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     metadata : mapping of str to str
         The vendor's own.
 
-    Returns
-    -------
-    ScanData
-
     Examples
     --------
     >>> nanosurf = {"Op. mode": "Phase Contrast", "Vibration freq.": "172.823kHz", "Setpoint": "50 %"}

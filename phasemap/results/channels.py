@@ -74,8 +74,9 @@ def channels(
         * ``virial`` [J], positive for attraction;
         * ``loss_tangent`` [1], by the instrument's formula, tan d = E_dis / (2 pi V), V the virial of repulsion: of the
           tip's motion even where the detector sees the deflection of a lever whose base is driven;
-        * ``loss_tangent_corrected`` [1]: the same without the virial of the attraction and the energy of necks; only of
-          simulated images, which know these. NaN where there is no contact to speak of;
+        * ``loss_tangent_corrected`` [1]: the same without the virial of the attraction and the energy of necks; of
+          images simulated with ``variables=["phase", "adhesion_virial", "adhesion_loss"]``, or ask `simulate` for
+          the channel itself. NaN where there is no contact to speak of;
         * of a second mode (``Drive(second=Mode(...))``), where a simulated image has ``mean_gradient``,
           ``mean_damping``, ``sideband_stiffness`` and ``sideband_loss``: ``mode2_frequency_shift`` [Hz] of AM-FM,
           ``mode2_amplitude`` [m] and ``mode2_phase`` [degree] of AM-AM, ``effective_stiffness_1`` and
@@ -106,8 +107,11 @@ def channels(
     >>> surface = pm.Surface(modulus=[[1e9]], adhesion=0.06, viscosity=20.0, pixel_size=4e-9)
     >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
     >>> found = pm.channels(pm.simulate(surface, scope, setpoint=0.6))
-    >>> round(float(found.loss_tangent[0, 0]), 4), round(float(found.loss_tangent_corrected[0, 0]), 4)
-    (0.0231, 0.0167)
+    >>> round(float(found.loss_tangent[0, 0]), 4)
+    0.0231
+    >>> corrected = pm.simulate(surface, scope, setpoint=0.6, variables="loss_tangent_corrected")
+    >>> round(float(corrected.loss_tangent_corrected[0, 0]), 4)
+    0.0167
     """
     if "phase" not in getattr(image, "data_vars", ()):
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
@@ -138,7 +142,8 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, second: bool) -> lis
     for channel in chosen:
         if missing := [name for name in channel.needs if name not in image]:
             allowed = "a channel of which the image has what it needs"
-            raise InputError("channel", channel.name, allowed, f"This one needs {' and '.join(missing)}.")
+            hint = f'This one needs {" and ".join(missing)}: pm.simulate(..., variables=["{channel.name}"]) has it.'
+            raise InputError("channel", channel.name, allowed, hint)
     return chosen
 
 
@@ -198,7 +203,7 @@ def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], se
         ratio = said.get("setpoint") if setpoint is None else setpoint
         if ratio is None:
             raise InputError("setpoint", None, "a number between 0 and 1", "The image has no amplitude.")
-        held = number("setpoint", ratio, "1", above=0, below=1) * scope.free_amplitude
+        held = number("setpoint", ratio, "1", above=0, below=1) * scope.driven_amplitude
     return image["phase"] * 0 + held
 
 

@@ -22,7 +22,7 @@ __all__ = ["CHANNELS", "Channel", "Motion", "motion_of"]
 Array = NDArray[np.float64]
 
 ELECTRONVOLT = 1.602176634e-19  # [J]
-FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is no contact to divide by
+FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is not a contact to divide by
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,7 +65,7 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
         if deep.any():
             most = f"{say(float(np.nanmax(depths)), 'm', 3)} into it, {say(tip['radius'], 'm', 3)}"
             yield (
-                f"{_of(deep, what)}: the tip sinks in deeper than its radius ({most}), where it is no sphere any more. "
+                f"{_of(deep, what)}: the tip sinks in deeper than its radius ({most}), where it is no longer a sphere. "
                 "Raise the setpoint, lower the free amplitude, or give a larger radius."
             )
     if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):

@@ -144,17 +144,17 @@ FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
 IMAGE_VARIABLES = (
     "height", "phase", "amplitude", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
     "branch", "status", "solver", "error_phase", "error_height", "energy_closure", "amplitude_spread", "phase_spread",
-    "motion", "adhesion_virial", "adhesion_loss",
+    "motion",
 )  # fmt: skip
-WHERE_ASKED = (
+OF_ADHESION = ("adhesion_virial", "adhesion_loss")
+"""What `phasemap.solvers.integrals.with_adhesion` knows."""
+OF_FORCES = (
     "mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss",
     *(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}")),
 )  # fmt: skip
-"""Variables of an image at rest that it has only where they are asked for."""
-OF_FORCES = WHERE_ASKED
 """What `phasemap.solvers.integrals.with_forces` knows."""
-OF_ADHESION = ("adhesion_virial", "adhesion_loss")
-"""What `phasemap.solvers.integrals.with_adhesion` knows."""
+WHERE_ASKED = (*OF_ADHESION, *OF_FORCES)
+"""Variables of an image at rest that it has only where they are asked for: each costs an integral over every orbit."""
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
 """Of a scan in time."""
 

@@ -33,13 +33,13 @@ from pathlib import Path
 from typing import Any
 
 from phasemap._shared.checks import whole
-from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.errors import FileError, InputError, InputErrors
 from phasemap._shared.plausible import once
 from phasemap._shared.units import UDUNITS
 from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import make_samples
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
-from phasemap.scenes.tables import check_choice, missing, read_tables, with_value
+from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, with_value
 
 __all__ = ["Ensemble", "is_ensemble", "load_ensemble"]
 
@@ -94,10 +94,6 @@ class Ensemble:
         ----------
         sample : int
             From 0.
-
-        Returns
-        -------
-        Scene
 
         Raises
         ------
@@ -341,10 +337,14 @@ def _named(sample: int) -> Iterator[None]:
     """Say of which sample an error is."""
     try:
         yield
-    except InputError as error:
-        raise InputError(f"{error.name} of sample {sample}", error.value, error.allowed, error.hint) from error
-    except FileError as error:
-        raise FileError(f"sample {sample}: {error}") from error
+    except (InputError, FileError) as error:
+        complaints = Complaints()
+        for one in error.errors if isinstance(error, InputErrors) else (error,):
+            if isinstance(one, InputError):
+                complaints.add(InputError(f"{one.name} of sample {sample}", one.value, one.allowed, one.hint))
+            else:
+                complaints.add(FileError(f"sample {sample}: {one}"))
+        complaints.make()
 
 
 def _make(job: tuple[int, Table, Path], folder: Path, form: Form) -> Path:

@@ -231,7 +231,7 @@ def _define(target: netCDF4.Dataset, first: netCDF4.Dataset, count: int, keys: S
 
 
 def as_column(values: list[Any]) -> np.ndarray:
-    """The values of a key over the samples: whole numbers, numbers, or text, which is JSON where they are no strings.
+    """The values of a key over the samples: whole numbers, numbers, or text, which is JSON where they are not strings.
 
     Examples
     --------

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from phasemap._shared.errors import FileError, InputError, Word
+from phasemap._shared.fields import Number
 from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
@@ -29,7 +30,7 @@ from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
-from phasemap.scenes.tables import Table, check_choice, check_keys, construct, read_tables
+from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, read_tables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,12 +82,7 @@ class Scene:
     source: Path | None = None
 
     def to_json(self) -> str:
-        """The resolved configuration as one line of JSON.
-
-        Returns
-        -------
-        str
-        """
+        """The resolved configuration as one line of JSON."""
         return json.dumps(self.config, ensure_ascii=False)
 
     def simulate(
@@ -143,10 +139,6 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     path, overrides
         As in `load_scene`.
 
-    Returns
-    -------
-    Setup
-
     Raises
     ------
     InputError, FileError
@@ -159,10 +151,13 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     """
     tables = read_tables(path, overrides)
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
-    scan = _table(tables, "scan")
-    setpoint = _scan(scan)[0] if "setpoint" in scan else None
+    scan, complaints = _table(tables, "scan"), Complaints()
+    setpoint = complaints.of(_scan, scan) if "setpoint" in scan else None
     with _asking(scan):
-        return Setup(_microscope(tables), _materials(tables), setpoint)
+        microscope, materials = complaints.of(_microscope, tables), complaints.of(_materials, tables)
+        complaints.make()
+        assert microscope is not None and materials is not None
+        return Setup(microscope, materials, None if setpoint is None else setpoint[0])
 
 
 def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scene:
@@ -213,10 +208,6 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
         checked in no time.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     InputError, FileError
@@ -234,33 +225,30 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
 
 def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     """What the tables describe."""
-    from phasemap.results.channels import split
     from phasemap.results.variables import describe
-    from phasemap.scenes.surface import build_surface, dilate, seen
+    from phasemap.scenes.surface import build_surface
 
-    setpoint, scan = _scan(_table(tables, "scan"))
-    microscope = _microscope(tables)
-    accuracy = _object(tables, "accuracy", Accuracy)
-    control_table = {"kind": "engage", **_table(tables, "control")}
-    check_choice("[control] kind", control_table["kind"], CONTROLS)
-    control = _control(control_table.pop("kind"), control_table)
+    complaints = Complaints()
+    scan = complaints.of(_scan, _table(tables, "scan"))
+    microscope = complaints.of(_microscope, tables)
+    accuracy = complaints.of(_object, tables, "accuracy", Accuracy)
+    control = complaints.of(_control, {"kind": "engage", **_table(tables, "control")})
     output = _table(tables, "output")
-    check_keys("[output]", output, ("file", "variables"))
-    file, variables = output.get("file"), output.get("variables")
-    if file is not None and not isinstance(file, str):
-        raise InputError("[output] file", file, "a file name")
-    if variables is not None and not isinstance(variables, list):
-        raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
-    construct("[output]", {"variables": variables}, split, control=control, second=microscope.drive.second is not None)
-    materials = _materials(tables)
+    complaints.of(_check_output, output, control, microscope)
+    materials = complaints.of(_materials, tables)
     files: dict[str, str] = {}
     if surface is None:
-        surface, files = build_surface(_table(tables, "surface"), materials, folder)
-        surface = dilate(tables["surface"], surface, microscope.tip)
-        surface = seen(tables["surface"], surface, microscope, setpoint)
-    realism = _realism(_table(tables, "realism"), control, surface.shape[0])
+        named = materials if materials is not None else dict.fromkeys(_table(tables, "materials"), Material(1e9))
+        made = complaints.of(build_surface, _table(tables, "surface"), named, folder)
+        if made is not None and microscope is not None and scan is not None:
+            surface, files = complaints.of(_under_tip, tables["surface"], made[0], microscope, scan[0]), made[1]
+    realism = complaints.of(_realism, _table(tables, "realism"), control, surface and surface.shape[0])
+    complaints.make()
+    assert scan is not None and microscope is not None and accuracy is not None and control is not None
+    assert materials is not None and surface is not None and realism is not None
+    file, variables = output.get("file"), output.get("variables")
     config = {
-        "scan": scan,
+        "scan": scan[1],
         "surface": tables["surface"],
         "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
         **dataclasses.asdict(microscope),
@@ -270,8 +258,8 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         "files": files,
     }
     options = {
-        "setpoint": setpoint,
-        "solver": scan["solver"],
+        "setpoint": scan[0],
+        "solver": scan[1]["solver"],
         "control": control,
         "accuracy": accuracy,
         "realism": realism,
@@ -289,14 +277,10 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     folder : Path
         Where relative names of files start.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     InputError
-        If the text is no such scene.
+        If the text is not such a scene.
     FileError
         If a file cannot be read, or is not the one that was read then.
 
@@ -337,38 +321,81 @@ def _scan(table: Table) -> tuple[float, Table]:
 
     scan = {"solver": "auto", **table}
     check_keys("[scan]", scan, ("setpoint", "solver", "strict_units"), ("setpoint",))
-    check_choice("[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
-    return construct("[scan]", {"setpoint": scan["setpoint"]}, check_setpoint), scan
+    complaints = Complaints()
+    setpoint = complaints.of(construct, "[scan]", {"setpoint": scan["setpoint"]}, check_setpoint)
+    complaints.of(check_choice, "[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
+    complaints.make()
+    assert setpoint is not None
+    return setpoint, scan
 
 
 def _microscope(tables: Table) -> Microscope:
     """The microscope of the tables for its parts."""
-    lever, tip = _object(tables, "cantilever", Cantilever), _object(tables, "tip", Tip)
+    complaints = Complaints()
+    lever, tip = (complaints.of(_object, tables, name, cls) for name, cls in (("cantilever", Cantilever), ("tip", Tip)))
+    drive, interaction = complaints.of(_drive, tables), complaints.of(_object, tables, "interaction", Interaction)
+    complaints.make()
+    assert isinstance(lever, Cantilever) and isinstance(tip, Tip)
+    assert isinstance(drive, Drive) and isinstance(interaction, Interaction)
     if lever.quality_factor < LOW_Q and "excitation" not in _table(tables, "drive"):
         warnings.warn(
             f"Q is {lever.quality_factor:g} and [drive] does not say excitation: set it to 'base' for a shaker under "
             "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
             stacklevel=2,
         )
-    drive = _table(tables, "drive")
-    if drive.get("second") is not None:
-        drive = {**drive, "second": _from_table("[drive.second]", drive["second"], Mode)}
-    return Microscope(lever, tip, _from_table("[drive]", drive, Drive), _object(tables, "interaction", Interaction))
+    return Microscope(lever, tip, drive, interaction)
 
 
-def _realism(table: Table, control: Control, lines: int) -> Realism:
+def _drive(tables: Table) -> Drive:
+    """The drive, which may have a second mode."""
+    table = _table(tables, "drive")
+    if table.get("second") is not None:
+        table = {**table, "second": _from_table("[drive.second]", table["second"], Mode)}
+    drive: Drive = _from_table("[drive]", table, Drive)
+    return drive
+
+
+def _under_tip(table: Table, surface: Surface, scope: Microscope, setpoint: float) -> Surface:
+    """The surface as its tip sees it."""
+    from phasemap.scenes.surface import dilate, seen
+
+    return seen(table, dilate(table, surface, scope.tip), scope, setpoint)
+
+
+def _check_output(table: Table, control: Control | None, microscope: Microscope | None) -> None:
+    """Refuse an output that cannot be, as far as is known without those that are None."""
+    from phasemap.results.channels import split
+
+    check_keys("[output]", table, ("file", "variables"))
+    file, variables = table.get("file"), table.get("variables")
+    if file is not None and not isinstance(file, str):
+        raise InputError("[output] file", file, "a file name")
+    if variables is not None and not isinstance(variables, list):
+        raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
+    if control is not None and microscope is not None:
+        second = microscope.drive.second is not None
+        construct("[output]", {"variables": variables}, split, control=control, second=second)
+
+
+def _realism(table: Table, control: Control | None, lines: int | None) -> Realism:
     """The realism of its table, which has one of its own for a change of the tip."""
     if "tip_change" in table:
         table = {**table, "tip_change": _from_table("[realism.tip_change]", table["tip_change"], TipChange)}
-    realism = _from_table("[realism]", table, Realism)
+    realism: Realism = _from_table("[realism]", table, Realism)
+    if control is None or lines is None:
+        return realism
     return construct("[realism]", {"realism": realism}, check_realism, control=control, lines=lines)
 
 
 def _materials(tables: Table) -> dict[str, Material]:
     """The materials by name."""
-    return {
-        name: _from_table(f"[materials.{name}]", table, Material) for name, table in _table(tables, "materials").items()
+    complaints = Complaints()
+    found = {
+        name: complaints.of(_from_table, f"[materials.{name}]", table, Material)
+        for name, table in _table(tables, "materials").items()
     }
+    complaints.make()
+    return {name: material for name, material in found.items() if material is not None}
 
 
 def _table(tables: Table, name: str) -> Table:
@@ -385,8 +412,10 @@ def _object(tables: Table, name: str, cls: Callable[..., T]) -> T:
     return found
 
 
-def _control(kind: str, table: Table) -> Control:
-    """The control of this kind; a key of another kind is told from a misspelt one."""
+def _control(table: Table) -> Control:
+    """The control of its kind; a key of another kind is told from a misspelt one."""
+    check_choice("[control] kind", table["kind"], CONTROLS)
+    kind, table = table["kind"], {key: value for key, value in table.items() if key != "kind"}
     keys = {name: {field.name for field in dataclasses.fields(cls)} for name, cls in CONTROLS.items()}  # type: ignore[arg-type]
     for key, value in table.items():
         others = [name for name in CONTROLS if key in keys[name]]
@@ -405,9 +434,19 @@ def _from_table(name: str, table: object, cls: Any) -> Any:
     if hasattr(cls, "preset"):
         allowed.append("preset")
         if isinstance(table, dict) and "preset" in table:
-            check_keys(name, table, allowed)
+            _check_table(name, table, cls, allowed)
             others = {key: value for key, value in table.items() if key != "preset"}
             return construct(name, others, partial(cls.preset, table["preset"]))
-    check_keys(name, table, allowed, required)
+    _check_table(name, table, cls, allowed, required)
     assert isinstance(table, dict)
     return construct(name, table, cls)
+
+
+def _check_table(name: str, table: object, cls: type, allowed: list[str], required: Iterable[str] = ()) -> None:
+    """Refuse keys that are unknown or missing, and numbers that are not allowed, all at once."""
+    complaints = Complaints()
+    complaints.of(check_keys, name, table, allowed, required)
+    for key, value in table.items() if isinstance(table, dict) else ():
+        if isinstance(field := vars(cls).get(key), Number):
+            complaints.of(construct, name, {"value": value}, field.check)
+    complaints.make()

@@ -116,10 +116,6 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     surface : Surface
     tip : Tip
 
-    Returns
-    -------
-    Surface
-
     Raises
     ------
     InputError

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from phasemap._shared.checks import check_choice
-from phasemap._shared.errors import FileError, InputError, Word
+from phasemap._shared.errors import FileError, InputError, InputErrors, PhasemapError, Word
 from phasemap._shared.files import size_of
 
 __all__ = ["check_choice", "read_tables", "with_override", "with_value"]
@@ -20,6 +20,36 @@ T = TypeVar("T")
 Table = dict[str, Any]
 LARGEST = 1 << 22  # byte of a scene file: maps that are larger are better kept in files of their own
 LONG_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII)
+
+
+class Complaints:
+    """Collects what is wrong with the parts of a scene, so that all of it is said at once."""
+
+    def __init__(self) -> None:
+        self._errors: list[PhasemapError] = []
+
+    def add(self, error: PhasemapError) -> None:
+        """One more."""
+        self._errors.extend(error.errors if isinstance(error, InputErrors) else [error])
+
+    def of(self, make: Callable[..., T], *arguments: Any, **more: Any) -> T | None:
+        """What a function returns; None where it complains, which is said later."""
+        try:
+            return make(*arguments, **more)
+        except (InputError, FileError) as error:
+            self.add(error)
+            return None
+
+    def make(self) -> None:
+        """Raise what was collected, if anything was."""
+        if len(self._errors) == 1 or not any(isinstance(error, InputError) for error in self._errors):
+            for error in self._errors:
+                raise error
+        elif self._errors:
+            raise InputErrors(self._errors)
+
+    def __bool__(self) -> bool:
+        return bool(self._errors)
 
 
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
@@ -34,10 +64,6 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
     allowed, required : iterable of str
         Names of keys.
 
-    Raises
-    ------
-    InputError
-
     Examples
     --------
     >>> check_keys("[tip]", {"radus": 10e-9}, ["radius", "modulus"])
@@ -48,15 +74,16 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
     allowed = list(allowed)
     if not isinstance(table, dict):
         raise InputError(name, table, "a table of keys " + ", ".join(allowed))
+    complaints, meant = Complaints(), list[str]()
     for key in table:
         if key not in allowed:
-            near = difflib.get_close_matches(key, allowed, 1, 0.5)
-            raise InputError(
-                f"{name} {key}", Word("unknown"), ", ".join(allowed), f"Did you mean {near[0]!r}?" if near else ""
-            )
+            meant += (near := difflib.get_close_matches(key, allowed, 1, 0.5))
+            hint = f"Did you mean {near[0]!r}?" if near else ""
+            complaints.add(InputError(f"{name} {key}", Word("unknown"), ", ".join(allowed), hint))
     for key in required:
-        if key not in table:
-            raise missing(name, key)
+        if key not in table and key not in meant:
+            complaints.add(missing(name, key))
+    complaints.make()
 
 
 def missing(name: str, key: str) -> InputError:
@@ -80,10 +107,6 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     ----------
     path, overrides
         As in `load_scene`.
-
-    Returns
-    -------
-    dict
 
     Raises
     ------
@@ -138,10 +161,6 @@ def with_override(tables: Table, override: str) -> Table:
     override : str
         As in `load_scene`.
 
-    Returns
-    -------
-    dict
-
     Raises
     ------
     InputError
@@ -172,14 +191,10 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
         ``"table.key"``; tables on the way are made where there are none.
     value : object
 
-    Returns
-    -------
-    dict
-
     Raises
     ------
     InputError
-        If what is on the way is no table.
+        If what is on the way is not a table.
 
     Examples
     --------
@@ -198,7 +213,7 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
 
 
 def _is_text(text: str) -> bool:
-    """Whether Unicode has all of it: bytes of the command line that are no UTF-8 could not be kept in a file."""
+    """Whether Unicode has all of it: bytes of the command line that are not UTF-8 could not be kept in a file."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -33,10 +33,6 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
     heading : iterable of str
         Lines of the comment above it all.
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> print(toml_of({"tip": {"radius": 1e-08}}, {"tip.radius": "given"}, ["A tip."]), end="")

@@ -115,7 +115,7 @@ def solve_pixel(
     >>> round(pixel.phase, 2), pixel.branch
     (45.57, 'repulsive')
     """
-    amplitude = check_setpoint(setpoint) * scope.free_amplitude
+    amplitude = check_setpoint(setpoint) * scope.driven_amplitude
     work = work_of_material(material, scope, amplitude)
     method = by_name(solver)
     if isinstance(method, Orbit):

@@ -63,7 +63,7 @@ def check_setpoint(setpoint: object) -> float:
     Raises
     ------
     InputError
-        If it is no number between 0 and 1.
+        If it is not a number between 0 and 1.
     """
     try:
         return number("setpoint", setpoint, "1", above=0, below=1)

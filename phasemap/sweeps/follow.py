@@ -33,8 +33,8 @@ def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple
     from phasemap._kernels.continuation.piece import FULL
 
     law, path = fixed_path(Question(material, scope))
-    free = max(scope.free_amplitude, scope.drive.free_amplitude)
-    box = (tip_offset - free, np.inf, FAINT * scope.free_amplitude)
+    free = max(scope.driven_amplitude, scope.drive.free_amplitude)
+    box = (tip_offset - free, np.inf, FAINT * scope.driven_amplitude)
     curves = Curves(law, path, ZP, np.array([tip_offset]), box, 0)
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
     complete(curves, scope, tip_offset)
@@ -59,7 +59,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 
     law, path = fixed_path(Question(material, scope))
     wanted = np.sort(axis)
-    curves = Curves(law, path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.free_amplitude), samples)
+    curves = Curves(law, path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
     curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
     complete(curves, scope, wanted[0])
     parts = segments(curves.pieces, col.TIP_OFFSET)
@@ -71,7 +71,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
-    free = scope.free_amplitude
+    free = scope.driven_amplitude
     feedback = Feedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
     n = len(axis)
     down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
@@ -97,7 +97,7 @@ def parameter(
         question.at(name, value)
 
     def held_under(changed: Microscope) -> float:
-        return ratio * changed.free_amplitude if ratio is not None else (height or 0.0)
+        return ratio * changed.driven_amplitude if ratio is not None else (height or 0.0)
 
     law, path = swept_path(question, name, scale, held_under, ratio is not None)
     order = np.argsort(axis)
@@ -197,7 +197,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | Adrift | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.at(name, float(scale.value(m)))
-        feedback = Feedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.free_amplitude]), 0))
+        feedback = Feedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None

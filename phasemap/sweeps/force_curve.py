@@ -40,7 +40,7 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     Raises
     ------
     InputError
-        If the depths are no axis, or the laws of interaction cannot have the material.
+        If the depths are not an axis, or the laws of interaction cannot have the material.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     from phasemap._kernels.law import contact_force, longrange_force
 
     axis = check_axis("depths", depths, "m", usual=USUAL)
-    work = work_of_material(material, scope, scope.free_amplitude)
+    work = work_of_material(material, scope, scope.driven_amplitude)
     row = work.rows[0]
     forces = [
         [(contact_force if depth >= ends else longrange_force)(work.law, depth, row) for depth in axis.tolist()]

@@ -59,7 +59,7 @@ def orbits(
         from phasemap.sweeps.follow import at_seen
 
         setpoint = check_setpoint(setpoint)
-        rows, complete = at_seen(material, scope, setpoint * scope.free_amplitude)
+        rows, complete = at_seen(material, scope, setpoint * scope.driven_amplitude)
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
     elif setpoint is not None:
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
@@ -67,7 +67,7 @@ def orbits(
         from phasemap._kernels.rows.every_orbit import every_orbit
 
         setpoint = check_setpoint(setpoint)
-        amplitude = setpoint * scope.free_amplitude
+        amplitude = setpoint * scope.driven_amplitude
         work = work_of_material(material, scope, amplitude)
         status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
         rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD

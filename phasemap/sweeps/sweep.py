@@ -242,7 +242,7 @@ def check_samples(samples: object) -> int:
     Raises
     ------
     InputError
-        If it is no integer from 0 to 65536.
+        If it is not an integer from 0 to 65536.
     """
     if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)) or not 0 <= samples <= 65536:
         raise InputError("samples", samples, "an integer from 0 to 65536")

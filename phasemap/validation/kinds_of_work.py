@@ -103,6 +103,7 @@ KINDS: dict[str, Callable[[], None]] = {
     "feedback, slow flow": lambda: _image(control=Feedback()),
     "feedback, full equation": lambda: _image("march", Feedback()),
     "orbit": lambda: _image("orbit"),
+    "averaging": lambda: _image("averaging"),
     "every orbit": _orbits,
     "march": lambda: _image("march"),
     "check": _check,
@@ -208,10 +209,10 @@ def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None], 
             raise subprocess.CalledProcessError(process.returncode, command)
 
 
-def in_an_empty_cache(told: Callable[[Cost], None]) -> None:
-    """Do work of all kinds, one after the other, in a process that finds nothing on disk."""
+def in_an_empty_cache(kinds: Iterable[str], told: Callable[[Cost], None]) -> None:
+    """Do work of these kinds, one after the other, in a process that finds nothing on disk."""
     with tempfile.TemporaryDirectory(prefix="phasemap-bench-") as folder:
-        in_processes([KINDS], told, folder)
+        in_processes([kinds], told, folder)
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def take_scene(text: bytes, overrides: list[str]) -> None:
     json.loads(scene.to_json())
     surface, scope = scene.surface, scene.microscope
     materials = surface.unique()[0]
-    amplitude = scene.options["setpoint"] * scope.free_amplitude
+    amplitude = scene.options["setpoint"] * scope.driven_amplitude
     work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
     modelled(work, scope, surface.topography is not None)
     repr(surface), str(scene.options["control"]), str(scene.options["realism"])

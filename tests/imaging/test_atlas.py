@@ -204,7 +204,7 @@ def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
 
 class TestParts:
     def test_a_jump_lies_where_engagement_jumps(self) -> None:
-        oracle = Oracle(AIR, 0.7 * AIR.free_amplitude, Axes(True, 0.0), 1)
+        oracle = Oracle(AIR, 0.7 * AIR.driven_amplitude, Axes(True, 0.0), 1)
         stiffness = np.log(np.array([2e9, 6e9]))
         jump, graze = find_borders(oracle, (*stiffness, 0.0, 0.0), 0.05, 0.3)
         assert (jump.sudden, graze.sudden) == (True, False)

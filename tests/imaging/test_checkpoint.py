@@ -117,7 +117,7 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     from phasemap.imaging.canvas import Canvas
     from phasemap.imaging.job import Job
     from phasemap.imaging.materials.survey import Place, survey
-    from phasemap.imaging.plan import paint_part, painter_of, plan_image
+    from phasemap.imaging.plan import fill_part, plan_image, simulator_of
     from phasemap.results.variables import check_variables, variables_of
     from phasemap.solvers.solver import by_name
 
@@ -125,32 +125,32 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     control, realism = options.get("control", pm.Engage()), options.get("realism", pm.Realism())
     names = check_variables(None, variables_of(control))
     job = Job(
-        surface, Place(0, 0, surface.shape), SCOPE, 0.7 * SCOPE.free_amplitude, control,
+        surface, Place(0, 0, surface.shape), SCOPE, 0.7 * SCOPE.driven_amplitude, control,
         by_name(options.get("solver", "auto")), Accuracy(), realism, names, 1,
     )  # fmt: skip
-    stretches = plan_image(job, survey(surface, painter_of(control).most(job)))
+    stretches = plan_image(job, survey(surface, simulator_of(control).most(job)))
     canvas, state = Canvas(surface, names, control.directions), None
     bounds = [0, *sorted(cuts), 24]
     for first, last in itertools.pairwise(bounds):
         part = surface.rows(rows := slice(first, last))
         mine = canvas.part(part, rows)
-        state = paint_part(replace(job, surface=part, place=Place(first, 0, surface.shape)), stretches, mine, state)
+        state = fill_part(replace(job, surface=part, place=Place(first, 0, surface.shape)), stretches, mine, state)
     expected = pm.simulate(surface, SCOPE, 0.7, **options)
     assert all(array.tobytes() == expected[variable].values.tobytes() for variable, array in canvas.arrays().items())
 
 
 @pytest.mark.usefixtures("eager")
-def test_lines_that_were_kept_are_not_painted_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lines_that_were_kept_are_not_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     surface, options = CASES["raster, engaged once"]
     pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path / "parts")
-    painted: list[int] = []
-    real = checkpoint.paint_part
-    monkeypatch.setattr(checkpoint, "paint_part", lambda job, *rest: painted.append(job.place.row) or real(job, *rest))
+    filled: list[int] = []
+    real = checkpoint.fill_part
+    monkeypatch.setattr(checkpoint, "fill_part", lambda job, *rest: filled.append(job.place.row) or real(job, *rest))
     removed = sorted((tmp_path / "parts").glob("*-lines-*"))[-3:]
     for file in removed:
         file.unlink()
     pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path / "parts")
-    assert painted[0] == min(int(file.stem.split("-")[2]) for file in removed) > 0
+    assert filled[0] == min(int(file.stem.split("-")[2]) for file in removed) > 0
 
 
 @pytest.mark.usefixtures("eager")
@@ -165,7 +165,7 @@ def test_what_another_simulation_left_is_never_taken(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damage", ["cut short", "empty", "no archive"])
 @pytest.mark.usefixtures("eager")
-def test_a_damaged_part_is_painted_again(damage: str, tmp_path: Path) -> None:
+def test_a_damaged_part_is_made_again(damage: str, tmp_path: Path) -> None:
     expected = pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path)
     file = sorted(tmp_path.glob("*-lines-*"))[1]
     whole = file.read_bytes()
@@ -185,7 +185,7 @@ MISFITS: dict[str, Callable[[Arrays], Arrays]] = {
 
 @pytest.mark.parametrize("misfit", MISFITS)
 @pytest.mark.usefixtures("eager")
-def test_a_part_that_does_not_fit_is_painted_again(misfit: str, tmp_path: Path) -> None:
+def test_a_part_that_does_not_fit_is_made_again(misfit: str, tmp_path: Path) -> None:
     surface, options = CASES["raster, engaged once"]
     expected = pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path)
     file = sorted(tmp_path.glob("*-lines-*"))[1]

@@ -210,7 +210,7 @@ def test_nothing_is_computed_before_it_is_asked_for(name: str) -> None:
     str(image), image.phase.shape, image.sizes
     assert modulus.computed == 0
     image.compute(scheduler="synchronous")
-    assert modulus.computed == 2 * 9  # blocks, for the survey and to be painted
+    assert modulus.computed == 2 * 9  # blocks, for the survey and to be filled
 
 
 @pytest.mark.parametrize(("row", "column"), [(0, 0), (9, 13)])
@@ -224,7 +224,7 @@ def test_bad_value_says_where_it_is(row: int, column: int) -> None:
     assert (numbers[0] + numbers[2], numbers[1] + numbers[3]) == (row, column)
 
 
-def test_maps_that_change_between_survey_and_painting_are_refused() -> None:
+def test_maps_that_change_between_survey_and_filling_are_refused() -> None:
     rng = np.random.default_rng()
     modulus = da.map_blocks(lambda: rng.uniform(1e9, 2e9, (4, 4)), chunks=((4, 4), (4, 4)), dtype=float)
     with pytest.raises(pm.InputError, match="surface is not the same; allowed: maps that are the same"):
@@ -380,15 +380,15 @@ def test_killed_worker_changes_nothing(name: str, client: Client, images: dict[s
     before = client.run(os.getpid)
     futures = client.compute(simulate(lazy, *CONTROLS[name]))
 
-    def painted(dask_scheduler: Any) -> dict[str, int]:
-        """How many parts each worker has painted and keeps."""
+    def filled(dask_scheduler: Any) -> dict[str, int]:
+        """How many parts each worker has filled and keeps."""
         return {
-            address: sum("phasemap-paint" in str(task.key) for task in worker.has_what)
+            address: sum("phasemap-fill" in str(task.key) for task in worker.has_what)
             for address, worker in dask_scheduler.workers.items()
         }
 
     deadline = time.monotonic() + 60
-    while not any((held := client.run_on_scheduler(painted)).values()):
+    while not any((held := client.run_on_scheduler(filled)).values()):
         assert not futures.done() and time.monotonic() < deadline
         time.sleep(0.01)
     victim = max(held, key=lambda address: held[address])

@@ -18,7 +18,7 @@ from scipy import signal
 import phasemap as pm
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import advance, start_at
-from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.imaging.feedback import margin, tune
 from phasemap.imaging.feedback.loop import bandwidth_of, check, loop_of
@@ -26,7 +26,7 @@ from phasemap.solvers.problem import make_work
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SETPOINT = 0.7
-AMPLITUDE = SETPOINT * SCOPE.free_amplitude
+AMPLITUDE = SETPOINT * SCOPE.driven_amplitude
 SOFT, HARD = pm.Material(1e9, 0.05, damping=0.01), pm.Material(3e9, 0.05, damping=0.005)
 FAST = pm.Feedback(line_rate=20.0)
 QUICK = pm.Feedback(line_rate=100.0)  # 78 periods over each of 16 pixels
@@ -194,9 +194,9 @@ def test_flow_agrees_with_the_equation_of_motion(rate: float, degrees: float) ->
     surface = line([0] * 6 + [1] * 10, [0.0] * 3 + [3e-9] * 8 + [1e-9] * 5)
     control = pm.Feedback(line_rate=rate)
     slow, full = scan(surface, control), scan(surface, control, "march")
-    assert abs(full.amplitude_error).max() > 0.04 * SCOPE.free_amplitude  # there is something to agree on
+    assert abs(full.amplitude_error).max() > 0.04 * SCOPE.driven_amplitude  # there is something to agree on
     assert abs(slow.phase - full.phase).max() < degrees
-    assert abs(slow.amplitude_error - full.amplitude_error).max() < 0.005 * SCOPE.free_amplitude
+    assert abs(slow.amplitude_error - full.amplitude_error).max() < 0.005 * SCOPE.driven_amplitude
 
 
 def test_retrace_sees_a_symmetric_line_as_trace_does() -> None:
@@ -221,7 +221,7 @@ def test_tip_parachutes_at_the_speed_of_the_integrator() -> None:
     falling = np.diff(image.height.values)[6:12]
     # Far above the surface the amplitude is the free one: dZ/dt = -Ki (A_free - A_setpoint); the lever has decayed to
     # that within exp(-dwell/0.42 ms) of 6 pixels of 1.6 ms, and the tail of the attraction takes away less than 2 %.
-    assert falling == pytest.approx(-1500.0 * dwell * (SCOPE.free_amplitude - AMPLITUDE), rel=0.03)
+    assert falling == pytest.approx(-1500.0 * dwell * (SCOPE.driven_amplitude - AMPLITUDE), rel=0.03)
 
 
 def test_proportional_gain_moves_the_scanner_at_once() -> None:
@@ -327,10 +327,10 @@ def wander(law, row, lever, loop, tip, random, span, states):  # type: ignore[no
 def wandering(solver: str, temperature: float = 0.0, detector_noise: float = 0.0) -> np.ndarray:
     """States 4000 times, a decay time of lever and lock-in apart."""
     scope = pm.Microscope(pm.Cantilever(0.1, 30e3, 20.0), pm.Tip(10e-9), pm.Drive(50e-9))
-    work = make_work(np.array([[1e9, 0.0, 0.0, 0.35]]), False, scope, 0.7 * scope.free_amplitude)
+    work = make_work(np.array([[1e9, 0.0, 0.0, 0.35]]), False, scope, 0.7 * scope.driven_amplitude)
     control = pm.Feedback(bandwidth=2e3, order=1)
-    loop = loop_of(control, scope, 0.7 * scope.free_amplitude, temperature, detector_noise)
-    tip = new_flow() if solver == "averaging" else new_beat(0.7)
+    loop = loop_of(control, scope, 0.7 * scope.driven_amplitude, temperature, detector_noise)
+    tip = new_flow() if solver == "averaging" else new_periods(0.7)
     states, row = np.zeros((4000, 4)), np.append(work.rows[0], [0.0, 0.0])
     span = 1 / work.lever[1] + 1 / loop[of.RATE]
     wander(work.law, row, work.lever, loop, tip, np.random.default_rng(1), span, states)

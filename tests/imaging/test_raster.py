@@ -177,7 +177,7 @@ BISTABLE = [
 @pytest.mark.parametrize("case", BISTABLE, ids=label)
 def test_both_branches_are_the_stable_reference_orbits(case: Case) -> None:
     scope = scope_of(case)
-    work = work_of_material(material_of(case), scope, case["setpoint"] * scope.free_amplitude)
+    work = work_of_material(material_of(case), scope, case["setpoint"] * scope.driven_amplitude)
     found = stable_branches(work, by_name("orbit"), pm.Accuracy())
     seen = np.degrees(found.rows[:2, 0, 2])
     far, near = stable_of(case)
@@ -190,7 +190,7 @@ def test_an_orbit_that_a_strong_pull_throws_out_is_found_as_time_finds_it() -> N
     # The contact of the averaged orbit is too deep: from there neither Newton's method nor the curve leads to it.
     material = pm.Material(47e9, adhesion=0.3, damping=0.024)
     scope = pm.Microscope(pm.Cantilever(5.3, 300e3, 90.0), pm.Tip(39e-9), pm.Drive(6.4e-9))
-    work = work_of_material(material, scope, 0.43 * scope.free_amplitude)
+    work = work_of_material(material, scope, 0.43 * scope.driven_amplitude)
     exact, marched = (stable_branches(work, by_name(name), pm.Accuracy()) for name in ("orbit", "march"))
     assert exact.stable.all() and marched.stable.all()
     assert np.abs(np.degrees(exact.rows[:2, 0, 2] - marched.rows[:2, 0, 2])).max() < 1e-4

@@ -15,10 +15,10 @@ import xarray as xr
 import phasemap as pm
 from phasemap.cli import main
 from phasemap.experiment.realism import check_realism
-from phasemap.imaging import plan as painting
+from phasemap.imaging import plan as planning
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.imperfections import drifted, finish, generator, scopes_by_row
-from phasemap.imaging.job import Job, Painter
+from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials.survey import Survey
 from phasemap.io import netcdf
 from phasemap.scenes.scene import Scene
@@ -179,12 +179,12 @@ def test_after_the_change_the_lines_are_those_of_the_other_tip() -> None:
     assert not np.isin(image.phase[4:], image.phase[:4]).any()
 
 
-def test_each_painter_gets_what_it_can_paint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_simulator_gets_what_it_can_fill(monkeypatch: pytest.MonkeyPatch) -> None:
     # Without time a changed tip is engaged anew, in time it goes on as it is; each tip has a plan of its own.
     jobs: list[Job] = []
     states: list[Any] = []
 
-    def paint(job: Job, plan: float, canvas: Canvas, state: Any) -> str:
+    def fill(job: Job, plan: float, canvas: Canvas, state: Any) -> str:
         jobs.append(job)
         states.append(state)
         for direction in (0, 1):
@@ -195,9 +195,9 @@ def test_each_painter_gets_what_it_can_paint(monkeypatch: pytest.MonkeyPatch) ->
     def plan(job: Job, survey: Survey, before: float | None) -> float:
         return 1.0 if before is None else before + 1.0
 
-    painter = Painter(lambda job: None, lambda job: 10, plan, paint)
-    monkeypatch.setitem(painting.PAINTERS, pm.Raster, lambda: painter)
-    monkeypatch.setitem(painting.PAINTERS, pm.Feedback, lambda: painter)
+    simulator = Simulator(lambda job: None, lambda job: 10, plan, fill)
+    monkeypatch.setitem(planning.SIMULATORS, pm.Raster, lambda: simulator)
+    monkeypatch.setitem(planning.SIMULATORS, pm.Feedback, lambda: simulator)
     realism = pm.Realism(tip_change=pm.TipChange(2, 25e-9))
     image = pm.simulate(surface_of(), SCOPE, 0.7, control=pm.Raster(), realism=realism, variables=["phase"])
     expected = np.repeat([1.0, 2.0], [2, 4])[:, np.newaxis] + np.zeros(SHAPE)

@@ -476,12 +476,12 @@ def test_a_simulated_image_tells_its_scan_too(tmp_path: Path) -> None:
     image.to_netcdf(tmp_path / "image.nc")
     read = read_image(tmp_path / "image.nc")
     assert read.equals(image)
-    assert read.attrs["free_amplitude"] == pytest.approx(scope.free_amplitude, rel=1e-12)
+    assert read.attrs["free_amplitude"] == pytest.approx(scope.driven_amplitude, rel=1e-12)
     assert read.attrs["drive_frequency"] == 299.5e3 and read.attrs["setpoint"] == 0.7
     # Below resonance the free lever lags less than 90 degrees behind; the phase is 90 less the lag.
     ratio = 299.5 / 300
     assert read.attrs["phase_zero"] == pytest.approx(90 - np.degrees(np.arctan2(ratio / 400, 1 - ratio**2)))
-    assert off_resonance(ratio, 400.0) == pytest.approx(20e-9 / scope.free_amplitude)
+    assert off_resonance(ratio, 400.0) == pytest.approx(20e-9 / scope.driven_amplitude)
 
 
 def test_a_netcdf_file_that_is_no_image_is_refused(tmp_path: Path) -> None:

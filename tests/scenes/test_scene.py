@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import xarray as xr
 
 import phasemap.experiment.generate as generate
 from phasemap._shared.errors import FileError, InputError
+from phasemap.cli import main
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Engage
 from phasemap.experiment.interaction import Interaction
@@ -139,6 +141,30 @@ def test_what_is_not_allowed_is_said_in_one_sentence(tmp_path: Path, override: s
     with pytest.raises(InputError, match=sentence) as caught:
         scene(tmp_path, HEAD + LABELS, override)
     assert "\n" not in str(caught.value)
+
+
+def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = {
+        "scan.setpoint=1.2": "[scan] setpoint is 1.2; allowed: a number above 0 and below 1",
+        "scan.solver=orbits": "[scan] solver is 'orbits'; allowed: one of auto",
+        "cantilever.stifness=3": "[cantilever] stifness is unknown",
+        "cantilever.quality_factor=0": "[cantilever] quality_factor is 0; allowed: a finite number",
+        "tip.radius=0": "[tip] radius is 0; allowed: a finite number above 0",
+        "drive.free_amplitude=40 kHz": "[drive] free_amplitude is '40 kHz'; allowed: a finite number",
+        "control.line_rate=1": "[control] line_rate is 1; allowed: nothing where kind is 'engage'.",
+        "materials.soft.adhesion=-1": "[materials.soft] adhesion is -1; allowed: a finite number of at least 0",
+        "materials.hard.modulos=1": "[materials.hard] modulos is unknown",
+        'surface.materials=["soft", "herd"]': "[surface] materials is 'herd'; allowed: one of soft, hard.",
+    }
+    with pytest.raises(InputError) as caught:
+        scene(tmp_path, HEAD + LABELS, *wrong)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(wrong)
+    assert all(sum(line.startswith(sentence) for line in lines) == 1 for sentence in wrong.values())
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # as it comes out of a worker
+    assert main(["validate", "samples/step.toml", "tip.radius=0", "scan.setpoint=1.2"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert [line.partition(" is ")[0] for line in said] == ["phasemap: [scan] setpoint", "phasemap: [tip] radius"]
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ def test_height_tells_materials_apart_where_the_phase_does_not(tmp_path: Path) -
 
 def test_a_free_amplitude_recorded_off_resonance_is_brought_to_resonance(tmp_path: Path) -> None:
     scene = scene_from(measured(drive_frequency=299e3), tmp_path / "scene.toml", 1, [TIP])
-    assert scene.microscope.free_amplitude == pytest.approx(20e-9, rel=1e-12)  # at the drive frequency
+    assert scene.microscope.driven_amplitude == pytest.approx(20e-9, rel=1e-12)  # at the drive frequency
     # |1 - w^2 + i w / Q| Q = 2.8427 at w = 299 / 300, Q = 400
     assert scene.microscope.drive.free_amplitude == pytest.approx(20e-9 * 2.8427, rel=1e-3)
 

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.scanning.line import approach_in_time
-from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.periods import new_periods
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.continuation.pieces import patience
 from phasemap.solvers.problem import work_of_material
@@ -29,14 +29,14 @@ MORE = 100
 
 
 def tip_at(scope: pm.Microscope, z0: float) -> period_map.Tip:
-    return period_map.new_tip(0.0, 0.5 * scope.free_amplitude, z0)
+    return period_map.new_tip(0.0, 0.5 * scope.driven_amplitude, z0)
 
 
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])
 @pytest.mark.parametrize("most", [1, 300, 5000])
 @pytest.mark.parametrize("what", ["hold", "hold_mean", "move_slowly", "follow_down", "rest"])
 def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int, what: str) -> None:
-    amplitude = 0.6 * scope.free_amplitude
+    amplitude = 0.6 * scope.driven_amplitude
     work = work_of_material(RUBBER, scope, amplitude)
     problem = work.law, work.rows[0], work.lever
     tip, row, how = tip_at(scope, 24e-9), np.empty(col.COLUMNS), (0.5, 1e-7 * amplitude, 1e-12)
@@ -51,7 +51,7 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
 
 
 def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
-    work = work_of_material(RUBBER, SLOW, 0.6 * SLOW.free_amplitude)
+    work = work_of_material(RUBBER, SLOW, 0.6 * SLOW.driven_amplitude)
     state, row = np.array([0.0, 0.0, 0.0, 80e-9]), np.full(col.COLUMNS, math.nan)
     status = in_time.carry_to(work.law, work.rows[0], work.lever, 24e-9, 0.25, 10_000, state, row)
     assert status == col.NOT_SETTLED
@@ -66,9 +66,9 @@ def test_a_landing_is_given_up_after_as_many() -> None:
 @pytest.mark.parametrize(("periods", "expected"), [(50, col.NOT_SETTLED), (10**6, col.GOOD)])
 def test_a_scan_gives_up_an_approach_after_as_many(periods: int, expected: int) -> None:
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
-    amplitude = 0.8 * scope.free_amplitude
+    amplitude = 0.8 * scope.driven_amplitude
     work = work_of_material(pm.Material(2e9, 0.02, 0.01), scope, amplitude)
-    loop, tip = loop_of(pm.Feedback(), scope, amplitude, periods=periods), new_beat(0.7)
+    loop, tip = loop_of(pm.Feedback(), scope, amplitude, periods=periods), new_periods(0.7)
     noise = np.random.default_rng(0)
     assert approach_in_time(work.law, work.rows[0], work.lever, loop, 0.0, tip, noise) == expected
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
 from cases import Case, label, load, material_of, scope_of
+from numpy.typing import NDArray
 
 import phasemap as pm
 from phasemap._kernels import columns as col
@@ -36,6 +38,12 @@ def work_at(batch: Batch, ratio: float) -> Work:
     return Batch(scope, batch.materials, batch.setpoint).work()
 
 
+@cache
+def solved(name: str, solver: str, ratio: float) -> list[tuple[NDArray[np.float64], ...]]:
+    """Rows, statuses and solvers used of each batch; two tests ask for the same."""
+    return [run(by_name(solver), work_at(batch, ratio), pm.Accuracy()) for batch in drawn(name)]
+
+
 @pytest.mark.parametrize("case", HELD, ids=label)
 def test_beside_resonance_the_tip_ends_where_engaging_in_time_ends(case: Case) -> None:
     pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
@@ -47,12 +55,11 @@ def test_beside_resonance_the_tip_ends_where_engaging_in_time_ends(case: Case) -
 @pytest.mark.parametrize("solver", ["orbit", "averaging"])
 @pytest.mark.parametrize("name", NAMES)
 def test_branch_and_phase_are_continuous_through_resonance(name: str, solver: str) -> None:
-    method = by_name(solver)
-    for batch in drawn(name):
-        rows, status, _ = run(method, work_at(batch, 1.0), pm.Accuracy())
+    for number, batch in enumerate(drawn(name)):
+        rows, status, _ = solved(name, solver, 1.0)[number]
         held = status == col.GOOD
         for apart in (-1e-6, -1e-9, -1e-12, 1e-12, 1e-9, 1e-6):
-            beside, beside_status, _ = run(method, work_at(batch, 1.0 + apart), pm.Accuracy())
+            beside, beside_status, _ = solved(name, solver, 1.0 + apart)[number]
             assert np.array_equal(beside_status, status)
             assert np.array_equal(beside[held, col.STIFFENING] > 0, rows[held, col.STIFFENING] > 0)
             # At fixed amplitude X and Y of the first harmonic move by A |1 - omega^2| = u0 (A/A_free) 2 Q |apart|, and
@@ -65,10 +72,7 @@ def test_branch_and_phase_are_continuous_through_resonance(name: str, solver: st
 @pytest.mark.parametrize("name", NAMES)
 def test_next_to_resonance_no_more_orbits_are_left_to_collocation(name: str) -> None:
     def left(ratio: float) -> int:
-        return sum(
-            int(np.sum(run(by_name("orbit"), work_at(batch, ratio), pm.Accuracy())[2] == col.ORBIT))
-            for batch in drawn(name)
-        )
+        return sum(int(np.sum(used == col.ORBIT)) for _, _, used in solved(name, "orbit", ratio))
 
     at_resonance = left(1.0)
     assert at_resonance < 12  # of 120, a tenth

@@ -26,7 +26,7 @@ def test_the_tip_ends_on_the_orbit_that_engaging_in_time_ends_on(case: Case) -> 
 def test_where_the_orbit_is_period_doubled_its_mean_is_held(case: Case) -> None:
     pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
     assert (pixel.status, pixel.motion, pixel.solver) == (pm.Status.good, "irregular", "march")
-    assert pixel.amplitude == pytest.approx(case["setpoint"] * scope_of(case).free_amplitude)
+    assert pixel.amplitude == pytest.approx(case["setpoint"] * scope_of(case).driven_amplitude)
     assert pixel.amplitude_spread > 0
 
 

@@ -19,7 +19,7 @@ REGIMES = tuple(dict.fromkeys(case["regime"] for case in CASES))
 def errors_of(case: Case, solver: Orbit) -> np.ndarray | None:
     """True and stated errors of phase [degree] and tip offset [m], shape (2, 2); None without an orbit."""
     scope = scope_of(case)
-    work = work_of_material(material_of(case), scope, case["setpoint"] * scope.free_amplitude)
+    work = work_of_material(material_of(case), scope, case["setpoint"] * scope.driven_amplitude)
     rows, status, _ = run(solver, work, pm.Accuracy())
     if status[0] != col.GOOD:
         return None

@@ -56,14 +56,14 @@ def one_pixel(material: pm.Material, shape: tuple[int, int] = (1, 1)) -> pm.Surf
 
 def test_the_free_lever_as_the_detector_sees_it() -> None:
     # z is Q u0 behind the base by a quarter of a period, so that z less the base is hypot(Q, 1) u0.
-    assert WET.free_amplitude == pytest.approx(math.hypot(3, 1) * 10e-9 / 3, rel=1e-15)
+    assert WET.driven_amplitude == pytest.approx(math.hypot(3, 1) * 10e-9 / 3, rel=1e-15)
     amplitude, phase = show(lever_of(WET), 10e-9, 0.0)
-    assert float(amplitude) == pytest.approx(WET.free_amplitude, rel=1e-15)
+    assert float(amplitude) == pytest.approx(WET.driven_amplitude, rel=1e-15)
     assert float(phase) == pytest.approx(0.0, abs=1e-15)
     off = replace(WET, drive=pm.Drive(10e-9, 0.8 * 30e3, "base"))
     response = 1 / (1 - 0.8**2 + 0.8j / 3)
-    assert off.free_amplitude == pytest.approx(abs(response - 1) * 10e-9 / 3, rel=1e-14)
-    assert direct(off).free_amplitude == pytest.approx(abs(response) * 10e-9 / 3, rel=1e-14)
+    assert off.driven_amplitude == pytest.approx(abs(response - 1) * 10e-9 / 3, rel=1e-14)
+    assert direct(off).driven_amplitude == pytest.approx(abs(response) * 10e-9 / 3, rel=1e-14)
 
 
 def test_what_is_seen_and_what_the_tip_does_are_inverse_to_each_other() -> None:
@@ -152,7 +152,7 @@ def test_without_losses_the_phase_follows_from_the_amplitude() -> None:
     pixel = pm.solve_pixel(pm.Material(3e9), DRY, SETPOINT, "orbit")
     turn = np.linspace(0, math.pi / 2, 1_000_001)
     amplitude, phase = show(lever_of(DRY), 40e-9 * np.cos(turn), turn)
-    expected = phase[np.argmax(amplitude < SETPOINT * DRY.free_amplitude)]
+    expected = phase[np.argmax(amplitude < SETPOINT * DRY.driven_amplitude)]
     assert pixel.phase == pytest.approx(math.degrees(expected), abs=0.01)
 
 
@@ -194,7 +194,7 @@ def test_sweeps_pass_the_pixel(scope: pm.Microscope) -> None:
     pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
     held = pm.sweep_setpoint(SOFT, scope, [0.9, SETPOINT, 0.6]).sel(direction="down", setpoint=SETPOINT)
     assert float(held.phase) == pytest.approx(pixel.phase, abs=2e-6)
-    assert float(held.amplitude) == pytest.approx(SETPOINT * scope.free_amplitude, rel=1e-10)
+    assert float(held.amplitude) == pytest.approx(SETPOINT * scope.driven_amplitude, rel=1e-10)
     z0 = pixel.tip_offset
     lowered = pm.sweep_distance(SOFT, scope, [z0 + 1e-10, z0]).sel(direction="approach").isel(tip_offset=-1)
     assert float(lowered.phase) == pytest.approx(pixel.phase, abs=2e-6)
@@ -225,7 +225,7 @@ def test_a_feedback_comes_to_rest_where_engage_does(scope: pm.Microscope, solver
     image = pm.simulate(one_pixel(SOFT, (1, 4)), scope, SETPOINT, solver, pm.Feedback(line_rate=2.0))
     # The slow flow is of first order: 0.1 degree, and some hundredths of a nanometre (as without a shaker).
     np.testing.assert_allclose(image.phase.values, float(still.phase[0, 0]), atol=0.1)
-    np.testing.assert_allclose(image.amplitude.values, SETPOINT * scope.free_amplitude, rtol=1e-3)
+    np.testing.assert_allclose(image.amplitude.values, SETPOINT * scope.driven_amplitude, rtol=1e-3)
     np.testing.assert_allclose(image.tip_offset.values, float(still.tip_offset[0, 0]), atol=5e-11)
 
 

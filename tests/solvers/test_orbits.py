@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from cases import Case, label, load, material_of, scope_of
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import phasemap as pm
 
@@ -84,41 +82,3 @@ def test_a_setpoint_and_a_tip_offset_together_are_refused() -> None:
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
     with pytest.raises(pm.InputError, match="exactly one of the two"):
         pm.orbits(pm.Material(1e9), scope, setpoint=0.7, tip_offset=1e-8)
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
-@given(
-    modulus=st.floats(3, 12).map(lambda x: 10**x),
-    adhesion=st.one_of(st.just(0.0), st.floats(-4, 0).map(lambda x: 10**x)),
-    damping=st.one_of(st.just(0.0), st.floats(-4, 0.7).map(lambda x: 10**x)),
-    quality_factor=st.floats(0.2, 5).map(lambda x: 10**x),
-    free_amplitude=st.floats(-9.3, -6.5).map(lambda x: 10**x),
-    stiffness=st.floats(-1, 2).map(lambda x: 10**x),
-    radius=st.floats(2e-9, 100e-9),
-    decay_length=st.one_of(st.none(), st.floats(0.05e-9, 1e-9)),
-    setpoint=st.floats(0.02, 0.99),
-)
-def test_anywhere_in_the_valid_box_a_pixel_is_an_orbit_or_says_why_not(
-    modulus: float,
-    adhesion: float,
-    damping: float,
-    quality_factor: float,
-    free_amplitude: float,
-    stiffness: float,
-    radius: float,
-    decay_length: float | None,
-    setpoint: float,
-) -> None:
-    scope = pm.Microscope(
-        pm.Cantilever(stiffness, 300e3, quality_factor),
-        pm.Tip(radius),
-        pm.Drive(free_amplitude),
-        pm.Interaction(decay_length=decay_length),
-    )
-    pixel = pm.solve_pixel(pm.Material(modulus, adhesion=adhesion, damping=damping), scope, setpoint, solver="orbit")
-    assert pixel.stable == (pixel.status is pm.Status.good) == math.isfinite(pixel.phase)
-    if pixel.stable:
-        assert abs(pixel.energy_closure) < 1e-6
-        assert pixel.floquet < 1
-        assert pixel.feedback_slope > 0
-        assert pixel.amplitude == pytest.approx(setpoint * scope.free_amplitude, rel=1e-12)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -26,7 +24,7 @@ from phasemap.io.netcdf import load as read
 from phasemap.io.netcdf import save
 from phasemap.validation.bench import cases
 from phasemap.validation.bench import measure as measuring
-from phasemap.validation.bench.compiling import ORDER, ColdStart, first_calls
+from phasemap.validation.bench.compiling import of_solvers
 from phasemap.validation.bench.equation import Case, Equation
 from phasemap.validation.bench.measure import Plan, measure
 from phasemap.validation.bench.methods import methods_of
@@ -307,12 +305,10 @@ def test_the_picture_has_a_panel_for_each_regime_and_error_and_one_legend(measur
     assert {axes.get_xscale() for axes in figure.axes[:7]} == {"log"}
 
 
-def test_compilation_is_timed_for_every_solver_and_can_be_stopped() -> None:
-    seconds = first_calls()
-    assert set(seconds) == set(ORDER) == {method.family for method in methods_of([])}
-    cold = ColdStart()
-    cold.stop()
-    assert set(cold.seconds()) == set(ORDER)  # not finished: NaN, no exception
+def test_compilation_is_timed_for_every_solver() -> None:
+    seconds = of_solvers(empty=False)
+    assert set(seconds) == {method.family for method in methods_of([])}
+    assert min(seconds.values()) > 0.0
 
 
 # The command.
@@ -344,21 +340,6 @@ def test_the_command_prints_the_table_and_writes_both_files(
     assert no_measuring == [(phasemap.validation.bench.QUICK_PIXELS, 3, False, True)]
 
 
-def test_hard_cases_are_asked_for_by_the_same_command(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def hard(progress: Callable[[str], None]) -> str:
-        for number in (1, 2):
-            progress(f"hard cases: {number} of 2")
-        return "| case | came out |"
-
-    module = ModuleType("phasemap.validation.bench.hard")
-    monkeypatch.setattr(module, "hard", hard, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.hard", module)
-    assert main(["bench", "--hard"]) == 0
-    assert capsys.readouterr() == ("| case | came out |\n", "hard cases ...\n")
-
-
 def test_the_site_shows_a_table_that_the_command_made(measured: xr.Dataset) -> None:
     text = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text()
     shown = text.partition("<!-- accuracy:begin -->")[2].partition("<!-- accuracy:end -->")[0]
@@ -378,7 +359,9 @@ def test_the_site_shows_a_table_that_the_command_made(measured: xr.Dataset) -> N
         (["--seed", "-1"], "seed is -1; allowed: a whole number of at least 0"),
         (["--output", "no/such/folder.nc"], "the folder 'no/such' does not exist"),
         (["--plot", "bench.docx"], "the picture's suffix is '.docx'; allowed: one of"),
-        (["--hard", "--plot", "bench.png"], "--plot does not go with --hard"),
+        (["--box", "--plot", "bench.png"], "--plot does not go with --box"),
+        (["--box", "--compile"], "not allowed with argument"),
+        (["--scan"], "--scan has moved: in a copy of the repository, run python tests/bench/scans.py."),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence_before_anything_is_measured(

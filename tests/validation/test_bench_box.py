@@ -87,7 +87,7 @@ def test_the_command_prints_what_was_found(capsys: pytest.CaptureFixture[str], m
     ("arguments", "sentence"),
     [
         (["--box", "--output", "box.nc"], "--output does not go with --box"),
-        (["--hard", "--materials", "5"], "--materials does not go with --hard"),
+        (["--compile", "--materials", "5"], "--materials does not go with --compile"),
         (["--microscopes", "5"], "--microscopes goes with --box only"),
         (["--box", "--materials", "0"], "'0' is not a whole number of at least 1"),
     ],

@@ -260,12 +260,12 @@ def test_the_balances_hold_for_any_motion_with_harmonics(ratio: float) -> None:
     scope = pm.Microscope(lever, pm.Tip(1e-8), pm.Drive(2e-8, ratio * 1e5))
     image = pm.simulate(pm.Surface(1e9, pixel_size=1e-9, shape=(1, 1)), scope, SETPOINT, "orbit")
     turn = 2 * np.pi * np.arange(512) / 512
-    lag, mean, first = 1.2, 3e-10, SETPOINT * scope.free_amplitude
+    lag, mean, first = 1.2, 3e-10, SETPOINT * scope.driven_amplitude
     waves = [(1, first, lag), (2, 0.1 * first, 0.3), (3, 0.05 * first, 2.0), (7, 0.02 * first, -1.0)]
     z = mean + sum(a * np.cos(n * turn - at) for n, a, at in waves)
     v = -ratio * sum(n * a * np.sin(n * turn - at) for n, a, at in waves)
     bend = -(ratio**2) * sum(n**2 * a * np.cos(n * turn - at) for n, a, at in waves)
-    force = 2.0 * (scope.base_amplitude * np.cos(turn) - bend - 2 * lever.damping * v - z)  # on the sample [N]
+    force = 2.0 * (scope.base_amplitude * np.cos(turn) - bend - 2 * lever.damping_ratio * v - z)  # on the sample [N]
     # Sums over whole periods are exact. With that lag and drive the sample may feed energy in; balance it does anyway.
     made = {"mean_deflection": mean, "phase": 90 - np.degrees(lag), "energy_closure": 0.0, "error_phase": 0.0}
     made |= {"dissipation": (force * v).mean() * 2 * np.pi / ratio, "virial": -(force * z).mean()}

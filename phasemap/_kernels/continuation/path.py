@@ -74,14 +74,14 @@ def fixed(law: Law, p: tuple[float, ...], lever: np.ndarray) -> Path:
     return Path(FIXED, p, lever, scale_of(law, p, lever, free_amplitude(lever)), np.empty((0, 0)), 0.0)
 
 
-@kernel
+@kernel(light=True)
 def swept(table: np.ndarray, kind: int, width: float) -> Path:
     """Return the path on which m moves what the table says."""
     p, lever = at(table, 0.0)
     return Path(kind, p, lever, math.nan, table, width)
 
 
-@kernel
+@kernel(light=True)
 def chebyshev(coefficients: np.ndarray, m: float) -> float:
     """Value of a Chebyshev series (Clenshaw)."""
     one, two = 0.0, 0.0
@@ -90,7 +90,7 @@ def chebyshev(coefficients: np.ndarray, m: float) -> float:
     return coefficients[0] + m * one - two
 
 
-@kernel
+@kernel(light=True)
 def at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndarray]:
     """The law's parameters and the lever at m."""
     values = np.empty(STANDING)
@@ -99,7 +99,7 @@ def at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndarray]:
     return parameters(values), values[LEVER:HELD]
 
 
-@kernel
+@kernel(light=True)
 def standing_at(path: Path, m: float) -> tuple[tuple[float, ...], np.ndarray]:
     """The law's parameters and the lever, which on a swept path depend on m."""
     return (path.p, path.lever) if path.kind == FIXED else at(path.table, m)
@@ -116,7 +116,7 @@ def drift_at(path: Path, m: float) -> np.ndarray:
     return drift
 
 
-@kernel
+@kernel(light=True)
 def held_at(path: Path, m: float) -> float:
     """The tip offset or amplitude [m] that is held at m."""
     return chebyshev(path.table[HELD], m)

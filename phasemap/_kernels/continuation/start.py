@@ -14,7 +14,7 @@ from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.system import HOLD_ARC, Orbit
 
 
-@kernel
+@kernel(shared=True)
 def start_far(
     law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
 ) -> tuple[int, Orbit, Orbit]:

@@ -91,7 +91,7 @@ def copy_orbit(source: Orbit, to: Orbit) -> None:
     copy_rows(source.head, to.head)
 
 
-@kernel
+@kernel(shared=True)
 def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
     p, lever = standing_at(path, orbit.head[VALUE, M])
@@ -102,7 +102,7 @@ def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) 
     return True
 
 
-@kernel
+@kernel(shared=True)
 def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarray) -> bool:
     """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
     value, right = orbit.head[VALUE], orbit.head[SYSTEM : SYSTEM + RIGHT, RIGHT]
@@ -139,7 +139,7 @@ def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) 
     return before[slope] * before[DET] * point[slope] * point[DET] >= 0.0
 
 
-@kernel
+@kernel(shared=True)
 def advance(
     law: Law,
     path: Path,
@@ -269,7 +269,7 @@ def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -
     return at
 
 
-@kernel
+@kernel(shared=True)
 def settle_on(
     law: Law,
     path: Path,

@@ -130,7 +130,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
     return col.GOOD, surety
 
 
-@kernel
+@kernel(shared=True)
 def engage(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray
 ) -> tuple[int, int]:

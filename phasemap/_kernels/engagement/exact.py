@@ -18,7 +18,7 @@ from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
-from phasemap._kernels.engagement.rest import HANGING, land, lets_go, loosened, pressed_in, pulled
+from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in, pulled
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
@@ -39,7 +39,7 @@ def lower(
     tables: np.ndarray,
     amplitude: float,
     tolerance: float,
-    hanging: float,
+    lingering: float,
     point: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
@@ -49,8 +49,8 @@ def lower(
     """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, returned last.
 
     The second value is the tip offset at which the tip leaves the curve: where its orbit is no longer stable, or the
-    lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above `hanging`
-    belongs to orbits that hang on an unstable equilibrium.
+    lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above
+    `lingering` belongs to orbits that linger at an unstable equilibrium.
     """
     p, lever = path.p, path.lever
     step, lowest, have, highest = FIRST_STEP, 1e300, False, 10.0 * (abs(point[ZP]) + point[AP] + path.reach)
@@ -79,7 +79,7 @@ def lower(
             left = z0
         lowest = min(lowest, z0)
         away = z0 > highest and orbit.head[COUNT, CONTACTS] == 0 and a < 2.0 * free_amplitude(lever)
-        if point[FP] > hanging or away:
+        if point[FP] > lingering or away:
             return col.NOT_SETTLED, lowest if math.isnan(left) else left, orbit, spare, found
         if orbit.head[COUNT, CONTACTS] == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
             break
@@ -120,7 +120,7 @@ def retract(
             return col.NO_STABLE_ORBIT, orbit, spare, found
         if not point[FP] < 1.0:
             # A multiplier past one is a fold, past minus one it doubles the period.
-            gone = point[DET] < 0.0 or point[FP] > HANGING or p[4] == 0.0
+            gone = point[DET] < 0.0 or point[FP] > LINGERING or p[4] == 0.0
             return col.NO_STABLE_ORBIT if gone else col.UNSTABLE, orbit, spare, found
     return col.NOT_CONVERGED, orbit, spare, found
 
@@ -237,7 +237,7 @@ def engage_landed(
             status = col.NOT_CONVERGED
         return status, orbit, spare, found
     status, _, orbit, spare, found = lower(
-        law, path, tables, amplitude, tolerance, HANGING, point, orbit, spare, saved, found
+        law, path, tables, amplitude, tolerance, LINGERING, point, orbit, spare, saved, found
     )
     return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
 
@@ -250,7 +250,7 @@ def engage(
     amplitude: float,
     level: int,
     tolerance: float,
-    hanging: float,
+    lingering: float,
     orbit: Orbit,
     spare: Orbit,
     saved: Orbit,
@@ -258,7 +258,7 @@ def engage(
 ) -> tuple[int, Orbit, Orbit, Orbit]:
     """Approach from far along exact orbits to the one that holds `amplitude`; it is returned last.
 
-    Where the curve's multiplier passes `hanging` the tip is taken to land elsewhere; NOT_SETTLED if it is not
+    Where the curve's multiplier passes `lingering` the tip is taken to land elsewhere; NOT_SETTLED if it is not
     known where.
     """
     p, lever = path.p, path.lever
@@ -270,7 +270,7 @@ def engage(
     if not mark(law, path, tables, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
     status, left, orbit, spare, found = lower(
-        law, path, tables, amplitude, tolerance, hanging, point, orbit, spare, saved, found
+        law, path, tables, amplitude, tolerance, lingering, point, orbit, spare, saved, found
     )
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
     grazing = p[col.RELEASE] != 0.0 or (p[4] == 0.0 and pulled(law, p, lever) > 0.0)

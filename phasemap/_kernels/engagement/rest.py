@@ -2,7 +2,7 @@
 
 A surface that attracts more steeply than the lever is stiff holds the lever itself: at some tip offset the oscillation
 is caught and the tip stays in contact, about the static equilibrium. No curve of orbits that can be followed leads
-there: it passes orbits that hang on an unstable equilibrium, or ends where the tip first touches a force that jumps.
+there: it passes orbits that linger at an unstable equilibrium, or ends where the tip first touches a force that jumps.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
 )
 
-HANGING = 1e4  # a multiplier as large belongs to an orbit that hangs on an unstable equilibrium, or grazes
+LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 LINEAR = 0.3  # of the depth, a swing that the surface answers like a spring
 PRECISION = 1e-6  # of the amplitude, at which a landing is known
 

@@ -18,7 +18,7 @@ from phasemap._kernels.engagement.exact import engage as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.resonance import MAXIMUM
 from phasemap._kernels.engagement.response import LOWEST_Q, engage
-from phasemap._kernels.engagement.rest import HANGING
+from phasemap._kernels.engagement.rest import LINGERING
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
@@ -58,14 +58,14 @@ def exact_orbit(
             law, fixed(law, p, lever), tables, amplitude, tolerance, orbit, spare, saved, found
         )
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
-    level, hanging, done = 0, HANGING, done if done == col.GOOD else col.NOT_SETTLED
+    level, lingering, done = 0, LINGERING, done if done == col.GOOD else col.NOT_SETTLED
     while done != col.GOOD:
         done, orbit, spare, found = engage_exact(
-            law, path, tables, amplitude, level, tolerance, hanging, orbit, spare, saved, found
+            law, path, tables, amplitude, level, tolerance, lingering, orbit, spare, saved, found
         )
-        if done == col.NOT_SETTLED and hanging < math.inf:
-            level, hanging = 0, math.inf
-        elif done == col.NOT_CONVERGED and level == 0 and hanging < math.inf:
+        if done == col.NOT_SETTLED and lingering < math.inf:
+            level, lingering = 0, math.inf
+        elif done == col.NOT_CONVERGED and level == 0 and lingering < math.inf:
             level = 1
         else:
             break

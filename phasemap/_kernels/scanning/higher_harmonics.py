@@ -25,7 +25,7 @@ ATTRACTED, REPELLED = 0, 1
 
 
 @kernel
-def bulges(
+def lifts(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, first: int, last: int,
     out: np.ndarray,
 ) -> None:  # fmt: skip

@@ -41,25 +41,25 @@ from phasemap._kernels.scanning.loop import (
     TURN,
     shown,
 )
-from phasemap._kernels.scanning.periods import AHEAD, Beat, beat_on
+from phasemap._kernels.scanning.periods import AHEAD, Periods, march_on
 from phasemap._kernels.scanning.slow_flow import SHIFT, STEP, Flow, flow_on
 
 # Columns of a program, one row a segment: how long it lasts [tau], which material, height at its start [m] and its rise
 # [m per tau], and the pixel to which it belongs (-1: none is recorded).
 SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 
-BULGE = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `bulge`
+LIFT = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `lift`
 
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
 LOOK = 0.1  # times in which that amplitude decays, after which it is looked at the tip that comes nearer
 STILL = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 LOOKS = 40  # at whether it has
-LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no feedback any more
+LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no longer a feedback
 
 
 def advance(law: Any, row: Any, lever: Any, loop: Any, ground: Any, slope: Any, span: Any, tip: Any, tally: Any,
             noise: Any) -> int:  # fmt: skip
-    """Let a time pass: `flow_on` or `beat_on`, whichever the tip is."""
+    """Let a time pass: `flow_on` or `march_on`, whichever the tip is."""
     raise NotImplementedError
 
 
@@ -73,8 +73,8 @@ def _advance_flow(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
     tip: Flow, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    p, bulge = parameters(row), (row[BULGE + ATTRACTED], row[BULGE + REPELLED])
-    return flow_on(law, p, bulge, lever, reach_of(law, p), loop, ground, slope, span, tip, tally, noise)
+    p, lift = parameters(row), (row[LIFT + ATTRACTED], row[LIFT + REPELLED])
+    return flow_on(law, p, lift, lever, reach_of(law, p), loop, ground, slope, span, tip, tally, noise)
 
 
 @kernel
@@ -94,7 +94,7 @@ def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: F
 
 
 @kernel
-def _start_beat(lever: np.ndarray, place: float, mean: float, a: complex, tip: Beat) -> None:
+def _start_march(lever: np.ndarray, place: float, mean: float, a: complex, tip: Periods) -> None:
     _swinging(place, a, tip.y)
     tip.tip[0], tip.tip[1], tip.tip[2] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
     tip.memory[AHEAD] = 0.0
@@ -109,7 +109,7 @@ def _choose_advance(tip: Any) -> Any:
         return lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: _advance_flow(
             law, row, lever, loop, ground, slope, span, tip, tally, noise
         )
-    return lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: beat_on(
+    return lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: march_on(
         law, row, lever, loop, ground, slope, span, tip, tally, noise
     )
 
@@ -117,7 +117,7 @@ def _choose_advance(tip: Any) -> Any:
 def _choose_start(tip: Any) -> Any:
     if _is_flow(tip):
         return lambda lever, place, mean, a, tip: _start_flow(lever, place, mean, a, tip)
-    return lambda lever, place, mean, a, tip: _start_beat(lever, place, mean, a, tip)
+    return lambda lever, place, mean, a, tip: _start_march(lever, place, mean, a, tip)
 
 
 overload(advance)(lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: _choose_advance(tip))

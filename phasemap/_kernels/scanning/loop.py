@@ -41,7 +41,7 @@ AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
 TIME, SUM_PLACE, SUM_AMPLITUDE, SUM_PHASE, STOPPED, TALLY = 0, 1, 2, 3, 4, 5
 
 
-@kernel
+@kernel(light=True)
 def used(loop: np.ndarray) -> int:
     """How many entries of the state move."""
     return FILTERS + 2 * int(loop[ORDER])

@@ -33,12 +33,12 @@ from phasemap._kernels.scanning.loop import (
     shown,
 )
 
-# Entries of a beat's memory: size of the march's steps; how much later [tau] than the end of what was asked the next
+# Entries of the memory: size of the march's steps; how much later [tau] than the end of what was asked the next
 # period begins; Z, R and phase of the last one.
 ETA, AHEAD, OF_PLACE, OF_AMPLITUDE, OF_PHASE, MEMORY = 0, 1, 2, 3, 4, 5
 
 
-class Beat(NamedTuple):
+class Periods(NamedTuple):
     """The lever in time under its loop: state, (z, z', in contact), sums over a period, memory."""
 
     y: np.ndarray
@@ -47,12 +47,12 @@ class Beat(NamedTuple):
     memory: np.ndarray
 
 
-@kernel
-def new_beat(eta: float) -> Beat:
+@kernel(light=True)
+def new_periods(eta: float) -> Periods:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)
     memory[ETA] = eta
-    return Beat(np.zeros(STATE), np.zeros(3), np.zeros(7), memory)
+    return Periods(np.zeros(STATE), np.zeros(3), np.zeros(7), memory)
 
 
 @kernel
@@ -65,22 +65,22 @@ def _collect(memory: np.ndarray, time: float, tally: np.ndarray) -> None:
 
 
 @kernel
-def _shake(lever: np.ndarray, loop: np.ndarray, period: float, noise: np.random.Generator, beat: Beat) -> None:
+def _add_noise(lever: np.ndarray, loop: np.ndarray, period: float, noise: np.random.Generator, state: Periods) -> None:
     """Add to z and z' what a period of white noise does to the free lever, and the detector's noise to a."""
     kick = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * lever[col.ALPHA0] * period))
     spread = math.sqrt(loop[DETECTOR] / period)
     for part in range(2):
-        beat.tip[part] += kick * noise.standard_normal()
-        beat.y[AMP + part] += spread * noise.standard_normal()
+        state.tip[part] += kick * noise.standard_normal()
+        state.y[AMP + part] += spread * noise.standard_normal()
 
 
 @kernel
-def beat_on(
+def march_on(
     law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
-    beat: Beat, tally: np.ndarray, noise: np.random.Generator,
+    state: Periods, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
     """Let the periods pass whose middle is within a time `span`, over ground as in `flow_on`; returns a status."""
-    p, y, memory = parameters(row), beat.y, beat.memory
+    p, y, memory = parameters(row), state.y, state.memory
     period = 2.0 * math.pi / lever[col.OMEGA]
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
     at = memory[AHEAD]
@@ -88,11 +88,11 @@ def beat_on(
         _collect(memory, min(at, span), tally)
     while at + 0.5 * period < span:
         z0 = y[PLACE] - ground - slope * (at + 0.5 * period)
-        if march_period(law, p, lever, z0, memory[ETA], beat.tip, beat.sums) < 0:
+        if march_period(law, p, lever, z0, memory[ETA], state.tip, state.sums) < 0:
             return col.DIVERGED
-        y[AMP], y[AMP + 1] = beat.sums[0], -beat.sums[1]
+        y[AMP], y[AMP + 1] = state.sums[0], -state.sums[1]
         if noisy:
-            _shake(lever, loop, period, noise, beat)
+            _add_noise(lever, loop, period, noise, state)
         amplitude, phase = shown(loop, y)
         filter_for(loop, y, period)
         amplitude_after, phase_after = shown(loop, y)

@@ -71,7 +71,7 @@ class Flow(NamedTuple):
     memory: np.ndarray
 
 
-@kernel
+@kernel(light=True)
 def new_flow() -> Flow:
     """Return an empty one."""
     return Flow(np.zeros(STATE), np.zeros((STAGES, STATE)), np.zeros(STATE), np.zeros(2))
@@ -79,12 +79,12 @@ def new_flow() -> Flow:
 
 @kernel
 def rates(
-    law: Law, p: tuple[float, ...], bulge: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
+    law: Law, p: tuple[float, ...], lift: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
     ground: float, y: np.ndarray, shift: float, out: np.ndarray,
 ) -> float:  # fmt: skip
     """Fill `out` with dy/dtau over a ground of this height [m].
 
-    `bulge` is kappa of an attractive and a repulsive P. Takes and returns by how much [m] mean deflection and harmonics
+    `lift` is kappa of an attractive and a repulsive P. Takes and returns by how much [m] mean deflection and harmonics
     carry the tip towards the ground.
     """
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
@@ -110,7 +110,7 @@ def rates(
             before = y[j]
     # At rest P is at most u0; in what exceeds that, contact is long and its harmonics are few.
     push = min(max(push, -lever[col.BASE]), lever[col.BASE])
-    return mean + push * (bulge[REPELLED] if push > 0.0 else bulge[ATTRACTED])
+    return mean + push * (lift[REPELLED] if push > 0.0 else lift[ATTRACTED])
 
 
 @kernel
@@ -158,7 +158,7 @@ def _error(loop: np.ndarray, flow: Flow, h: float) -> float:
 
 
 @kernel
-def _shake(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
+def _add_noise(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
     """What a time h of noise adds to a and to the first filter: theory, Eq. (slow-flow-4)."""
     alpha0, rate = lever[col.ALPHA0], loop[RATE]
     thermal = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * alpha0 * h))
@@ -170,7 +170,7 @@ def _shake(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Gener
 
 @kernel
 def flow_on(
-    law: Law, p: tuple[float, ...], bulge: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
+    law: Law, p: tuple[float, ...], lift: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
     ground: float, slope: float, span: float, flow: Flow, tally: np.ndarray, noise: np.random.Generator,
 ) -> int:  # fmt: skip
     """Let a time `span` pass over ground that begins at a height [m] and rises by `slope`; returns a status."""
@@ -187,7 +187,7 @@ def flow_on(
         if last:
             h = left
         if fresh:
-            memory[SHIFT] = rates(law, p, bulge, lever, reach, loop, ground + slope * done, y, memory[SHIFT], k[0])
+            memory[SHIFT] = rates(law, p, lift, lever, reach, loop, ground + slope * done, y, memory[SHIFT], k[0])
             fresh = False
         shift = memory[SHIFT]
         for stage in range(1, STAGES):
@@ -197,7 +197,7 @@ def flow_on(
                     step += _A[stage, i] * k[i, j]
                 trial[j] = y[j] + h * step
             below = ground + slope * (done + _WHEN[stage] * h)
-            shift = rates(law, p, bulge, lever, reach, loop, below, trial, shift, k[stage])
+            shift = rates(law, p, lift, lever, reach, loop, below, trial, shift, k[stage])
         error = _error(loop, flow, h)
         if error <= 1.0:
             _collect(loop, flow, h, 1.0, tally)
@@ -206,7 +206,7 @@ def flow_on(
             copy(k[STAGES - 1], k[0])
             memory[SHIFT], done = shift, done + h
             if noisy:
-                _shake(lever, loop, h, noise, y)
+                _add_noise(lever, loop, h, noise, y)
                 fresh = True
             if last:
                 y[PLACE] = place_of(loop, y)

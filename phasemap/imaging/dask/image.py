@@ -1,7 +1,7 @@
 """Images of surfaces whose maps are Dask arrays: the same numbers, block by block and only when they are asked for.
 
 The survey of the surface is a task for each block, joined in a tree; the plan of the image is one task; and each part
-of it is painted by one more. The blocks of the maps are computed twice, for the survey and again after the plan, so
+of it is filled by one more. The blocks of the maps are computed twice, for the survey and again after the plan, so
 that none is kept in between. Where a tip goes along lines, parts are whole lines; where it carries a state from line to
 line, each waits for the one above, and a row of blocks is not computed before the tip has left the row above it.
 """
@@ -23,7 +23,7 @@ from phasemap.imaging.canvas import Canvas, image_of, joined_notes
 from phasemap.imaging.dask.parts import Maps, Part
 from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
-from phasemap.imaging.plan import Stretch, paint_part, painter_of, plan_image
+from phasemap.imaging.plan import Stretch, fill_part, plan_image, simulator_of
 from phasemap.results.variables import FLAGS
 
 if TYPE_CHECKING:
@@ -31,18 +31,13 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Key = tuple[str, int] | str
-Painting = tuple[dict[str, Array], dict[str, float], Any]  # variables, what the control found out, the tip's state
+Filled = tuple[dict[str, Array], dict[str, float], Any]  # variables, what the control found out, the tip's state
 
 FAN = 16  # surveys that are joined at a time
 
 
 def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: object) -> None:
-    """Refuse what needs the whole image at once.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what needs the whole image at once."""
     if strict:
         raise InputError(
             "strict", strict, "False for a surface in Dask arrays", "Look at `status` when it is computed."
@@ -59,7 +54,7 @@ def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: obj
             raise InputError(name, value, f"{none} for a surface in Dask arrays", hint)
 
 
-def paint_lazily(job: Job) -> xr.Dataset:
+def simulate_lazily(job: Job) -> xr.Dataset:
     """Make the image of a surface in Dask arrays, as Dask arrays.
 
     Parameters
@@ -84,21 +79,21 @@ def paint_lazily(job: Job) -> xr.Dataset:
         raise InputError("surface", Word("in Dask arrays"), "maps in memory", f"Dask is not whole: {error}.") from error
     tiny = delayed(replace(job, surface=_placeholder(job.surface)), traverse=False)
     maps = Maps.of(job.surface)
-    painted = _painted(job, tiny, maps, _planned(job, tiny, maps))
+    filled = _filling(job, tiny, maps, _planned(job, tiny, maps))
     directions = job.control.directions
     front = (0,) if directions else ()
-    chunks = (*((len(directions),) for _ in front), *painted.chunks)
+    chunks = (*((len(directions),) for _ in front), *filled.chunks)
     variables = {}
     for name in job.names:
         token = _token(name)
-        tasks = {(token, *front, *at): (getitem, (getitem, key, 0), name) for at, key in painted.keys.items()}
-        graph = _graph(token, tasks, [painted.last])
+        tasks = {(token, *front, *at): (getitem, (getitem, key, 0), name) for at, key in filled.keys.items()}
+        graph = _graph(token, tasks, [filled.last])
         variables[name] = da.Array(graph, token, chunks, np.int8 if name in FLAGS else np.float64)
-    return image_of(job.surface, variables, directions).assign(_notes(job, painted))
+    return image_of(job.surface, variables, directions).assign(_notes(job, filled))
 
 
-class Painted(NamedTuple):
-    """Tasks that paint an image and give a `Painting` of each part.
+class Filling(NamedTuple):
+    """Tasks that fill an image and give a `Filled` of each part.
 
     Attributes
     ----------
@@ -142,7 +137,7 @@ def _placeholder(surface: Surface) -> Surface:
 
 def _planned(job: Job, tiny: Any, maps: Maps) -> Any:
     """The plan of the image, after a survey of each block."""
-    most, token, joined = painter_of(job.control).most(job), _token("survey"), _token("join")
+    most, token, joined = simulator_of(job.control).most(job), _token("survey"), _token("join")
     tasks: dict[Any, Any] = {}
     for part in (part for beside in maps.parts() for part in beside):
         tasks[token, len(tasks)] = (partial(_survey, most, part.place, part.lines), tiny.key, part.pieces)
@@ -164,18 +159,18 @@ def _join(most: int, surveys: list[Survey]) -> Survey:
     return reduce(lambda one, other: one.joined(other, most), surveys)
 
 
-def _painted(job: Job, tiny: Any, maps: Maps, plan: Any) -> Painted:
+def _filling(job: Job, tiny: Any, maps: Maps, plan: Any) -> Filling:
     """The parts of the image, each with a task of its own."""
     lines = maps.lines() if job.control.directions else None
     keys: dict[tuple[int, int], Key] = {}
     heights: list[int] = []
     state, last = None, plan
     for rows in maps.rows() if job.control.carried else [maps]:
-        fresh, token, tasks = rows.after(last), _token("paint"), dict[Any, Any]()
+        fresh, token, tasks = rows.after(last), _token("fill"), dict[Any, Any]()
         for beside in fresh.parts(lines):
             for column, part in enumerate(beside):
                 key = token, len(tasks)
-                tasks[key] = (partial(_paint, part.place, part.lines), tiny.key, plan.key, state, part.pieces)
+                tasks[key] = (partial(_fill, part.place, part.lines), tiny.key, plan.key, state, part.pieces)
                 keys[len(heights), column] = key
             if job.control.carried:
                 state = _token("state")
@@ -183,27 +178,27 @@ def _painted(job: Job, tiny: Any, maps: Maps, plan: Any) -> Painted:
             heights.append(part.lines.stop - part.lines.start)
         last = _one(state or key, token, tasks, [tiny, plan, last, *fresh.lazy])
     widths = maps.chunks[1] if lines is None else (sum(maps.chunks[1]),)
-    return Painted(keys, (tuple(heights), widths), last)
+    return Filling(keys, (tuple(heights), widths), last)
 
 
-def _paint(place: Place, lines: slice, job: Job, stretches: list[Stretch], state: Any, pieces: list[Any]) -> Painting:
+def _fill(place: Place, lines: slice, job: Job, stretches: list[Stretch], state: Any, pieces: list[Any]) -> Filled:
     part = replace(job, surface=Part(place, lines, pieces).surface(job.surface), place=place)
     canvas = Canvas(part.surface, job.names, job.control.directions)
-    state = paint_part(part, stretches, canvas, state)
+    state = fill_part(part, stretches, canvas, state)
     return canvas.arrays(), canvas.notes, state
 
 
-def _notes(job: Job, painted: Painted) -> dict[str, Any]:
+def _notes(job: Job, filled: Filling) -> dict[str, Any]:
     """What a control finds out, as variables that are not known before they are computed."""
     import dask.array as da
     import xarray as xr
     from dask.delayed import delayed
 
-    long_names, token = painter_of(job.control).notes, _token("notes")
-    tasks: dict[Any, Any] = {(token, n): (getitem, key, 1) for n, key in enumerate(painted.keys.values())}
+    long_names, token = simulator_of(job.control).notes, _token("notes")
+    tasks: dict[Any, Any] = {(token, n): (getitem, key, 1) for n, key in enumerate(filled.keys.values())}
     whole = _token("notes")
     tasks[whole] = (_joined_notes, list(tasks))
-    notes = _one(whole, token, tasks, [painted.last])
+    notes = _one(whole, token, tasks, [filled.last])
     return {
         name: xr.DataArray(
             da.from_delayed(delayed(getitem)(notes, name), (), np.float64), attrs={"long_name": long_name}

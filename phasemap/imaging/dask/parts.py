@@ -101,12 +101,7 @@ class Maps(NamedTuple):
             top += height
 
     def after(self, task: Any) -> Maps:
-        """The same maps, but no block is computed before a task is done, even if it was before.
-
-        Parameters
-        ----------
-        task : Delayed
-        """
+        """The same maps, but no block is computed before a task is done, even if it was before."""
         import dask.array as da
         from dask.highlevelgraph import HighLevelGraph
 
@@ -120,7 +115,7 @@ class Maps(NamedTuple):
         return self._replace(values=[later(value) if is_lazy(value) else value for value in self.values])
 
     def lines(self) -> int:
-        """How many lines are painted together: as many as divide a block evenly, for Zarr wants chunks of one size."""
+        """How many lines are filled together: as many as divide a block evenly, for Zarr wants chunks of one size."""
         height, most = self.chunks[0][0], LINES // sum(self.chunks[1])
         return max((lines for lines in range(1, min(most, height) + 1) if height % lines == 0), default=1)
 

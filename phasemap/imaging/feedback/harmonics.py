@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.higher_harmonics import bulges
+from phasemap._kernels.scanning.higher_harmonics import lifts
 from phasemap._shared.threads import spread
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
@@ -18,7 +18,7 @@ Array = np.ndarray
 MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many of them at a time
 
 
-class Bulges(NamedTuple):
+class Lifts(NamedTuple):
     """The two kappa of `_kernels.scanning.higher_harmonics` of some materials, in the order of their contact stiffness.
 
     Attributes
@@ -39,7 +39,7 @@ class Bulges(NamedTuple):
         return np.column_stack([rows, *kappa])
 
 
-def bulges_of(job: Job, work: Work) -> Bulges:
+def lifts_of(job: Job, work: Work) -> Lifts:
     """Look at the harmonics of so many of these materials, evenly in the order of their contact stiffness."""
     limits = np.array([math.radians(job.accuracy.phase), job.accuracy.height])
     stiffness = work.rows[:, col.CONTACT]
@@ -48,7 +48,7 @@ def bulges_of(job: Job, work: Work) -> Bulges:
     found, rows, amplitudes = np.full((len(some), 2), np.nan), work.rows[some], work.amplitudes[some]
 
     def solve(first: int, last: int) -> None:
-        bulges(work.law, rows, work.lever, amplitudes, limits, first, last, found)
+        lifts(work.law, rows, work.lever, amplitudes, limits, first, last, found)
 
     spread(solve, [*range(0, len(some), CHUNK), len(some)], job.workers, None)
     sides = []
@@ -56,4 +56,4 @@ def bulges_of(job: Job, work: Work) -> Bulges:
         values = np.where(np.isnan(found[:, side]), found[:, 1 - side], found[:, side])
         known = np.isfinite(values)
         sides.append((stiffness[some[known]], values[known]))
-    return Bulges(*sides)
+    return Lifts(*sides)

@@ -10,13 +10,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import scan_line
-from phasemap._kernels.scanning.periods import new_beat
+from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Feedback
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.engaged import stiffening
-from phasemap.imaging.feedback.harmonics import Bulges
+from phasemap.imaging.feedback.harmonics import Lifts
 from phasemap.imaging.feedback.loop import loop_of, tau_per_second
 from phasemap.imaging.feedback.program import mean_ground, program_of
 from phasemap.imaging.imperfections import generator
@@ -36,7 +36,7 @@ class Tip:
 
     def __init__(self, engine: int) -> None:
         self._engine = engine
-        self.state = new_flow() if engine == col.AVERAGING else new_beat(ETA)
+        self.state = new_flow() if engine == col.AVERAGING else new_periods(ETA)
         self.loop: Array | None = None  # as long as it is not engaged
 
     def freeze(self) -> dict[str, Array]:
@@ -82,7 +82,7 @@ class Lines:
         Which of them each pixel has.
     engine : int
         Code of the solver that moves the tip.
-    bulges : Bulges or None
+    lifts : Lifts or None
         For the averaged lever.
     canvas : Canvas
         To be filled.
@@ -95,7 +95,7 @@ class Lines:
         work: Work,
         numbers: Array,
         engine: int,
-        bulges: Bulges | None,
+        lifts: Lifts | None,
         canvas: Canvas,
     ) -> None:
         self.job, self.control, self.work, self.canvas, self.engine = job, control, work, canvas, engine
@@ -106,7 +106,7 @@ class Lines:
         tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
-        self.rows = work.rows if bulges is None else bulges.beside(work.rows)
+        self.rows = work.rows if lifts is None else lifts.beside(work.rows)
         # A tip that engages comes from far: the first material of each line says on which orbit it then is.
         has_one = (self.numbers >= 0).argmax(axis=1)
         starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)

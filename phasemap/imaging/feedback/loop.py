@@ -95,7 +95,7 @@ def loop_of(
     loop = np.zeros(of.LOOP)
     loop[of.SETPOINT] = amplitude
     if scope.drive.excitation == "base":
-        loop[of.SHAKER], loop[of.TURN] = scope.base_amplitude, math.atan(2 * scope.cantilever.damping)
+        loop[of.SHAKER], loop[of.TURN] = scope.base_amplitude, math.atan(2 * scope.cantilever.damping_ratio)
     loop[of.KP], loop[of.KI] = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
     loop[of.KD] = control.derivative_gain * tau
     # Of n equal filters in a row each is wider than all together.

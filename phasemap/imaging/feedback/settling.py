@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import engage_in_time
 from phasemap.experiment.control import Feedback
-from phasemap.imaging.feedback.harmonics import bulges_of
+from phasemap.imaging.feedback.harmonics import lifts_of
 from phasemap.imaging.feedback.lines import ENGAGED, Tip
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.imaging.imperfections import generator
@@ -48,7 +48,7 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
     some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
     work = work.part(some)
     orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
-    rows = bulges_of(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
+    rows = lifts_of(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
     held = np.flatnonzero(status == col.GOOD)
     for _ in range(HALVINGS):
         if all(_is_quiet(control, job, work, engine, rows[i], orbits[i]) for i in held):

@@ -71,14 +71,7 @@ def margin(control: Feedback, scope: Microscope, work: Work) -> float:
 
 
 class LinearLoop:
-    """The loop made linear about every stable orbit of the materials, whatever its gains.
-
-    Parameters
-    ----------
-    control : Feedback
-    scope : Microscope
-    work : Work
-    """
+    """The loop made linear about every stable orbit of the materials, whatever its gains."""
 
     def __init__(self, control: Feedback, scope: Microscope, work: Work) -> None:
         self._control, self._scope, self._alpha0 = control, scope, float(work.lever[ALPHA0])
@@ -205,7 +198,7 @@ def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean: float) -> Array:
     """Central differences of the loop's rates."""
-    reach, size, bulge = reach_of(work.law, p), NUDGE * loop[of.SETPOINT], (0.0, 0.0)  # of no weight for ringing
+    reach, size, lift = reach_of(work.law, p), NUDGE * loop[of.SETPOINT], (0.0, 0.0)  # of no weight for ringing
     out = np.zeros((of.STATE, of.STATE))
     rate = np.zeros(of.STATE)
     for j in range(of.STATE):
@@ -214,6 +207,6 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean:
             there[j] += sign * size
             guess = mean
             for _ in range(3):  # the mean deflection settles at once
-                guess = rates(work.law, p, bulge, work.lever, reach, loop, 0.0, there, guess, rate)
+                guess = rates(work.law, p, lift, work.lever, reach, loop, 0.0, there, guess, rate)
             out[:, j] += sign * rate / (2 * size)
     return out

@@ -13,10 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebval2d
 from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation import chebyshev, folds
-from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
+from phasemap.imaging.interpolation.chebyshev import clipped, unscaled
 from phasemap.imaging.interpolation.oracle import DEPTH, FUNCTIONS, HEIGHT, Oracle
 
 Array = NDArray[np.float64]
@@ -57,10 +58,8 @@ class Border:
 
     def height(self, x0: Array, x1: Array) -> Array:
         """x2 of the border."""
-        rows, columns = self.coefficients.shape
-        first = chebyshev.polynomials(scaled(x0, *self.box[:2]), rows)
-        second = chebyshev.polynomials(scaled(x1, *self.box[2:]), columns)
-        return np.asarray(np.einsum("ni,ij,nj->n", first, self.coefficients, second))
+        t0, t1 = clipped(x0, *self.box[:2]), clipped(x1, *self.box[2:])
+        return np.asarray(chebval2d(t0, t1, self.coefficients))
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,10 +36,6 @@ def build(oracle: Oracle, sample: Array, count: int, tolerances: Array) -> Atlas
     count : int
         How many distinct ones the image has.
     tolerances : ndarray, shape (functions,)
-
-    Returns
-    -------
-    Atlas
     """
     if not len(sample):
         return Atlas.of([[LEAF, OUTSIDE, -1, -1]], [0.0], [], [])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebval3d
 from numpy.typing import NDArray
 
 from phasemap._kernels.materials.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
@@ -146,8 +147,8 @@ def _place(share: Array, form: int) -> Array:
 
 def evaluate(coefs: Array, inside: Array) -> Array:
     """Interpolant at coordinates in [-1, 1], shape (n, functions)."""
-    p0, p1, p2 = (chebyshev.polynomials(inside[:, axis], coefs.shape[axis]) for axis in range(3))
-    return np.asarray(np.einsum("ni,nj,nk,ijkf->nf", p0, p1, p2, coefs, optimize=True))
+    t0, t1, t2 = np.clip(inside, -1, 1).T
+    return np.asarray(chebval3d(t0, t1, t2, coefs)).T
 
 
 class Fit:

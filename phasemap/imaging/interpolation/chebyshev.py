@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts2, chebvander
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -17,18 +18,15 @@ def nodes(count: int) -> Array:
     Examples
     --------
     >>> nodes(5).round(2).tolist(), nodes(1).tolist()
-    ([-1.0, -0.71, -0.0, 0.71, 1.0], [0.0])
+    ([-1.0, -0.71, 0.0, 0.71, 1.0], [0.0])
     """
-    if count == 1:
-        return np.zeros(1)
-    return -np.cos(np.pi * np.arange(count) / (count - 1))
+    return np.zeros(1) if count == 1 else chebpts2(count)
 
 
 @cache
 def _transform(count: int) -> Array:
     """Matrix that takes values at the nodes to coefficients."""
-    degrees = np.arange(count)
-    return np.asarray(np.linalg.inv(np.cos(np.outer(np.arccos(np.clip(nodes(count), -1, 1)), degrees))))
+    return np.asarray(np.linalg.inv(chebvander(nodes(count), count - 1)))
 
 
 def coefficients(values: Array, axes: Sequence[int]) -> Array:
@@ -58,14 +56,14 @@ def tail(coefs: Array, axis: int, axes: int) -> Array:
     return np.asarray(summed.sum(axis=0))
 
 
-def polynomials(t: Array, count: int) -> Array:
-    """Chebyshev polynomials 0 ... count - 1 at t, shape (len(t), count)."""
-    return np.cos(np.arccos(np.clip(t, -1, 1))[:, None] * np.arange(count))
-
-
 def scaled(x: Array, low: float, high: float) -> Array:
     """Coordinates of [low, high] in [-1, 1]; 0 where the interval is a point."""
     return (2 * x - low - high) / (high - low) if high > low else np.zeros(len(x))
+
+
+def clipped(x: Array, low: float, high: float) -> Array:
+    """The same, and of what is outside that of the nearer end."""
+    return np.clip(scaled(x, low, high), -1, 1)
 
 
 def unscaled(t: Array, low: float, high: float) -> Array:

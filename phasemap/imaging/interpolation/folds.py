@@ -15,10 +15,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebval2d
 from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation import chebyshev
-from phasemap.imaging.interpolation.chebyshev import scaled
+from phasemap.imaging.interpolation.chebyshev import clipped, scaled
 from phasemap.imaging.interpolation.oracle import HEIGHT, Oracle
 
 Array = NDArray[np.float64]
@@ -105,7 +106,7 @@ def _around(oracle: Oracle, feet: Array, ends: Ends, shares: Array, amplitude: f
 
 def around(oracle: Oracle) -> tuple[float, ...]:
     """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
-    narrowest = NARROWEST * oracle.scope.free_amplitude
+    narrowest = NARROWEST * oracle.scope.driven_amplitude
     if oracle.amplitude >= narrowest:
         return (oracle.amplitude,)
     return (1 - SPREAD) * narrowest, narrowest, (1 + SPREAD) * narrowest
@@ -208,10 +209,9 @@ def interpolated(
     every = np.column_stack([ends.table for ends in known])
     coefs = chebyshev.coefficients(every.reshape(*sizes, -1), [0, 1])
     off = sum(float(abs(np.take(coefs[..., 0], -1, axis=axis)).max()) for axis in (0, 1) if sizes[axis] > 1)
-    p0 = chebyshev.polynomials(scaled(nodes[:, 0], *box[:2]), sizes[0])
-    p1 = chebyshev.polynomials(scaled(nodes[:, 1], *box[2:]), sizes[1])
-    found = _apart(np.asarray(np.einsum("ni,ijf,nj->nf", p0, coefs, p1)), len(known))
-    return found, off / float(known[0].adhesion.min())
+    t0, t1 = clipped(nodes[:, 0], *box[:2]), clipped(nodes[:, 1], *box[2:])
+    found: Array = np.asarray(chebval2d(t0, t1, coefs), dtype=np.float64).T
+    return _apart(found, len(known)), off / float(known[0].adhesion.min())
 
 
 def _apart(table: Array, count: int) -> list[Ends]:

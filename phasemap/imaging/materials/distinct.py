@@ -15,10 +15,6 @@ BLOCK = 1 << 15  # pixels that are worked on together
 class Distinct:
     """A set of materials of at most `most` members.
 
-    Parameters
-    ----------
-    most : int
-
     Examples
     --------
     >>> known = Distinct(10)
@@ -54,7 +50,7 @@ class Distinct:
         Raises
         ------
         InputError
-            If one is no member: the maps are not what they were.
+            If one is not a member: the maps are not what they were.
         """
         from phasemap._kernels.materials.distinct import look_up
 

@@ -110,10 +110,6 @@ def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
     place : Place, optional
         Where the part lies; without it the surface is the whole.
 
-    Returns
-    -------
-    Survey
-
     Examples
     --------
     >>> two = Surface(modulus=[[1e9, 3e9]], pixel_size=1e-9)

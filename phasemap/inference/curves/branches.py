@@ -71,7 +71,7 @@ def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
     law, path = fixed_path(Question(setup.material, setup.scope))
     x = np.sort(tip_offsets + setup.height)
     beyond = MARGIN * (x[-1] - x[0])
-    curves = Curves(law, path, ZP, x, (x[0] - beyond, np.inf, FAINT * setup.scope.free_amplitude), 0)
+    curves = Curves(law, path, ZP, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
     curves.from_far(x[-1] + beyond)
     return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
 

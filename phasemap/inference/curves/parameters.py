@@ -138,5 +138,5 @@ def _parameter(name: str, setup: Setup) -> Parameter:
     if start is None or start <= 0:
         raise InputError(f"{name} to start from", start, f"a number above 0 {units}".removesuffix(" 1"))
     if name == "resonance_frequency":
-        return Parameter(name, start, units, True, setup.scope.cantilever.damping, WIDTHS)
+        return Parameter(name, start, units, True, setup.scope.cantilever.damping_ratio, WIDTHS)
     return Parameter(name, start, units, True, 1.0, float(np.log(FACTOR if name in MATERIAL else KNOWN)))

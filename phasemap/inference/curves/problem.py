@@ -65,12 +65,6 @@ class Problem:
     A datum is compared with the stable branch that is nearest to it. A branch that has ended stays in the comparison
     as its last orbit, at a price that rises from 0 with the distance from its end: residuals are continuous in q while
     jumps pass data, and pull them back.
-
-    Parameters
-    ----------
-    data : Data
-    setup : Setup
-    parameters : tuple of Parameter
     """
 
     def __init__(self, data: Data, setup: Setup, parameters: tuple[Parameter, ...]) -> None:

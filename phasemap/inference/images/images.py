@@ -153,7 +153,7 @@ def check_prior(prior: object, factor: object) -> float:
     Raises
     ------
     InputError
-        If they can be no prior of logarithms.
+        If they cannot be a prior of logarithms.
     """
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")

@@ -105,7 +105,7 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
     row, viscous = material_row(prior)
     _, adhesion, damping = properties(row, viscous, scope)
     levers = [lever_of(one) for one in stack.scopes]
-    amplitudes = [ratio * one.free_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
+    amplitudes = [ratio * one.driven_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
     return Model(
         np.array([prior.modulus, float(adhesion[0]), float(damping[0])]),
         np.zeros(3), np.full(3, np.log(factor)), REACH * float(np.log(factor)), prior.poisson_ratio,
@@ -122,8 +122,8 @@ def sides_of(stack: Stack) -> Codes:
     turn, phases = [], stack.values[:, :, PHASE].copy()
     for j, (scope, setpoint) in enumerate(zip(stack.scopes, stack.setpoints, strict=True)):
         omega = scope.frequency_ratio
-        turn.append(np.arctan2(1 - omega**2, 2 * scope.cantilever.damping * omega))
-        phases[:, j] = of_tip(lever_of(scope), setpoint * scope.free_amplitude, phases[:, j])[1]
+        turn.append(np.arctan2(1 - omega**2, 2 * scope.cantilever.damping_ratio * omega))
+        phases[:, j] = of_tip(lever_of(scope), setpoint * scope.driven_amplitude, phases[:, j])[1]
     raised = np.where(phases > np.array(turn), 1, -1)
     most = np.where((raised * seen).sum(axis=1, keepdims=True) < 0, -1, 1)
     sides = np.where(seen, raised, most)

@@ -272,7 +272,7 @@ def _add_data(ds: xr.Dataset, joint: Joint, found: Fitted, stack: Stack, plan: P
         about = {"long_name": "zero of the height, less its mean over the images", "units": "m"}
         ds["height_zero"] = ("image", zero, about)
         ds["height_zero_error"] = ("image", error, {"long_name": "its standard error", "units": "m"})
-    seen, free = np.isfinite(stack.errors), np.array(stack.setpoints) * [one.free_amplitude for one in stack.scopes]
+    seen, free = np.isfinite(stack.errors), np.array(stack.setpoints) * [one.driven_amplitude for one in stack.scopes]
     dims = ("region", "image")
     for channel, name, unit, scale, below in (
         (PHASE, "phase", "degree", 180 / np.pi, 0.0), (HEIGHT, "height", "m", 1.0, free)

@@ -18,7 +18,7 @@ def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArr
     Raises
     ------
     InputError
-        If the labels have another shape than the images, are no whole numbers, or are all below 0.
+        If the labels have another shape than the images, are not whole numbers, or are all below 0.
     """
     given = np.asarray(labels)
     if given.shape != shape or given.dtype.kind not in "iub":

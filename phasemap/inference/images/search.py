@@ -94,14 +94,7 @@ def make_grid(model: Model) -> Grid:
 
 
 class Block:
-    """Pixels that are solved together.
-
-    Parameters
-    ----------
-    model : Model
-    grid : Grid
-    stack : Stack
-    """
+    """Pixels that are solved together."""
 
     def __init__(self, model: Model, grid: Grid, stack: Stack) -> None:
         self.model, self.grid = model, grid

@@ -42,7 +42,7 @@ def sensitivity(
     """Compute how phase and height of every pixel change with modulus, adhesion and damping.
 
     Derivatives are central differences of exact orbits on the branch that engagement finds; a jump to the other branch
-    is no part of them. Where the material has none of a property, its derivative is 0.
+    is not a part of them. Where the material has none of a property, its derivative is 0.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def sensitivity(
     setpoint = check_setpoint(setpoint)
     if not isinstance(surface, Surface):
         raise InputError("surface", type(surface).__name__, "a Surface")
-    amplitude, workers = setpoint * scope.free_amplitude, workers_of(threads)
+    amplitude, workers = setpoint * scope.driven_amplitude, workers_of(threads)
     viscous = surface.viscosity is not None
     materials, inverse = surface.unique()
     work = make_work(materials, viscous, scope, amplitude)

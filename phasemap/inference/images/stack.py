@@ -138,7 +138,7 @@ def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> A
     Raises
     ------
     InputError
-        If one is unknown or no number.
+        If one is unknown or not a number.
     """
     if given is None:
         recorded = [one.attrs.get(name) for one in images]
@@ -194,7 +194,7 @@ def make_stack(
         for i, (one, microscope, ratio) in enumerate(zip(found, scopes, ratios, strict=True)):
             values[:, i, channel] = scale * (one[name].values.reshape(-1) - below[i])
             if channel == HEIGHT:  # the tip offset, up to topography
-                values[:, i, channel] += ratio * microscope.free_amplitude
+                values[:, i, channel] += ratio * microscope.driven_amplitude
     missing = ~np.isfinite(values)
     values[missing], errors[missing] = 0.0, np.inf
     return Stack(values, errors, scopes, ratios)

@@ -54,7 +54,7 @@ def patterns(stack: Stack) -> Codes:
 
     The amplitude that is taken away, free less setpoint, makes a tip repulsive: from some value on, it is.
     """
-    drop = [(1 - ratio) * one.free_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
+    drop = [(1 - ratio) * one.driven_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
     order = np.argsort(np.argsort(drop, kind="stable"), kind="stable")
     return np.array([np.where(order < first, -1, 1) for first in range(len(drop) + 1)], np.int8)
 

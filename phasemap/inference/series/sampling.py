@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 DRAWS, FIRST = 1500, 20000  # particles, and draws of the prior from which they come
 LEAST = 200  # draws of the prior with which anything is known
-MOVES, LAST_MOVES = 5, 14  # after each step, and at the end
+MOVES, LAST_MOVES = 8, 24  # after each step, and at the end
 KEPT = 0.6  # share of the effective particles
 MOST_STEPS = 60
 JITTER = 0.02  # of a prior's standard deviation, so that all is reached

@@ -29,7 +29,7 @@ def held_curves(law: Law, path: Path, amplitudes: np.ndarray, samples: int) -> C
     least = max(amplitudes[0] - base, FAINT * free) if base else amplitudes[0]  # of z
     curves = Curves(law, path, VP if base else AP, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
     curves.from_far(0.0)
-    # A start is no value wanted: beside the lowest one.
+    # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
         curves.seek(float(amplitude))
     mend(curves, free)
@@ -39,7 +39,7 @@ def held_curves(law: Law, path: Path, amplitudes: np.ndarray, samples: int) -> C
 def complete(curves: Curves, scope: Microscope, lowest: float) -> None:
     """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
     # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
-    free = scope.free_amplitude
+    free = scope.driven_amplitude
     highest = 0.98 * max(free, scope.drive.free_amplitude)
     for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * highest), highest, APART):
         curves.seek(float(amplitude))

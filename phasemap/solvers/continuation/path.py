@@ -38,13 +38,7 @@ BEYOND = 1.01  # where a curve is begun and left, just outside the values wanted
 
 @dataclass(frozen=True)
 class Question:
-    """A material under a microscope, with one number of either changed.
-
-    Parameters
-    ----------
-    material : Material
-    scope : Microscope
-    """
+    """A material under a microscope, with one number of either changed."""
 
     material: Material
     scope: Microscope
@@ -149,7 +143,7 @@ def swept_path(
         raise InputError(name, (scale.low, scale.high), "a narrower range: split the sweep in two")
     kept = np.abs(table) > 1e-17 * size[:, None]
     last = int(np.flatnonzero(kept.any(axis=0)).max()) + 1
-    lever_scale = question.scope.cantilever.damping
+    lever_scale = question.scope.cantilever.damping_ratio
     width = 0.05
     if name == "frequency":
         width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency

@@ -20,7 +20,7 @@ Array = np.ndarray
 
 HALVINGS = 24  # of the distance between neighbours; what is left changes a phase that ends at a fold by 0.01 degree
 JUMP = 0.1  # least jump [degree], well above that
-CERTAIN = 4.0  # times the accuracy of the phase: what the map's solver errs is no jump
+CERTAIN = 4.0  # times the accuracy of the phase: what the map's solver errs is not a jump
 STANDS_OUT = 2.0  # times the larger of the steps beside it: a step worth looking into,
 LARGE = 3.0  # as is any that is larger than this [degree]
 SURE = 2.0  # times the accuracy of the phase: a contrast whose sign is known
@@ -95,11 +95,6 @@ def borders(
         How many threads.
     progress : callable, optional
         Called in lines between neighbours that are looked into.
-
-    Returns
-    -------
-    jumps : list of Jump
-    inversions : list of Inversion
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _suspects(axis, axes, phases, branch, sure)]

@@ -94,7 +94,7 @@ class Pair:
         """
         scope = self.at(frequency, free_amplitude)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
-        return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.free_amplitude, 2))
+        return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
 
     def engage(self, work: Work, solver: Solver | None = None) -> Engaged:
         """The orbits that the controller finds; on one thread, for callers have theirs."""

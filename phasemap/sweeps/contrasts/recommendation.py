@@ -61,10 +61,6 @@ def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, ju
         Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     regime : ndarray, shape (2, frequencies, free amplitudes, setpoints)
     jumps : sequence of Jump
-
-    Returns
-    -------
-    Choice
     """
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)

@@ -53,7 +53,7 @@ def bench(
     Raises
     ------
     InputError
-        If `pixels` or `seed` is no whole number of at least 1 or 0.
+        If `pixels` or `seed` is not a whole number of at least 1 or 0.
     """
     whole("pixels", pixels, 1)
     whole("seed", seed, 0)

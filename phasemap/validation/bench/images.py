@@ -124,7 +124,7 @@ def _compare(one: Map, surface: Surface, image: xr.Dataset, checked: int, seed: 
     """Interpolated part, largest errors, part that is bounded, part that failed."""
     pixels = np.random.default_rng(seed).choice(image.phase.size, checked, replace=False)
     materials = surface.materials(pixels)
-    work = make_work(materials, False, one.scope, np.full(checked, one.setpoint * one.scope.free_amplitude))
+    work = make_work(materials, False, one.scope, np.full(checked, one.setpoint * one.scope.driven_amplitude))
     exact, status, _ = run(Orbit(complete=True), work, Accuracy())
     held = status == col.GOOD
     seen = {

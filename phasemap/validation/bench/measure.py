@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phasemap.validation.bench.cases import Field, prepare
-from phasemap.validation.bench.compiling import ColdStart, first_calls
+from phasemap.validation.bench.compiling import of_solvers
 from phasemap.validation.bench.methods import Method, methods_of
 from phasemap.validation.bench.peers import Peer
 from phasemap.validation.bench.regimes import REGIMES, Regime
@@ -91,7 +92,7 @@ class Measured:
     period_time : ndarray, shape (regime, method)
         Per period of the oscillation [s]; NaN for methods that do not integrate in time.
     compile_time : ndarray, shape (method,)
-        [s]
+        Of the processor [s].
     clock : ndarray, shape (regime, method, 2, pieces)
         Shortest time so far of each piece of work, and of a period of each case [s].
     seconds : float
@@ -129,17 +130,11 @@ def measure(plan: Plan, peers: list[Peer], absent: list[str], say: Say) -> Measu
     """
     started = time.perf_counter()
     methods = methods_of(peers)
-    cold = ColdStart() if plan.cold else None
-    try:
-        say("compiling, or reading what is compiled")
-        compiled = first_calls()
+    with ThreadPoolExecutor(1) as beside:  # this does nothing that is timed meanwhile
+        compiling = beside.submit(of_solvers, plan.cold)
         fields = _fields(plan, say)
-        if cold is not None:
-            say("waiting for a compilation from scratch")
-            compiled = cold.seconds()
-    finally:
-        if cold is not None:
-            cold.stop()
+        say("waiting for a compilation from scratch" if plan.cold else "compiling, or reading what is compiled")
+        compiled = compiling.result()
     measured = _empty(plan, methods, tuple(absent), fields)
     runners = _runners(measured, compiled, say)
     for number in range(plan.rounds):
@@ -148,19 +143,16 @@ def measure(plan: Plan, peers: list[Peer], absent: list[str], say: Say) -> Measu
 
 
 def _runners(measured: Measured, compiled: dict[str, float], say: Say) -> list[Runner]:
-    """Compile peers, by a first call; and note how long compilation takes."""
+    """Make a first call of every method, and note how long compilation takes."""
     runners = []
     for m, method in enumerate(measured.methods):
-        begun = time.perf_counter()
+        say(f"compiling {method.label}")
+        begun = time.process_time()
         runner = runner_of(method, measured.plan.budget / measured.plan.rounds)
         runners.append(runner)
-        if method.peer is None:
-            measured.compile_time[m] = compiled[method.family]
-            continue
-        say(f"compiling {method.label}")
         for field in measured.fields:
             runner.solve(replace(field, known=field.known[:1]))
-        measured.compile_time[m] = time.perf_counter() - begun
+        measured.compile_time[m] = compiled.get(method.family, time.process_time() - begun)
     return runners
 
 

@@ -72,10 +72,6 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     overwrite : bool
         Whether an existing file may be replaced.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     InputError

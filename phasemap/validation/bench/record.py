@@ -52,10 +52,6 @@ REFERENCE = {
 def to_dataset(measured: Measured) -> xr.Dataset:
     """Everything that was measured, with units and provenance.
 
-    Parameters
-    ----------
-    measured : Measured
-
     Returns
     -------
     xarray.Dataset
@@ -75,7 +71,7 @@ def to_dataset(measured: Measured) -> xr.Dataset:
         "result": (ALL, measured.result, _flags("what became of the method on the case", measure.RESULTS)),
         "time": floats(pair, measured.time, "time per distinct pixel on one core, after compilation", "s"),
         "period_time": floats(pair, measured.period_time, "time per period of the oscillation on one core", "s"),
-        "compile_time": floats(("solver",), measured.compile_time, "time of compilation", "s"),
+        "compile_time": floats(("solver",), measured.compile_time, "processor time of compilation", "s"),
     }
     data.update(_of_cases(measured.fields, measured.result.shape[2]))
     coords = {
@@ -89,7 +85,7 @@ def to_dataset(measured: Measured) -> xr.Dataset:
         machine=machine(),
         versions=versions([method.family for method in measured.methods if method.peer is not None]),
         not_installed=", ".join(measured.absent),
-        compilation="with an empty cache" if measured.plan.cold else "first call; what was compiled before is reused",
+        compilation="with an empty cache" if measured.plan.cold else "what was compiled before is reused",
         seed=measured.plan.seed,
         timed_pixels=measured.plan.batches * measured.plan.timed,
         seconds=round(measured.seconds, 1),

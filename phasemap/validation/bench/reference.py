@@ -84,15 +84,6 @@ class Reference:
 def find_orbit(case: Case, start: Start) -> Reference:
     """Find the orbit of a case near a start.
 
-    Parameters
-    ----------
-    case : Case
-    start : Start
-
-    Returns
-    -------
-    Reference
-
     Raises
     ------
     NoOrbit
@@ -137,7 +128,7 @@ class _Shooting:
         self.begin = (lag - math.pi) / equation.omega  # the tip is far from the surface, whatever the branch
 
     def relax(self, x: Array) -> Array:
-        """Let a few periods pass where the lever forgets quickly; a harmonic is no good start in a liquid."""
+        """Let a few periods pass where the lever forgets quickly; a harmonic is not a good start in a liquid."""
         if self.equation.alpha0 < 0.02:
             return x
         for _ in range(4):

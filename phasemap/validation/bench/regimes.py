@@ -49,7 +49,7 @@ class Batch:
 
     def work(self) -> Work:
         """What solvers take."""
-        amplitudes = np.full(len(self), self.setpoint * self.scope.free_amplitude)
+        amplitudes = np.full(len(self), self.setpoint * self.scope.driven_amplitude)
         return make_work(self.materials, False, self.scope, amplitudes)
 
     def case(self, index: int) -> Case:
@@ -236,10 +236,6 @@ def draw(regime: Regime, batches: int, pixels: int, rng: np.random.Generator) ->
     pixels : int
         How many materials under each.
     rng : numpy.random.Generator
-
-    Returns
-    -------
-    tuple of Batch
 
     Examples
     --------

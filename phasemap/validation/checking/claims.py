@@ -73,7 +73,7 @@ class Claims:
     @property
     def amplitude(self) -> float:
         """At the setpoint [m]."""
-        return self.setpoint * self.microscope.free_amplitude
+        return self.setpoint * self.microscope.driven_amplitude
 
 
 def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
@@ -85,10 +85,6 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
         What `phasemap.simulate` returned.
     scope : Microscope, optional
         Needed where its contact law is one's own.
-
-    Returns
-    -------
-    Claims
 
     Raises
     ------
@@ -135,14 +131,6 @@ def _table(text: object) -> dict[str, Any]:
 
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
     """Make a microscope again from what `phasemap.results.variables.describe` gave.
-
-    Parameters
-    ----------
-    stored : mapping
-
-    Returns
-    -------
-    Microscope
 
     Raises
     ------
@@ -199,7 +187,7 @@ def _object(stored: Any) -> Any:
             raise InputError(f"{name} of the image", fields.get(name), f"a {part.__name__}")
     try:
         return KINDS[kind](**fields)
-    except TypeError as error:  # one is missing, or no number
+    except TypeError as error:  # one is missing, or not a number
         raise InputError(f"configuration of {kind}", str(stored), "its arguments", f"{error}.") from None
 
 
@@ -214,10 +202,6 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape
         Where files that the scene names may be.
     shape : (int, int)
         Rows and columns of the image; a scene that says others is not made.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------

@@ -119,7 +119,7 @@ def _amplitude(picture: Picture) -> Claim:
     apart = np.abs(picture["amplitude"] - wanted)
     # The mean of an irregular motion is found as far as its spread allows.
     bad = ~(apart <= ROUNDING * wanted + picture.coarse("amplitude") + MEAN * picture.spread("amplitude"))
-    found = f"setpoint {picture.claims.setpoint:g} of {picture.claims.microscope.free_amplitude * 1e9:.4g} nm"
+    found = f"setpoint {picture.claims.setpoint:g} of {picture.claims.microscope.driven_amplitude * 1e9:.4g} nm"
     return judged("the amplitude is that of the setpoint", picture, bad, apart, picture.good, found)
 
 

@@ -46,7 +46,7 @@ def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
         variable = image[name]
         about = FLOATS.get(name) or CHANNELS.get(name)
         if name not in known and name not in CHANNELS:
-            yield f"{name} is no variable of such an image"
+            yield f"{name} is not a variable of such an image"
         elif variable.dims != dims:
             yield f"{name} has dims {variable.dims}, not {dims}"
         elif name in FLAGS:

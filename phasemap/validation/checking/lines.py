@@ -15,7 +15,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, survey
-from phasemap.imaging.plan import Stretch, paint_part, painter_of, plan_image
+from phasemap.imaging.plan import Stretch, fill_part, plan_image, simulator_of
 from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES
 from phasemap.solvers.solver import by_name
 from phasemap.validation.checking.picture import Picture
@@ -60,7 +60,7 @@ def scan_again(
         surface, Place(0, 0, surface.shape), claims.microscope, claims.amplitude, claims.control,
         by_name(claims.solver), claims.accuracy, claims.realism, SCAN_VARIABLES, workers_of(threads),
     )  # fmt: skip
-    known = survey(surface, painter_of(job.control).most(job))
+    known = survey(surface, simulator_of(job.control).most(job))
     rows = _rows(picture, min(count, surface.shape[0]), seed)
     stretches = plan_image(job, known)
     plan = stretches[0].plan
@@ -102,7 +102,7 @@ def _scanned(job: Job, stretches: list[Stretch], rows: Rows) -> Values:
     for part in parts:
         surface = job.surface.rows(slice(int(part[0]), int(part[-1]) + 1))
         canvas = Canvas(surface, job.names, LINES)
-        paint_part(replace(job, surface=surface, place=job.place._replace(row=int(part[0]))), stretches, canvas)
+        fill_part(replace(job, surface=surface, place=job.place._replace(row=int(part[0]))), stretches, canvas)
         scanned.append(canvas.arrays())
     return {name: np.concatenate([one[name] for one in scanned], axis=1) for name in job.names}
 
@@ -126,7 +126,7 @@ def _reproduced(picture: Picture, again: Values, rows: Rows, said: str) -> Claim
 
 def _between_engines(picture: Picture, again: Values, rows: Rows, engine: str) -> Claim:
     """How far the other engine is, where both are on one branch for three pixels in a row."""
-    units = {"phase": 1.0, "amplitude": picture.claims.microscope.free_amplitude}
+    units = {"phase": 1.0, "amplitude": picture.claims.microscope.driven_amplitude}
     names = [name for name in USUAL if name in picture]
     if not names or "branch" not in picture:
         return Claim(ABOUT, OPEN, 0, "the file has no phase, or no branch")

@@ -63,8 +63,8 @@ def allowed(
     An error e of the phase is one of the force's first harmonic, k u0 e, of the drive's work, pi k u0 A e, and of the
     virial, k u0 A e / 2; of a force that acts for a part of the period the mean is at most half the first harmonic.
     Twice as much is allowed, and more for the virial. Approximate pixels, averaged or interpolated ones, are as exact
-    as the image was asked to be (`paint.tolerances_of`). Of irregular motion the means of phase and height are
-    compared.
+    as the image was asked to be (`imaging.engaged.tolerances_of`). Of irregular motion the means of phase and height
+    are compared.
     """
     claims, lever = picture.claims, lever_of(picture.claims.microscope)
     base, length = lever[col.BASE], np.where(approximate, claims.accuracy.height, 0.0)

@@ -146,7 +146,7 @@ def _even(
     return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
 
 
-@kernel
+@kernel(shared=True)
 def harmonics(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
 ) -> tuple[float, float, float]:

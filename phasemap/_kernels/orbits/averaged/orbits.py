@@ -68,7 +68,7 @@ def in_phase(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude
     return harmonics(law, p, lever, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
 
 
-@kernel
+@kernel(shared=True)
 def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> np.ndarray:
     """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S).
 

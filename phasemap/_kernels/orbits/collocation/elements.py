@@ -129,7 +129,7 @@ def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) 
     return 0.5 * (low + high)
 
 
-@kernel
+@kernel(shared=True)
 def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     """Find where the tip enters and leaves contact; fills rows CONTACT and their count. False if there are too many.
 
@@ -371,7 +371,7 @@ def _span(tables: np.ndarray, orbit: Orbit, side: float, start: float, end: floa
     return ok
 
 
-@kernel
+@kernel(shared=True)
 def lay(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int
 ) -> bool:

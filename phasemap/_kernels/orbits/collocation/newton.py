@@ -49,7 +49,7 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
     surface_force,
 )
-from phasemap._kernels.orbits.response.apex import crest
+from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.quadrature import NODES, T_END1
 
 MOST_STEPS = 30
@@ -126,7 +126,7 @@ def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, 
     return col.PENDING, change
 
 
-@kernel
+@kernel(shared=True)
 def newton(
     law: Law,
     p: np.ndarray,
@@ -160,7 +160,7 @@ def newton(
     return col.NOT_CONVERGED, most, orbit, spare
 
 
-@kernel
+@kernel(shared=True)
 def newton_swept(
     law: Law,
     p: np.ndarray,
@@ -218,7 +218,7 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
             v = omega * (one[U, j] - amplitude * s)
             d = z - z0
             g, _, gv = surface_force(law, p, 1.0 / stiffness, one[PLACE, SIDE], d, v)
-            between, _ = crest(amplitude, theta0, w0, u0, one[THETA, j], one[W, j], one[U, j])
+            between, _ = apex_between(amplitude, theta0, w0, u0, one[THETA, j], one[W, j], one[U, j])
             deepest = max(deepest, d, between - z0)
             theta0, w0, u0 = one[THETA, j], one[W, j], one[U, j]
             mean += weight * one[W, j]

@@ -81,7 +81,7 @@ class Orbit(NamedTuple):
     head: np.ndarray
 
 
-@kernel
+@kernel(light=True)
 def new_orbit() -> Orbit:
     """Return an orbit's room."""
     return Orbit(np.zeros((MOST_ELEMENTS + 1, FIELDS, NODES)), np.zeros((HEAD, NODES)))
@@ -237,7 +237,7 @@ def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 
 
-@kernel
+@kernel(shared=True)
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills OPEN and the monodromy matrix."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]

@@ -8,7 +8,7 @@ from phasemap._kernels.compilation import kernel
 
 
 @kernel
-def crest(
+def apex_between(
     amplitude: float, theta0: float, w0: float, u0: float, theta1: float, w1: float, u1: float
 ) -> tuple[float, float]:
     """Largest A cos(theta) + w between two nodes and its angle, or -infinity where it has none there.

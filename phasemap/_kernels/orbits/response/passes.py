@@ -11,7 +11,7 @@ from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import mismatch
-from phasemap._kernels.orbits.response.apex import crest
+from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     COS,
     ENTRY,
@@ -123,7 +123,7 @@ def balance(
     return h
 
 
-@kernel
+@kernel(shared=True)
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
     limit_phase: float, limit_height: float,
@@ -249,7 +249,7 @@ def deepest(f: np.ndarray, amplitude: float) -> float:
     for j in range(first, first + N):
         i, before = before, j
         most = max(most, amplitude * f[COS, j] + w[j])
-        between, angle = crest(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
+        between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
         if touching and between > most:
             between = amplitude * math.cos(angle) + _in_contact(f, angle)
         most = max(most, between)

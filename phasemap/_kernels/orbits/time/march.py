@@ -159,7 +159,7 @@ def _to_instant(
     return h, end
 
 
-@kernel
+@kernel(shared=True)
 def march_period(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
 ) -> int:

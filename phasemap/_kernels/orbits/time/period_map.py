@@ -126,7 +126,7 @@ def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -
     return z + z_move * move, v + v_move * move, move
 
 
-@kernel
+@kernel(shared=True)
 def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float, tip: Tip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
 

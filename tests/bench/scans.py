@@ -1,4 +1,4 @@
-"""Scans in time: the slow flow against the full equation of motion on the same lines, `phasemap bench --scan`.
+"""Scans in time: the slow flow against the full equation of motion on the same lines, ``python tests/bench/scans.py``.
 
 Both engines get the same surface, loop and gains. What differs is the lever between them: averaged over its period, or
 integrated through every contact (`phasemap._kernels.scanning`).
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scan_cases import CASES, MONOSTABLE, PIXELS, ScanCase, image_lines
 
 from phasemap._shared.threads import workers_of
 from phasemap.experiment.control import Feedback
@@ -19,7 +20,6 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.simulation import simulate
 from phasemap.validation.bench.record import machine, versions
-from phasemap.validation.bench.scan_cases import CASES, MONOSTABLE, PIXELS, ScanCase, image_lines
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -118,7 +118,7 @@ def compare(case: ScanCase) -> Difference:
     good = (flow.status.values == 0) & (full.status.values == 0)
     return Difference(
         phase=abs(flow.phase - full.phase).values[good],
-        amplitude=100 / case.scope.free_amplitude * abs(flow.amplitude_error - full.amplitude_error).values[good],
+        amplitude=100 / case.scope.driven_amplitude * abs(flow.amplitude_error - full.amplitude_error).values[good],
         at_rest=float(abs(averaged.phase - exact.phase).max()),
         failed=(failed(flow), failed(full)),
         seconds=(float(flow_seconds.min()), float(full_seconds.min())),
@@ -266,3 +266,7 @@ def whole_image(size: int, line_rate: float, say: Say) -> str:
     return "\n\n".join(
         [IMAGE.format(size=size, rate=line_rate, flow=FLOW_LINES, equation=EQUATION_LINES), "\n".join(lines), said]
     )
+
+
+if __name__ == "__main__":
+    print(scan(print))

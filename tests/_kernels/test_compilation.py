@@ -9,11 +9,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
 import phasemap as pm
 from phasemap._kernels import disk_cache
 from phasemap._kernels.first_use import FirstUse
+from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap.validation import kinds_of_work
 
 PACKAGE = Path(pm.__file__).parent
@@ -129,6 +132,28 @@ def test_the_process_that_compiles_gives_the_bits_of_those_that_load(tmp_path: P
     warm = python(IMAGE, NUMBA_CACHE_DIR=str(tmp_path))
     assert cold.returncode == warm.returncode == 0, cold.stderr + warm.stderr
     assert cold.stdout == warm.stdout != ""
+
+
+def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path) -> None:
+    place = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    whole = python(IMAGE, **place)
+    shared = list(tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX))
+    assert whole.returncode == 0 and len(shared) > 1, whole.stderr
+    for file in shared:
+        file.unlink()
+    again = python(IMAGE, **place)
+    assert again.returncode == 0, again.stderr
+    assert again.stdout == whole.stdout != ""
+    assert sorted(tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX)) == sorted(shared)
+
+
+def test_what_python_does_faster_than_it_is_compiled_is_the_same_in_kernels() -> None:
+    lever = np.array([0.999, 1.25e-3, 40.0, 4e-11, 0.0])
+    for light, arguments in ((free_amplitude, (lever,)), (phase_of, (lever, np.array([0.0, 0.0, 8e-9, 1e-12, 2e-12])))):
+        light(*arguments)
+        assert not light.overloads
+        compiled = light.compile(tuple(map(numba.typeof, arguments)))
+        assert light(*arguments) == pytest.approx(compiled(*arguments), rel=1e-15)
 
 
 def test_a_formula_is_compiled_alone() -> None:

@@ -13,12 +13,12 @@ from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.feedback.harmonics import Bulges, bulges_of
+from phasemap.imaging.feedback.harmonics import Lifts, lifts_of
 from phasemap.imaging.feedback.lines import ENGAGED, Lines, Tip
 from phasemap.imaging.feedback.loop import check, drive_frequency
 from phasemap.imaging.feedback.settling import quietened
 from phasemap.imaging.feedback.tuning import LinearLoop
-from phasemap.imaging.job import Job, Painter, Values
+from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.survey import Survey
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
@@ -40,7 +40,7 @@ class Plan:
         With gains.
     engine : int
         Code of the solver that moves the tip.
-    bulges : Bulges or None
+    lifts : Lifts or None
         None for the equation of motion, which has all harmonics.
     notes : dict
         Gains and what they are worth, for the image's attributes.
@@ -48,17 +48,12 @@ class Plan:
 
     control: Feedback
     engine: int
-    bulges: Bulges | None
+    lifts: Lifts | None
     notes: dict[str, float]
 
 
 def _check(job: Job) -> None:
-    """Refuse a solver that does not act in time, and a loop that cannot work with this lever.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a solver that does not act in time, and a loop that cannot work with this lever."""
     assert isinstance(job.control, Feedback)
     check(job.control, job.scope, job.place.image[1])
     if (name := job.solver.name) not in ("auto", "averaging", "march"):
@@ -83,7 +78,7 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
         if control.integral_gain is None:
             control = quietened(linear.tuned(), job, work, engine)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
-    return Plan(control, engine, bulges_of(job, work) if engine == col.AVERAGING else None, notes)
+    return Plan(control, engine, lifts_of(job, work) if engine == col.AVERAGING else None, notes)
 
 
 def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
@@ -111,10 +106,10 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
     return col.AVERAGING if name == "averaging" else col.MARCH
 
 
-def _paint(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
+def _fill(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
     """Fill the canvas of some lines, to which the tip comes in a state, and return that in which it leaves."""
     materials, numbers = job.surface.unique()
-    lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.bulges, canvas)
+    lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.lifts, canvas)
     bounds = range(len(numbers) + 1)
     tip = None
     if plan.control.engage == "line":
@@ -173,4 +168,4 @@ def _thaw(arrays: Values) -> Tip | None:
     return Tip.thaw(arrays) if arrays else None
 
 
-PAINTER = Painter(_check, _most, _plan, _paint, NOTES, _freeze, _thaw)
+SIMULATOR = Simulator(_check, _most, _plan, _fill, NOTES, _freeze, _thaw)

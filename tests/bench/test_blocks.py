@@ -1,16 +1,10 @@
-"""`phasemap bench --blocks`: what it measures, what it concludes from that, and the command."""
+"""What it costs to simulate block by block: what is measured, and what is concluded from that."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from types import ModuleType
-
 import numpy as np
 import pytest
-
-from phasemap.cli import main
-from phasemap.validation.bench.blocks import (
+from blocks import (
     CORES,
     ENGAGED,
     KINDS,
@@ -32,7 +26,7 @@ def cells(table: str) -> list[list[str]]:
 
 def cost(plan: float = 0.0, describe: float = 0.0, empty: float = 0.0) -> Cost:
     """Of four blocks that take 2 s each, and have two tasks each beside the plan."""
-    one = Run(8.0 + plan, {"phasemap-paint": [0.8] * 7, "phasemap-plan": [plan]})
+    one = Run(8.0 + plan, {"phasemap-fill": [0.8] * 7, "phasemap-plan": [plan]})
     return Cost((8.0, 5.0), (one, Run(5.0, {})), one, describe, empty, 4)
 
 
@@ -67,8 +61,8 @@ def test_maps_are_those_of_their_names() -> None:
 
 def test_tasks_are_told_apart_and_timed() -> None:
     run = _threaded(ENGAGED[0], ENGAGED[0].surface(64, 32))
-    assert {name: len(run.tasks[name]) for name in ("phasemap-survey", "phasemap-plan", "phasemap-paint")} == {
-        "phasemap-survey": 4, "phasemap-plan": 1, "phasemap-paint": 4,
+    assert {name: len(run.tasks[name]) for name in ("phasemap-survey", "phasemap-plan", "phasemap-fill")} == {
+        "phasemap-survey": 4, "phasemap-plan": 1, "phasemap-fill": 4,
     }  # fmt: skip
     assert 0 < run.busy < run.wall  # one thread
 
@@ -91,17 +85,3 @@ def test_a_block_alone_counts_its_own_pixels() -> None:
     for line in cells(alone(32, lambda text: None)):
         pixels = 32 if "line" in line[0] else 32**2
         assert float(line[3]) == pytest.approx(1e6 * float(line[1]) / pixels, rel=0.02)  # three digits
-
-
-def test_the_command_prints_the_tables(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def measured(progress: Callable[[str], None]) -> str:
-        progress("a block alone: two materials")
-        return "| image |"
-
-    module = ModuleType("phasemap.validation.bench.blocks")
-    monkeypatch.setattr(module, "blocks", measured, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.blocks", module)
-    assert main(["bench", "--blocks"]) == 0
-    assert capsys.readouterr() == ("| image |\n", "a block alone ...\n")
-    assert main(["bench", "--blocks", "--plot", "a.png"]) == 2
-    assert "--plot does not go with --blocks" in capsys.readouterr().err

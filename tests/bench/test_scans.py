@@ -1,18 +1,13 @@
-"""`phasemap bench --scan`: what it compares, what it marks, and the command."""
+"""The two engines of a scan in time beside each other: what is compared, and what is marked."""
 
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Callable
 from dataclasses import replace
-from types import ModuleType
 
 import pytest
-
-from phasemap.cli import main
-from phasemap.validation.bench.scan import MOST_AMPLITUDE, MOST_PHASE, compare, errors, regimes, whole_image
-from phasemap.validation.bench.scan_cases import CASES, PIXELS
+from scan_cases import CASES, PIXELS
+from scans import MOST_AMPLITUDE, MOST_PHASE, compare, errors, regimes, whole_image
 
 USUAL = next(case for case in CASES if case.name.startswith("usual"))
 BISTABLE = next(case for case in CASES if case.name.startswith("bistable"))
@@ -65,33 +60,3 @@ def test_image_is_estimated_from_lines_and_says_so() -> None:
     for line in cells(said):
         alone, image = float(line[1]), float(line[2])
         assert image == pytest.approx(96 * alone, rel=0.01)
-
-
-def test_the_command_prints_the_tables(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def scan(progress: Callable[[str], None]) -> str:
-        progress("scans in time: Q 50")
-        return "| regime | difference |"
-
-    module = ModuleType("phasemap.validation.bench.scan")
-    monkeypatch.setattr(module, "scan", scan, raising=False)
-    monkeypatch.setitem(sys.modules, "phasemap.validation.bench.scan", module)
-    assert main(["bench", "--scan"]) == 0
-    assert capsys.readouterr() == ("| regime | difference |\n", "scans in time ...\n")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--scan", "--plot", "bench.png"], "--plot does not go with --scan"),
-        (["--scan", "--hard"], "not allowed with argument"),
-    ],
-)
-def test_what_does_not_go_with_it_is_said(
-    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    try:
-        code = main(["bench", *arguments])
-    except SystemExit as stopped:
-        code = int(stopped.code or 0)
-    said = capsys.readouterr()
-    assert code == 2 and said.out == "" and sentence in said.err

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import DATA
+from hard import CASES, UNSOLVED, HardCase, fault_of, hard, shot
+from hard_cases import BOX, case_of, draw
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap.validation.bench.hard import CASES, UNSOLVED, HardCase, fault_of, hard, shot
-from phasemap.validation.bench.hard_cases import BOX, case_of, draw
 
 KNOWN: dict[str, dict[str, Any]] = json.loads((DATA / "hard.json").read_text())
 WRONG = {  # known and open
@@ -157,21 +157,21 @@ def test_in_permanent_contact_a_small_oscillation_decays_as_the_linear_one_does(
     pixel = solved(case, "orbit")
     depth = pixel.mean_deflection - pixel.tip_offset
     assert pixel.amplitude < 0.01 * depth
-    loss = case.scope.cantilever.damping + case.material.damping * math.sqrt(depth / case.scope.tip.radius)
+    loss = case.scope.cantilever.damping_ratio + case.material.damping * math.sqrt(depth / case.scope.tip.radius)
     assert pixel.floquet == pytest.approx(math.exp(-2 * math.pi * loss / case.scope.frequency_ratio), rel=0.01)
 
 
 def check(pixel: pm.Pixel, case: HardCase) -> None:
     """What holds for every pixel that is said to be solved."""
     lever, drive = case.scope.cantilever, case.scope.frequency_ratio
-    base, free = case.scope.base_amplitude, case.scope.free_amplitude
+    base, free = case.scope.base_amplitude, case.scope.driven_amplitude
     assert all(math.isfinite(getattr(pixel, name)) for name in EXACT)
     assert pixel.amplitude == pytest.approx(case.setpoint * free, rel=1e-9)
     assert pixel.height == pytest.approx(pixel.tip_offset - pixel.amplitude, rel=1e-9, abs=1e-9 * pixel.amplitude)
     assert pixel.dissipation >= -1e-9 * lever.stiffness * base * pixel.amplitude
     # Energy: the drive feeds pi k u0 A cos(phase) a cycle, the lever alone takes 2 pi alpha0 k omega A^2 of it or more
     # (more by the harmonics), the surface the rest. So the phase is never outside F- and F+ (Wang 1999, Fig. 7).
-    least = 2 * lever.damping * drive * pixel.amplitude / base
+    least = 2 * lever.damping_ratio * drive * pixel.amplitude / base
     slack = 1e-6 if pixel.solver == "orbit" else math.radians(pm.Accuracy().phase)
     cosine = math.cos(math.radians(pixel.phase))
     assert cosine > least - slack
@@ -251,7 +251,7 @@ def test_few_of_any_cases_end_without_an_answer() -> None:
 
 def test_the_bench_finds_nothing_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     few = tuple(case for case in CASES if case.family in ("grazing contact", "damping") and "drawn" not in case.name)
-    monkeypatch.setattr("phasemap.validation.bench.hard.CASES", few)
+    monkeypatch.setattr("hard.CASES", few)
     said: list[str] = []
     table = hard(said.append, "orbit").splitlines()
     assert [line.split(" | ")[0][2:] for line in table[2:4]] == ["grazing contact", "damping"]

@@ -36,7 +36,7 @@ def drawn(regime: dict[str, tuple[float, float]], scopes: int, pixels: int, seed
                 np.full(pixels, 0.35),
             ]
         )
-        amplitude = rng.uniform(0.4, 0.95) * scope.free_amplitude
+        amplitude = rng.uniform(0.4, 0.95) * scope.driven_amplitude
         works.append(make_work(materials, False, scope, np.full(pixels, amplitude)))
     return works
 
@@ -81,7 +81,7 @@ def test_next_to_the_end_of_the_attractive_branch_both_paths_take_the_same_side(
     materials = np.column_stack(
         [np.full(400, 1e9), np.geomspace(5e-3, 2e-1, 400), np.full(400, 0.01), np.full(400, 0.35)]
     )
-    work = make_work(materials, False, scope, np.full(400, 0.7 * scope.free_amplitude))
+    work = make_work(materials, False, scope, np.full(400, 0.7 * scope.driven_amplitude))
     rows, status, _ = run(Orbit(), work, pm.Accuracy())
     exact, _, _ = run(Orbit(complete=True), work, pm.Accuracy())
     sides = rows[:, col.STIFFENING] > 0

@@ -1,6 +1,6 @@
-"""The hard cases solved, and what became of them, family by family: `phasemap bench --hard`.
+"""The hard cases solved, and what became of them, family by family: ``python tests/bench/hard.py``.
 
-tests/validation/test_hard.py holds every case against tests/data/hard.json, made by codes that share nothing with
+tests/bench/test_hard.py holds every case against tests/data/hard.json, made by codes that share nothing with
 phasemap.
 """
 
@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from hard_cases import CASES, HardCase
 
 from phasemap.solvers.pixel import Pixel, solve_pixel
-from phasemap.validation.bench.hard_cases import CASES, HardCase
 
 __all__ = ["CASES", "HardCase", "fault_of", "hard"]
 
@@ -156,3 +156,7 @@ def shot(case: HardCase, pixel: Pixel) -> tuple[float, float]:
     except (NoOrbit, np.linalg.LinAlgError):
         return math.nan, math.nan
     return abs(found.phase - pixel.phase), abs(found.tip_offset - pixel.tip_offset)
+
+
+if __name__ == "__main__":
+    print(hard(print))

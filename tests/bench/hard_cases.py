@@ -138,7 +138,7 @@ def case_of(name: str, family: str, phase: float | None, values: dict[str, float
     Examples
     --------
     >>> case = case_of("a", "b", None, draw(np.random.default_rng(1), amplitude=2e-8, ratio=1.5))
-    >>> round(case.scope.free_amplitude * 1e9, 9)
+    >>> round(case.scope.driven_amplitude * 1e9, 9)
     20.0
     """
     v = {key: 0.0 if value is None else value for key, value in values.items()}

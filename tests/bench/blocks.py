@@ -1,10 +1,10 @@
-"""What it costs to simulate block by block, alone, on two cores and on many: `phasemap bench --blocks`.
+"""What it costs to simulate block by block, alone, on two cores and on many: ``python tests/bench/blocks.py``.
 
 The projection to more cores is of a map of N blocks on p cores, with the times that were measured here::
 
     T(p) = N g + max(ceil(N / p) c, N m o) + s
 
-where a block takes one process of a cluster c seconds (it is made twice, surveyed and painted), the client g to
+where a block takes one process of a cluster c seconds (it is made twice, surveyed and filled), the client g to
 describe, and the scheduler o for each of its m tasks, one after another; s is the plan of the image, for which all
 wait. The efficiency is N c / (p T(p)). What travels between machines, and files, are not in it.
 """
@@ -404,3 +404,7 @@ def forward(costs: dict[str, Cost]) -> str:
             ]  # fmt: skip
             lines.append(f"| {name} | {side} x {side} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(blocks(print))

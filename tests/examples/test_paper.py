@@ -49,7 +49,7 @@ def ends_of_overlap(sweep: xr.Dataset, name: str) -> float:
 def test_the_adhesion_force_of_the_film_is_69_7_nn_and_its_stiffness_constant_1_35_gpa() -> None:
     assert pytest.approx(69.7e-9, abs=0.05e-9) == fig2.ADHESION  # as many digits as the paper gives
     assert 4 / 3 * paper.FILM.modulus / (1 - paper.FILM.poisson_ratio**2) == pytest.approx(1.35e9, abs=0.005e9)
-    assert paper.FIG3.free_amplitude == pytest.approx(155e-9, rel=1e-12)
+    assert paper.FIG3.driven_amplitude == pytest.approx(155e-9, rel=1e-12)
 
 
 def test_attraction_joins_the_force_of_dmt_contact_at_the_surface() -> None:
@@ -178,7 +178,7 @@ def test_in_the_slight_tapping_regime_every_law_with_adhesion_gives_the_same_pha
 
 def test_undamped_phase_is_plus_or_minus_arccos_of_setpoint() -> None:
     for sweep in (setpoint_sweep(0.0), over_modulus(0.0), over_adhesion(0.0)):
-        setpoint = sweep.amplitude.values / paper.FIG7.free_amplitude
+        setpoint = sweep.amplitude.values / paper.FIG7.driven_amplitude
         good = sweep.status.values == 0
         away = np.abs(np.abs(sweep.phase.values) - np.degrees(np.arccos(setpoint)))[good]
         assert away.max() < 0.1

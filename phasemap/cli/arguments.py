@@ -1,0 +1,110 @@
+"""Arguments that several commands have, each said once, and what is done about the files they name."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from phasemap._shared.errors import InputError
+
+__all__ = [
+    "add_files", "add_quiet", "add_scene", "add_strict_units", "add_threads", "check_files", "print_files", "whole",
+]  # fmt: skip
+
+SURFACE_UNUSED = "the scene file; its surface is not used"
+
+
+def whole(text: str) -> int:
+    """Read a whole number of at least 1.
+
+    Examples
+    --------
+    >>> whole("12")
+    12
+    """
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return int(text)
+
+
+def add_scene(parser: argparse.ArgumentParser, about: str = "the scene file", overrides: bool = True) -> None:
+    """Declare the arguments that name a scene; overrides may stand anywhere, `main` collects them."""
+    parser.add_argument("scene", metavar="SCENE.toml", type=Path, help=about)
+    if overrides:
+        add_overrides(parser)
+
+
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """Declare keys of a scene to be set."""
+    parser.add_argument(
+        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as tip.radius=20nm"
+    )
+
+
+def add_files(
+    parser: argparse.ArgumentParser,
+    output: str = "file to write",
+    plot: str | None = "picture to draw (.png, .pdf, .svg)",
+    metavar: str = "OUT.nc",
+) -> None:
+    """Declare -o, --plot (unless it is None) and --overwrite.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+    output, plot : str
+        What is written, in words.
+    metavar : str
+        A name for the output.
+    """
+    parser.add_argument("-o", "--output", metavar=metavar, type=Path, help=output)
+    if plot is not None:
+        parser.add_argument("--plot", metavar="OUT.png", type=Path, help=plot)
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+
+
+def add_quiet(parser: argparse.ArgumentParser, about: str = "no progress and no summary") -> None:
+    """Declare --quiet."""
+    parser.add_argument("--quiet", action="store_true", help=about)
+
+
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """Declare --threads."""
+    parser.add_argument("--threads", type=whole, metavar="N", help="how many threads; default: all cores")
+
+
+def add_strict_units(parser: argparse.ArgumentParser) -> None:
+    """Declare --strict-units."""
+    about = "numbers outside all practice are errors, not warnings"
+    parser.add_argument("--strict-units", action="store_true", help=about)
+
+
+def check_files(arguments: argparse.Namespace) -> None:
+    """Refuse, before any work is done, what cannot or should not be written.
+
+    Raises
+    ------
+    InputError
+        If a suffix is not that of such a file, or both are one file.
+    FileError
+        If a folder is missing or not writable, or a file exists and is not to be replaced.
+    """
+    from phasemap.io.netcdf import check_dataset, check_target
+
+    output, plot = arguments.output, arguments.plot
+    if plot is not None and plot == output:
+        raise InputError("--plot", str(plot), "another file than that of -o")
+    if output is not None:
+        check_dataset(output, arguments.overwrite)
+    if plot is not None:
+        from phasemap.plot.figure import check_format
+
+        check_target(plot, arguments.overwrite)
+        check_format(plot)
+
+
+def print_files(arguments: argparse.Namespace, width: int = 12) -> None:
+    """Say which files were written."""
+    for path in (arguments.output, arguments.plot):
+        if path is not None:
+            print(f"{'written to':<{width}}{path}")
