@@ -64,7 +64,7 @@ class Twin:
         """Distances [m] and the amplitude [m] over the pixel, over approach and retraction."""
         x, y = location or (self.x, self.y)
         pixel = self.labels[np.abs(self.y_coords - y).argmin(), np.abs(self.x_coords - x).argmin()]
-        distances = np.linspace(1.2, 0.3, 91) * self.scope.free_amplitude
+        distances = np.linspace(1.2, 0.3, 91) * self.scope.driven_amplitude
         curve = pm.sweep_distance(self.materials[int(pixel)], self.scope, distances)
         return curve.tip_offset.values, curve.amplitude.values
 

@@ -43,7 +43,7 @@ class Lever:
     def at(self, amplitudes: Array, ratios: Array) -> Model:
         """The model of images with these free amplitudes at the drive frequency [m] and setpoints."""
         rows = np.tile(lever_of(self.scope), (len(amplitudes), 1))
-        rows[:, -2:] *= (amplitudes / self.scope.free_amplitude)[:, None]  # the drive's amplitude, and the base's
+        rows[:, -2:] *= (amplitudes / self.scope.driven_amplitude)[:, None]  # the drive's amplitude, and the base's
         return replace(self.model, levers=rows, amplitudes=amplitudes * ratios)
 
     def phases(

@@ -138,7 +138,7 @@ def series(
     >>> sample = pm.Surface.from_labels(labels, pair, pixel_size=4e-9)
     >>> files = [pm.simulate(sample, scope, setpoint, "averaging") for setpoint in (0.5, 0.8)]
     >>> found = pm.series(files, scope, labels=labels)
-    >>> found.setpoint.values.tolist(), (found.measured_contrast * found.fitted_contrast)[1].values.min() > 0
+    >>> found.setpoint.values.tolist(), bool((found.measured_contrast * found.fitted_contrast)[1].min() > 0)
     ([0.8, 0.5], True)
     """
     images, names = _read(files, direction)
