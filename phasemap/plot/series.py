@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.figure import draw_scale_bar, save
+from phasemap.plot.figure import RESOLUTION, check_format, draw_scale_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,7 +88,11 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     bar.ax.tick_params(labelsize=7)
     figure.text(LEFT / WIDTH, 0.12 / height, "\n".join(lines), fontsize=7.5, va="bottom", linespacing=1.35)
     if path is not None:
-        save(canvas, path, overwrite)
+        from phasemap.io.netcdf import replacing
+
+        check_format(path)
+        with replacing(path, overwrite) as temporary:
+            canvas.print_figure(temporary, dpi=RESOLUTION)
     return figure
 
 
