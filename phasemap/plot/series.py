@@ -28,6 +28,11 @@ LINE, TITLE, AXIS, GAP, LEFT, MARGIN = 0.165, 0.35, 0.55, 0.75, 0.65, 0.25
 BAR = 0.55  # of an image's width, beside its column of images
 
 
+def is_series(ds: xr.Dataset) -> bool:
+    """Whether a Dataset is what `phasemap.series` returned."""
+    return "branch_phase" in ds
+
+
 def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
     """Draw a series: contrasts, branches, images as recorded and as fitted, and the verdict.
 
@@ -54,7 +59,7 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    if "branch_phase" not in ds:
+    if not is_series(ds):
         raise InputError("the series", sorted(map(str, ds.data_vars))[:3], "what phasemap.series returned")
     lines = [
         piece for line in str(ds.attrs["verdict"]).splitlines()

@@ -35,6 +35,8 @@ def test_files_become_a_summary_a_dataset_and_a_page(files, tmp_path, capsys):
     assert "contrast +19.9" in said and "note        The stiffness is not in the files" in said
     assert "tip radius is not" not in said
     assert page.stat().st_size > 10_000
+    assert main(["plot", str(written)]) == 0  # the same page
+    assert written.with_suffix(".png").read_bytes() == page.read_bytes()
     with xr.open_dataset(written) as found:
         assert found.file.values.tolist() == ["at0.8.nc", "at0.5.nc"]
 
