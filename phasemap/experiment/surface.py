@@ -193,6 +193,7 @@ class Surface:
         label_map = as_array("labels", labels, "a 2-D map of whole numbers")
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
+        _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
             label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
@@ -201,7 +202,6 @@ class Surface:
                 hint = "Number the names: names, numbers = numpy.unique(labels, return_inverse=True)."
             raise InputError("type of labels", label_map.dtype.name, "whole numbers", hint)
         names, table, viscous = _material_table(materials)
-        _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         index = _positions(label_map, names)
         used = np.bincount(index.reshape(-1), minlength=len(names)) > 0
         first, merged = _factorise(list(table[used].T))
