@@ -161,6 +161,9 @@ def simulate(
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     stay, derived = split(variables, control, scope.drive.second is not None)
     names = inputs_of(stay, derived, control)
+    if scope.interaction.law.takes_film and surface.thickness is None:
+        allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
+        raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)
     else:
@@ -192,7 +195,8 @@ def simulate(
         )
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
-    return with_channels(finish(image, realism), stay, derived, control, scope)
+    image = with_channels(finish(image, realism), stay, derived, control, scope)
+    return image if surface.thickness is None else image.assign(thickness=surface.to_dataset()["thickness"])
 
 
 def _at_each(
@@ -250,9 +254,8 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
 
 def _largest_material(surface: Surface) -> Array:
     """One row, with the largest of every property; a term is zero there if no pixel has it."""
-    maps = (surface.modulus, surface.adhesion, surface.damping, surface.viscosity, surface.poisson_ratio)
-    largest = np.array([[np.fmax.reduce(values, None) for values in maps if values is not None]])
-    return np.asarray(np.nan_to_num(largest))
+    largest = np.array([[np.fmax.reduce(values, None) for values in surface.columns]])
+    return np.asarray(np.nan_to_num(largest, posinf=np.inf))
 
 
 def _largest(surface: Surface, scope: Microscope) -> Work:
