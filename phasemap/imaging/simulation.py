@@ -106,7 +106,7 @@ def simulate(
         error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
         leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
         amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
-        attributes.
+        attributes. An image of films has their thickness [m] as a coordinate of its pixels.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def simulate(
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     image = with_channels(finish(image, realism), stay, derived, control, scope)
-    return image if surface.thickness is None else image.assign(thickness=surface.to_dataset()["thickness"])
+    return image if surface.thickness is None else image.assign_coords(thickness=surface.to_dataset()["thickness"])
 
 
 def _at_each(

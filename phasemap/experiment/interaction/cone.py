@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cone(ContactLaw):
-    """F = (2/pi) E* tan(theta) d^2 - 2 pi w d0 tan(theta)^2 (Sneddon 1965), E* = 3 K/4: theory, Eq. (model-20).
+    """F = (2/pi) E* tan(theta) d^2 - 2 pi w d0 tan(theta)^2 (Sneddon 1965), E* = 3 K/4: theory, Eq. (model-19).
 
     Before contact F = -2 pi w d0 tan(theta)^2 / (1 - d/d0): the van der Waals force -H tan(theta)^2 / (6 g) of a cone,
     with H = 12 pi w d0^2 and g = d0 - d as for a sphere. Its adhesion needs a decay length, for a sharp cone has no

@@ -44,7 +44,7 @@ def _rise(x: float, first: float) -> float:
 
 
 def first_coefficient(poisson_ratio: Array, base: str) -> Array:
-    """(2/pi) integral of 1 - M(q) over q [1], M the surface's compliance over that of a half-space (theory, model-19).
+    """c1 [1], the integral of 1 - M(q) over q times 2/pi: theory, Eq. (model-18).
 
     Examples
     --------
@@ -75,7 +75,7 @@ def _integral(compliance: Array, weights: Array) -> Array:
 
 @dataclass(frozen=True)
 class Film(ContactLaw):
-    """F = K sqrt(R) d^(3/2) (1 + c1 x + c2 x^2 + c3 x^3 + c4 x^4) - 2 pi w R, x = sqrt(R d)/h: theory, Eq. (model-18).
+    """F = K sqrt(R) d^(3/2) (1 + c1 x + c2 x^2 + c3 x^3 + c4 x^4) - 2 pi w R, x = sqrt(R d)/h: theory, Eq. (model-17).
 
     A rigid sphere on a film of thickness h on a rigid base, linear elastic. c1 is exact; the others are fitted to the
     solution of the integral equation of the layer (Lebedev and Ufliand 1958), to 1 % of the force for x <= 2. They

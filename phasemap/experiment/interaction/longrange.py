@@ -34,7 +34,7 @@ class InverseSquare:
 class Inverse:
     """F = -f0 / (1 - d/d0): the van der Waals attraction of a cone and a plane, whose gap is measured from d0.
 
-    See theory, Eq. (model-21).
+    See theory, Eq. (model-20).
     """
 
     name = "inverse"
