@@ -39,7 +39,7 @@ def main(folder: Path = Path()) -> None:
             shares = [np.mean(phase[LABELS == 1] > 0) for phase in (trace, retrace)]
             print(f"setpoint {setpoint:4g}, {rate:2g} Hz: of the domains {shares[0]:5.1%} are repulsive in trace, "
                   f"{shares[1]:5.1%} in retrace")  # fmt: skip
-            picture = axes.imshow(trace, cmap="RdBu_r", vmin=-55, vmax=55, interpolation="nearest")
+            picture = axes.imshow(trace, cmap="cividis", vmin=-55, vmax=55, interpolation="nearest")
             axes.contour(LABELS, [0.5], colors="k", linewidths=0.5, alpha=0.6)
             axes.set(xticks=[], yticks=[], title=f"setpoint {setpoint:g}, {rate:g} Hz")
     bar = 100e-9 / PIXEL

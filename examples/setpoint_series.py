@@ -31,7 +31,7 @@ def main(folder: Path = Path()) -> None:
     for column, setpoint in zip(panels.T, SETPOINTS, strict=True):
         image = pm.simulate(surface, SCOPE, setpoint)
         height = 1e9 * (image.height - image.height.median())
-        for axes, values, cmap, reach in ((column[0], height, "afmhot", 5), (column[1], image.phase, "RdBu_r", 60)):
+        for axes, values, cmap, reach in ((column[0], height, "afmhot", 5), (column[1], image.phase, "cividis", 60)):
             picture = axes.imshow(values, cmap=cmap, vmin=-reach, vmax=reach, interpolation="nearest")
             axes.set(xticks=[], yticks=[])
             if setpoint == SETPOINTS[-1]:

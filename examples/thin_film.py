@@ -6,6 +6,7 @@ a half-space would need for the same phase: what one reads off such an image wit
 films into which the tip sinks by more than 0.3 of their thickness, where elasticity is no longer linear.
 """
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import phasemap as pm
-from phasemap.results.validity import describe_validity
 
 POLYMER = pm.Material(modulus=0.3e9, adhesion=0.05, damping=0.03, poisson_ratio=0.48)
 SCOPE = pm.Microscope(
@@ -46,15 +46,16 @@ def main(folder: Path = Path()) -> None:
     ratios, known = half_spaces()
     figure, panels = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
     for contact, label in BASES.items():
-        image = pm.simulate(wedge, replace(SCOPE, interaction=pm.Interaction(contact)), SETPOINT, strict=True)
+        with warnings.catch_warnings():  # of films that are too thin, which are dotted
+            warnings.simplefilter("ignore", pm.ResultWarning)
+            image = pm.simulate(wedge, replace(SCOPE, interaction=pm.Interaction(contact)), SETPOINT, strict=True)
         phase, depth = image.phase.values[0], image.indentation.values[0]
         good = depth < 0.3 * thickness
         for axes, values in zip(panels, (phase, np.interp(phase, known, ratios)), strict=True):
             (line,) = axes.semilogx(thickness[good] * 1e9, values[good], label=label)
             axes.semilogx(thickness * 1e9, values, color=line.get_color(), linestyle=":", linewidth=1)
-        print(f"{label}:", *describe_validity(image), sep="\n  ")
         seen = thickness[phase - known[0] > 1.0].max()
-        print(f"  the wafer changes the phase by more than a degree up to a thickness of {seen * 1e9:.0f} nm")
+        print(f"{label}: the wafer changes the phase by more than a degree up to a thickness of {seen * 1e9:.0f} nm")
     for axes, name in zip(panels, ("phase (degrees)", "apparent over true modulus"), strict=True):
         axes.set(xlabel="thickness of the film (nm)", ylabel=name)
         axes.xaxis.set_major_formatter("{x:g}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
+    from phasemap._shared.notices import ResultWarning
     from phasemap._shared.plausible import PlausibilityWarning, strict_units
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
+    "_shared.notices": ("ResultWarning",),
     "_shared.plausible": ("PlausibilityWarning", "strict_units"),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
@@ -86,10 +88,10 @@ _MODULES = {"generate": "experiment.generate", "interaction": "experiment.intera
 __all__ = [
     "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
     "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster",
-    "Realism", "Registration", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels", "check", "compare",
-    "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions", "force_curve", "generate",
-    "interaction", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_image",
-    "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "strict_units", "sweep_distance",
+    "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels",
+    "check", "compare", "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions", "force_curve",
+    "generate", "interaction", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot",
+    "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "strict_units", "sweep_distance",
     "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
 ]  # fmt: skip
 

@@ -31,6 +31,11 @@ FIRST = (
 )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Tests look at pixels that fail, on purpose; that these are told of is a test of its own."""
+    config.addinivalue_line("filterwarnings", "ignore::phasemap.ResultWarning")
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile what most tests need, in processes of its own, so that all test processes load it."""
     config = session.config

@@ -5,8 +5,11 @@ that are up to 14 deep. Here a function that other kernels call is typed and low
 Python calls, an entry, is linked with the code of all that it reaches, optimised as a whole and emitted. Nothing in an
 entry can be called from another one, so its bits do not depend on what else was compiled or loaded before.
 
-Entries are kept on disk under a digest of all kernel sources: no number can outlive the source of a kernel, however
-deep in the chain of calls.
+What is large and reached by several entries is shared: emitted once, as an entry is, and called by its name, which is
+the same in every process and defined before what calls it is loaded.
+
+Entries and what they share are kept on disk under a digest of all kernel sources: no number can outlive the source of a
+kernel, however deep in the chain of calls.
 """
 
 from __future__ import annotations
@@ -130,6 +133,8 @@ class _Shared(_Plain):
         name = cres.fndesc.llvm_func_name
         add_symbol(name, cres.library.get_pointer_to_function(name))
         cres.library.needed = _Needed(self.py_func.__module__, self.py_func.__name__, cres.signature.args)
+        if self._cache_hits[cres.signature.args]:  # found on disk, with all that it calls
+            _count(1 + len(_waiting(self.py_func)))
 
 
 @dataclass(frozen=True)
@@ -272,8 +277,7 @@ class _EntryCompiler(_OurCompiler):
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function, and say so."""
-        waiting = [one for one in _kernels_of(func) if not one.linked.overloads]
-        with FirstUse(len(waiting)) as _EntryCompiler.first_use:
+        with FirstUse(len(_waiting(func))) as _EntryCompiler.first_use:
             # The many small objects of a compiler are collected in vain: a tenth of the time.
             collects = gc.isenabled()
             gc.disable()
@@ -295,7 +299,7 @@ class _SharedCompiler(_OurCompiler):
         self.state.targetctx.numbered = False
         self.state.flags.no_cpython_wrapper = True
         result = super().compile_extra(func)
-        _count_one()
+        _count(1)
         return result
 
 
@@ -308,14 +312,19 @@ class _LinkedCompiler(_OurCompiler):
         """Type and lower a function."""
         self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
         result = super().compile_extra(func)
-        _count_one()
+        _count(1)
         return result
 
 
-def _count_one() -> None:
-    """A function on the way to an entry is done."""
+def _count(functions: int) -> None:
+    """So many functions on the way to an entry are done."""
     if _EntryCompiler.first_use is not None:
-        _EntryCompiler.first_use.done += 1
+        _EntryCompiler.first_use.done += functions
+
+
+def _waiting(function: Any) -> list[_Entry]:
+    """The kernels that a function needs and that are not there yet."""
+    return [one for one in _kernels_of(function) if not one.linked.overloads]
 
 
 def _kernels_of(function: Any) -> list[_Entry]:

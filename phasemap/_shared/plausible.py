@@ -6,13 +6,13 @@ usual and the unit that was probably meant. With `strict_units` it is an error.
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
 from phasemap._shared.errors import InputError, Word
+from phasemap._shared.notices import outside
 from phasemap._shared.units import PREFIXES, UDUNITS, WRITTEN, say
 
 __all__ = ["PlausibilityWarning", "once", "question", "strict_units", "unquestioned"]
@@ -123,7 +123,7 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
     if manner == "raise":
         raise InputError(name, Word(given), f"the {range_}", "D" + cure if cure else "")
     message = f"{name} = {given}; {range_}" + (f"; d{cure}" if cure else ".")
-    warnings.warn(message, PlausibilityWarning, stacklevel=_outside())
+    warnings.warn(message, PlausibilityWarning, stacklevel=outside())
 
 
 @contextmanager
@@ -133,11 +133,3 @@ def _in_manner(manner: str) -> Iterator[None]:
         yield
     finally:
         _MANNER.reset(token)
-
-
-def _outside() -> int:
-    """How far up the line of code is that is not ours, as `warnings.warn` counts for who calls this."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and (frame.f_globals.get("__name__") or "").partition(".")[0] == "phasemap":
-        level, frame = level + 1, frame.f_back
-    return level

@@ -11,6 +11,7 @@ PREFIXES = {
 }  # fmt: skip
 WRITTEN = {"N m-1": "N/m", "J m-2": "J/m²", "degree": "degrees", "1": ""}
 UDUNITS = {"N/m": "N m-1", "J/m2": "J m-2"}  # of what they write otherwise
+ELECTRONVOLT = 1.602176634e-19  # [J], in which people count what a cycle takes
 BARE = ("degree", "1", "eV", "N m-1", "J m-2")  # never with a prefix
 
 
@@ -56,6 +57,8 @@ def readable(largest: float, units: str) -> Unit:
     >>> readable(16e-9, "m"), readable(-2.0, "degree")
     (Unit(size=1e-09, text='nm'), Unit(size=1.0, text='degrees'))
     """
+    if units == "J":
+        return Unit(ELECTRONVOLT, "eV")
     text = WRITTEN.get(units, units)
     if units in BARE or not math.isfinite(largest) or largest == 0:
         return Unit(1.0, text)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
 from phasemap.cli.arguments import add_files, add_quiet, check_files, print_files, whole
+from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.numbers import number_in, numbers_in
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--names", metavar="A,B", help="what the images are called; default: measured,simulated")
     parser.add_argument("--row", type=int, metavar="N", help="of the line profile, from 0; default: the middle")
     add_files(parser, plot="page to draw (.png, .pdf, .svg)")
+    add_colours(parser, "both phases on the page", "-30")
     add_quiet(parser, "no summary")
 
 
@@ -79,7 +81,7 @@ def compare(arguments: argparse.Namespace) -> None:
     if arguments.plot is not None:
         from phasemap.plot import comparison
 
-        comparison(found, arguments.plot, arguments.overwrite, row=arguments.row)
+        comparison(found, arguments.plot, arguments.overwrite, row=arguments.row, **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print_files(arguments, 17)

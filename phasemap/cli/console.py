@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from phasemap._shared.notices import ResultWarning
 from phasemap._shared.plausible import PlausibilityWarning
 
 PATIENCE = 3.0  # seconds without a first result after which a word is due
@@ -79,7 +80,7 @@ def plain_warnings() -> Iterator[None]:
     def sentence(
         message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
     ) -> str:
-        plain = category is UserWarning or issubclass(category, PlausibilityWarning)
+        plain = category is UserWarning or issubclass(category, (PlausibilityWarning, ResultWarning))
         return f"phasemap: {message}\n" if plain else usual(message, category, filename, lineno, line)
 
     warnings.formatwarning = sentence

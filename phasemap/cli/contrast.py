@@ -17,6 +17,7 @@ from phasemap.cli.arguments import (
     check_files,
     print_files,
 )  # fmt: skip
+from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import progress_bar
 from phasemap.cli.numbers import numbers_in
 
@@ -51,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frequencies", metavar="VALUES", help="of the drive, in Hz; default: the scene's")
     parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
     add_files(parser)
+    add_colours(parser, "the map's contrast", "-60")
     add_quiet(parser)
     add_threads(parser)
     add_strict_units(parser)
@@ -78,7 +80,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     if arguments.plot is not None:
         from phasemap.plot import contrast as draw
 
-        draw(found, arguments.plot, arguments.overwrite)
+        draw(found, arguments.plot, arguments.overwrite, **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print(f"took        {time.perf_counter() - started:.2f} s")
@@ -137,8 +139,8 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
-    from phasemap.plot.figure import describe_failures, describe_flags, describe_irregular
     from phasemap.results.validity import describe_validity
+    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]

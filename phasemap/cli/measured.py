@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from phasemap._shared.notices import untold
 from phasemap.cli.arguments import add_files, add_overrides, add_strict_units, whole
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ def scene(arguments: argparse.Namespace) -> None:
     from phasemap.scenes.measured import scene_from
 
     output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)
-    image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)
+    with untold():  # it is printed below
+        image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)
     made = scene_from(
         image,
         output,
@@ -83,7 +85,8 @@ def export(arguments: argparse.Namespace) -> None:
     from phasemap.io.export import export as write
     from phasemap.io.read import read_image
 
-    image = read_image(arguments.image)
+    with untold():
+        image = read_image(arguments.image)
     write(image, arguments.output, arguments.variable, arguments.direction, overwrite=arguments.overwrite)
     _print_warnings(image)
     print(f"written to  {arguments.output}")

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from phasemap._shared.errors import PhasemapError
 from phasemap.cli.arguments import add_files
+from phasemap.cli.colours import add_colours, colours_of
 
 __all__ = ["EXAMPLES", "add_arguments", "plot"]
 
 EXAMPLES = """examples:
   phasemap plot blend.nc
   phasemap plot blend.nc -o blend.pdf
+  phasemap plot blend.nc --vmin -30 --vmax 60 --cmap height=gray
   phasemap plot rubber.nc --mark-irregular
   phasemap plot ensemble.nc --sample 3
   phasemap plot curve.nc --quantities amplitude,phase,dissipation
@@ -35,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
     )
+    add_colours(parser, "a map", "-30 or height=0,phase=-30; alone, of the phase")
     add_files(parser, "picture to write (.png, .pdf, .svg); default: FILE.png", plot=None, metavar="OUT.png")
 
 
@@ -60,7 +63,8 @@ def plot(arguments: argparse.Namespace) -> None:
             curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
         else:
             wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
-            draw(ds, output, arguments.overwrite, variables=wanted, mark_irregular=arguments.mark_irregular)
+            options = {"variables": wanted, "mark_irregular": arguments.mark_irregular}
+            draw(ds, output, arguments.overwrite, **options, **colours_of(arguments))
     print(f"written to  {output}")
 
 

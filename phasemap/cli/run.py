@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
+from phasemap._shared.notices import untold
+from phasemap._shared.units import ELECTRONVOLT
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
 from phasemap.cli.console import progress_bar
@@ -83,7 +86,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.Dataset:
     """The image, with a bar on stderr."""
     unit = " lines" if scene.options["control"].in_time else " materials"
-    with progress_bar(unit, arguments.quiet) as progress:
+    with progress_bar(unit, arguments.quiet) as progress, nullcontext() if arguments.quiet else untold():
         return scene.simulate(strict=arguments.strict, threads=arguments.threads, checkpoint=parts, progress=progress)
 
 
@@ -148,14 +151,14 @@ def _print_scene(scene: Scene, modelled: str) -> None:
         print(f"realism     {realism}")
 
 
-def _in_words(notes: Mapping[str, Any]) -> str:
+def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:
     """Gains of a feedback, and what they are worth."""
     gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
     factor = notes["gain_margin"]
     rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
     if factor != factor:
         rings = "nothing is known of when it rings"
-    if notes["ringing_lines"]:
+    if notes["ringing_lines"] and not noisy:  # noise leaves no feedback at rest
         rings = f"it did not come to rest before {notes['ringing_lines']} lines: lower the gains"
     return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
 
@@ -164,16 +167,18 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.plot import describe_failures, describe_flags
-    from phasemap.plot.images import describe_irregular
     from phasemap.results.validity import describe_validity
+    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
 
     _print_scene(scene, image.attrs["modelled"])
+    realism = scene.options["realism"]
+    noisy = realism.temperature is not None or realism.detector_noise is not None
     if "gain_margin" in image.attrs:
-        print(f"feedback    {_in_words(image.attrs)}")
+        print(f"feedback    {_in_words(image.attrs, noisy)}")
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
-    for name, unit, factor in (("phase", "degrees", 1.0), ("height", "nm", 1e9)):
+    shown = (("phase", "degrees", 1.0), ("height", "nm", 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
+    for name, unit, factor in shown:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))

@@ -236,9 +236,9 @@ def summary(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap._shared.units import readable
-    from phasemap.plot.figure import describe_failures, describe_irregular
     from phasemap.plot.titles import titles
     from phasemap.results.validity import describe_validity
+    from phasemap.results.words import describe_failures, describe_irregular
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs

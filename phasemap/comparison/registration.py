@@ -36,7 +36,7 @@ PASSES = 4
 UPSAMPLING = 10  # shifts are found to a tenth of a pixel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Registration:
     """A shift between two images, and whether to believe it.
 
@@ -61,6 +61,11 @@ class Registration:
     phase_after: float
     accepted: bool
     reason: str
+
+    def __repr__(self) -> str:
+        """The shift, and what came of it."""
+        down, right = (say(one, "m", 3) for one in self.shift)
+        return f"Registration({'' if self.accepted else 'not '}accepted: {down} down, {right} right; {self.reason})"
 
     def apply(self, moving: xr.Dataset) -> xr.Dataset:
         """Return the moving image in its place: with shifted coordinates if the shift is accepted, else as it is.

@@ -80,7 +80,7 @@ def verdict_of(found: xr.Dataset) -> str:
     Returns
     -------
     str
-        One to four sentences.
+        One to five sentences.
     """
     first, second = names_of(found)
     explained = float(found["explained"])
@@ -92,6 +92,8 @@ def verdict_of(found: xr.Dataset) -> str:
     if found.sizes["region"] == 2 and float(found["region_contrast"][0, 1]):
         a, b = found["region_contrast"][:2, 1].values
         said.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
+    if float(found["sign"]) < 0:
+        said.append(f"For this the sign of the {first} phase was turned.")
     slope = float(found["crosstalk"].sel(map="measured", cause="slope"))
     if slope > MOSTLY:
         said.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")

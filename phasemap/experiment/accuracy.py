@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 from phasemap._shared.checks import whole
 from phasemap._shared.fields import Number
+from phasemap._shared.shown import Shown
 
 MOST_PERIODS = 100_000
 
 
-@dataclass(frozen=True)
-class Accuracy:
+@dataclass(frozen=True, repr=False)
+class Accuracy(Shown):
     """Largest error allowed, against the exact periodic orbit, and most work.
 
     Parameters

@@ -8,6 +8,7 @@ from typing import ClassVar, Protocol
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
+from phasemap._shared.shown import Shown
 
 LINES = ("trace", "retrace")
 _WHEN = {"line": "engaged before each line", "image": "engaged once"}
@@ -27,8 +28,8 @@ class Control(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Engage:
+@dataclass(frozen=True, repr=False)
+class Engage(Shown):
     """Each pixel engaged anew from far away, quasi-statically.
 
     The tip follows the stable orbit while its offset decreases, jumps where the orbit folds, and stops where the
@@ -54,8 +55,8 @@ class Engage:
         return "each pixel engaged from far"
 
 
-@dataclass(frozen=True)
-class Raster:
+@dataclass(frozen=True, repr=False)
+class Raster(Shown):
     """Quasi-static scan: the state of the oscillation is carried from pixel to pixel, along trace and retrace.
 
     The feedback and the lever are at rest at every pixel. Where two stable orbits hold the setpoint, the tip stays on
@@ -96,8 +97,8 @@ class Raster:
         return f"quasi-static scan, {_WHEN[self.engage]}"
 
 
-@dataclass(frozen=True)
-class Feedback:
+@dataclass(frozen=True, repr=False)
+class Feedback(Shown):
     """Scan in time: lock-in, PI controller and scanner follow the surface that passes under the tip.
 
     The surface passes at constant speed, there and back; a line with its overscan takes ``1 / line_rate``. The lock-in

@@ -7,14 +7,15 @@ from typing import Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, known_as
+from phasemap._shared.shown import Shown
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what anybody works with [Pa, J/m2, Pa s]
 THICKNESS = (0.2e-9, 1e-4)  # [m]
 
 
 @known_as(E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio", h="thickness")
-@dataclass(frozen=True)
-class Material:
+@dataclass(frozen=True, repr=False)
+class Material(Shown):
     """One homogeneous material.
 
     Numbers are in SI units, or text with a unit ("3 GPa", "50 mJ/m^2"), or quantities of pint.

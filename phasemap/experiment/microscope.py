@@ -10,6 +10,7 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Renamed, known_as
 from phasemap._shared.plausible import question
+from phasemap._shared.shown import Shown
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
@@ -18,8 +19,8 @@ DETECTIONS = ("fm", "am")
 
 
 @known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor")
-@dataclass(frozen=True)
-class Cantilever:
+@dataclass(frozen=True, repr=False)
+class Cantilever(Shown):
     """The lever's first eigenmode as a damped spring.
 
     Parameters
@@ -43,7 +44,7 @@ class Cantilever:
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Cantilever:
-        """A commercial lever, with the nominal values of its data sheet.
+        """A commercial lever, with the nominal values of its kind.
 
         Parameters
         ----------
@@ -55,7 +56,8 @@ class Cantilever:
         Returns
         -------
         Cantilever
-            The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two.
+            The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two. The
+            numbers were not verified against the makers' data sheets.
 
         Raises
         ------
@@ -80,8 +82,8 @@ class Cantilever:
 
 
 @known_as(R="radius", E="modulus", nu="poisson_ratio")
-@dataclass(frozen=True)
-class Tip:
+@dataclass(frozen=True, repr=False)
+class Tip(Shown):
     """A spherical tip.
 
     Parameters
@@ -105,8 +107,8 @@ class Tip:
 
 
 @known_as(k="stiffness", f="frequency", f2="frequency", Q="quality_factor", A="free_amplitude")
-@dataclass(frozen=True)
-class Mode:
+@dataclass(frozen=True, repr=False)
+class Mode(Shown):
     """A second eigenmode of the lever, driven together with the first, and so little that it only feels its way.
 
     Parameters
@@ -141,8 +143,8 @@ class Mode:
 
 
 @known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
-@dataclass(frozen=True)
-class Drive:
+@dataclass(frozen=True, repr=False)
+class Drive(Shown):
     """What makes the lever swing.
 
     Parameters
@@ -183,8 +185,8 @@ class Drive:
 PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 
 
-@dataclass(frozen=True)
-class Microscope:
+@dataclass(frozen=True, repr=False)
+class Microscope(Shown):
     """Everything about the instrument that a simulation needs.
 
     Numbers of its parts are in SI units, or text with a unit ("40 N/m", "300 kHz"), or quantities of pint.

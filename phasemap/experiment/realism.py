@@ -12,6 +12,7 @@ from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.plausible import question
+from phasemap._shared.shown import Shown
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS
 
@@ -22,8 +23,8 @@ FloatArray = NDArray[np.float64]
 DIGITISED = ("height", "phase", "amplitude", "amplitude_error")  # channels that an instrument records
 
 
-@dataclass(frozen=True)
-class TipChange:
+@dataclass(frozen=True, repr=False)
+class TipChange(Shown):
     """A tip that breaks, or wears off, in the middle of the image.
 
     Parameters
@@ -56,8 +57,8 @@ class TipChange:
         whole("tip_change line", self.line, 1)
 
 
-@dataclass(frozen=True)
-class Realism:
+@dataclass(frozen=True, repr=False)
+class Realism(Shown):
     """What a real microscope adds to an image; all of it is off unless asked for.
 
     Parameters

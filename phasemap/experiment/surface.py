@@ -20,6 +20,8 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import question, unquestioned
 from phasemap._shared.quantities import NotThatUnit, Scalar, array_in_si, with_unit
+from phasemap._shared.shown import table
+from phasemap._shared.units import say
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
 
@@ -81,7 +83,7 @@ class Surface:
     --------
     >>> surface = Surface(modulus=[[1e9, 3e9], [3e9, 3e9]], adhesion=0.05, damping=0.01, pixel_size=4e-9)
     >>> surface
-    Surface(2 x 2 pixels of 4e-09 x 4e-09 m, modulus 1e+09 to 3e+09 Pa, adhesion 0.05 J m-2, damping 0.01)
+    Surface(2 x 2 pixels of 4 nm, modulus 1 GPa to 3 GPa, adhesion 0.05 J/m², damping 0.01)
     >>> float(surface.adhesion[1, 0]), surface.pixel_size
     (0.05, (4e-09, 4e-09))
 
@@ -199,7 +201,10 @@ class Surface:
         if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
             label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
-            raise InputError("type of labels", label_map.dtype.name, "whole numbers", "Try labels.astype(int).")
+            hint = "Try labels.astype(int)."
+            if label_map.dtype.kind in "SUO":
+                hint = "Number the names: names, numbers = numpy.unique(labels, return_inverse=True)."
+            raise InputError("type of labels", label_map.dtype.name, "whole numbers", hint)
         names, table, viscous = _material_table(materials)
         _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         index = _positions(label_map, names)
@@ -510,18 +515,25 @@ class Surface:
 
     def __repr__(self) -> str:
         """Say the size of the map and the range of each quantity."""
-        dy, dx = self.pixel_size
-        parts = [f"{self.shape[0]} x {self.shape[1]} pixels of {dy:g} x {dx:g} m"]
+        return f"Surface({', '.join(f'{name} {said}'.removeprefix('size ') for name, said in self._said().items())})"
+
+    def _repr_html_(self) -> str:
+        return table("Surface", self._said())
+
+    def _said(self) -> dict[str, str]:
+        """Size and ranges in words."""
+        rows, columns = self.shape
+        tall, wide = (say(side, "m") for side in self.pixel_size)
+        found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
         for name in ("modulus", "adhesion", "damping", "viscosity", "topography", "thickness"):
             value = getattr(self, name)
             if is_lazy(value):
-                rows, columns = chunks_of(value)
-                parts.append(f"{name} in Dask blocks of {rows[0]} x {columns[0]} pixels")
+                blocks = chunks_of(value)
+                found[name] = f"in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels"
             elif value is not None:
-                low, high = f"{np.fmin.reduce(value, None):g}", f"{np.fmax.reduce(value, None):g}"
-                values = low if low == high else f"{low} to {high}"
-                parts.append(f"{name} {values} {QUANTITIES[name].unit}".removesuffix(" 1"))
-        return f"Surface({', '.join(parts)})"
+                ends = [say(float(end.reduce(value, None)), QUANTITIES[name].unit) for end in (np.fmin, np.fmax)]
+                found[name] = " to ".join(dict.fromkeys(ends))
+        return found
 
 
 def _from_lazy_labels(labels: Any, materials: Any, pixel_size: Any, topography: Any) -> Surface:

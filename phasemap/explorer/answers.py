@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.notices import untold
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.material import Material
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import Found, lines_of
 from phasemap.imaging.simulation import simulate
-from phasemap.plot.figure import describe_failures
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS
+from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
+from phasemap.scenes.surface import seen
 from phasemap.solvers.pixel import solve_pixel
 from phasemap.solvers.problem import make_work, material_rows
 from phasemap.sweeps.contrasts.contrast_map import contrast
@@ -77,7 +79,8 @@ def picture(setting: Setting) -> Picture:
     Picture
     """
     surface = setting.shown
-    ds = simulate(surface, setting.scope, setting.setpoint, setting.solver, variables=VARIABLES, threads=1)
+    with untold():  # the page says it
+        ds = simulate(surface, setting.scope, setting.setpoint, setting.solver, variables=VARIABLES, threads=1)
     labels = setting.subject.sample_under(setting.scope.tip).labels
     step = setting.subject.step
     found = _materials(setting, ds, np.ascontiguousarray(labels[::step, ::step]))
@@ -106,7 +109,8 @@ def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
     """
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
-        scene = scene_from_tables(setting.tables(), subject.folder, setting.surface)
+        surface = seen(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
+        scene = scene_from_tables(setting.tables(), subject.folder, surface)
         return scene.simulate(progress=progress)
     solver = setting.solver if setting.exact else subject.options["solver"]
     options = {**subject.options, "setpoint": setting.setpoint, "solver": solver}
@@ -115,7 +119,8 @@ def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
 
 def scan(setting: Setting, progress: Check) -> Picture:
     """The whole image for the page to draw; of one that is taken in two directions the trace."""
-    ds = image(setting, progress)
+    with untold():
+        ds = image(setting, progress)
     about: dict[str, Any] = {"step": 1, "free_amplitude": setting.scope.driven_amplitude}
     return _picture(ds.isel(direction=0) if "direction" in ds.dims else ds, about)
 

@@ -252,6 +252,7 @@ def _start(subject: Subject) -> bytes:
         name: np.round(255 * matplotlib.colormaps[cmap](np.linspace(0, 1, 256))[:, :3]).astype(int).ravel().tolist()
         for name, cmap in (("height", "afmhot"), ("phase", "cividis"), ("contrast", "coolwarm"))
     }
+    control = str(subject.options.get("control") or "") or "with all that it asks for"
     return _json(
         {
             "name": subject.name,
@@ -259,7 +260,8 @@ def _start(subject: Subject) -> bytes:
             "materials": list(subject.materials),
             "resonance": subject.scope.cantilever.resonance_frequency,
             "driven": subject.scope.drive.frequency,
-            "control": None if subject.plain else str(subject.options.get("control") or "with its imperfections"),
+            "control": None if subject.plain else control,
+            "sharp": subject.blurred,
             "colours": colours,
         }
     )

@@ -81,7 +81,13 @@ class Subject:
     def plain(self) -> bool:
         """Whether engaging every pixel from far, with nothing added, is all that the scene asks for."""
         bare = type(self.options["realism"])() if self.options.get("realism") is not None else None
-        return isinstance(self.options.get("control", Engage()), Engage) and self.options.get("realism") == bare
+        engaged = isinstance(self.options.get("control", Engage()), Engage)
+        return engaged and self.options.get("realism") == bare and not self.blurred
+
+    @property
+    def blurred(self) -> bool:
+        """Whether the scene asks for edges as wide as the tip, which the page shows sharp while a slider moves."""
+        return self.scene is not None and bool(self.scene.config["surface"].get("seen_by_tip"))
 
     @property
     def strict(self) -> bool:

@@ -15,9 +15,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from phasemap._shared.units import ELECTRONVOLT
+
 __all__ = ["Found", "lines_of"]
 
-ELECTRONVOLT = 1.602176634e-19  # J
 LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
 SHARE = 0.2  # of the contrast that the losses may leave open
 DEGREES = "°"

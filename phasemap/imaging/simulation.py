@@ -14,6 +14,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError, SolveError
+from phasemap._shared.notices import tell
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.accuracy import Accuracy
@@ -31,8 +32,9 @@ from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import fill_part, plan_image, simulator_of
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.status import Status
-from phasemap.results.validity import FORCES
+from phasemap.results.validity import FORCES, describe_validity
 from phasemap.results.variables import IN_TIME, describe, provenance
+from phasemap.results.words import describe_failures
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
 
@@ -196,7 +198,11 @@ def simulate(
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     image = with_channels(finish(image, realism), stay, derived, control, scope)
-    return image if surface.thickness is None else image.assign_coords(thickness=surface.to_dataset()["thickness"])
+    if surface.thickness is not None:
+        image = image.assign_coords(thickness=surface.to_dataset()["thickness"])
+    if not surface.lazy:
+        tell(line for describe in (describe_failures, describe_validity) for line in describe(image))
+    return image
 
 
 def _at_each(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.notices import tell
 from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.kinds import KINDS, Kind
 from phasemap.io.measured import on_one_turn
@@ -113,6 +114,7 @@ def read_image(
         ds.attrs["nominal"] = " ".join(scan.nominal)
     if scan.warnings:
         ds.attrs["warnings"] = "\n".join(dict.fromkeys(scan.warnings))
+        tell(dict.fromkeys(scan.warnings))
     return ds
 
 

@@ -6,13 +6,13 @@ nothing is shown, no global state is touched, and start-up stays short.
 """
 
 from phasemap.plot.contrasts import contrast
-from phasemap.plot.figure import describe_failures, describe_flags
 from phasemap.plot.images import plot
 from phasemap.plot.images import plot as image
 from phasemap.plot.materials import inversion
 from phasemap.plot.period import trace
 from phasemap.plot.side_by_side import comparison
 from phasemap.plot.sweep import curve
+from phasemap.results.words import describe_failures, describe_flags
 
 __all__ = [
     "comparison", "contrast", "curve", "describe_failures", "describe_flags", "image", "inversion", "plot", "trace",

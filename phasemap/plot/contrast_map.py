@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.units import Unit
+from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -15,15 +16,17 @@ if TYPE_CHECKING:
 
 __all__ = ["colours_of", "draw_map", "edges_of", "keys_of", "ticks_of"]
 
+BISTABLE = 3
 HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable
-FAILED = "#00e646"  # green is not in coolwarm
 REGIMES = {1: ("attractive", "#9ecae1"), 2: ("repulsive", "#fdae6b"), 3: ("bistable", "#bdbdbd"), 0: ("none", "white")}
 WIDEST = 4.0  # times the median: contrasts that differ more are shown on a scale that is compressed
 LETTER, LINE = 0.034, 0.09  # half of the width of a letter and of the height of a line [inch], for labels of regions
 LINES: dict[str, dict[str, Any]] = {
     "inversion": {"color": "black", "linewidth": 1.8},
     "jump": {"color": "black", "linewidth": 1.1, "linestyle": (0, (4, 2.5))},
+    "regime": {"color": "0.25", "linewidth": 1.0, "linestyle": (0, (1, 1.6))},
 }
+BORDERS = ("inversion", "jump")  # that are found between the points of a map
 STAR: dict[str, Any] = {
     "marker": "*", "markersize": 14, "markerfacecolor": "#ffe14d", "markeredgecolor": "black", "markeredgewidth": 0.9,
     "linestyle": "",
@@ -31,7 +34,9 @@ STAR: dict[str, Any] = {
 SMALL_STAR = {**STAR, "markersize": 10}
 
 
-def draw_map(axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[float, float], norm: Any) -> Any:
+def draw_map(
+    axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[float, float], norm: Any, cmap: str | None = None
+) -> Any:
     """Draw one map.
 
     Parameters
@@ -47,6 +52,8 @@ def draw_map(axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[fl
         Width and height of the axes on the page [inch].
     norm : Normalize
         Of `colours_of`.
+    cmap : str, optional
+        Colour map.
 
     Returns
     -------
@@ -55,18 +62,19 @@ def draw_map(axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[fl
     """
     x, y = ds["setpoint"].values, ds[y_name].values / unit.size
     edges = edges_of(x), edges_of(y)
-    mesh = axes.pcolormesh(*edges, ds["contrast"].values, cmap="coolwarm", norm=norm, rasterized=True)
+    mesh = axes.pcolormesh(*edges, ds["contrast"].values, cmap=cmap or MAPS["contrast"], norm=norm, rasterized=True)
     axes.set_facecolor(FAILED)
+    _draw_turns(axes, ds, x, y)
     for i, hatch in enumerate(HATCHES):
-        _hatch(axes, edges, ds["regime"].values[i] == 3, hatch)
-    for kind, style in LINES.items():
+        _hatch(axes, edges, ds["regime"].values[i] == BISTABLE, hatch)
+    for kind in BORDERS:
         here = np.ones(ds.sizes[kind], bool)
         if y_name != "frequency":
             here = ds[f"{kind}_frequency"].values == float(ds["frequency"])
         points = np.stack([ds[f"{kind}_setpoint"].values, ds[f"{kind}_{y_name}"].values / unit.size], axis=1)
         materials = ds["jump_material"].values if kind == "jump" else np.zeros(len(points))
         for material in (0, 1):
-            _draw_border(axes, points[here & (materials == material)], x, y, {**style, "gid": kind})
+            _draw_border(axes, points[here & (materials == material)], x, y, {**LINES[kind], "gid": kind})
     star = None
     if y_name == "frequency" or ds.attrs["best_frequency"] == float(ds["frequency"]):
         best = ds.attrs["best_setpoint"], ds.attrs[f"best_{y_name}"] / unit.size
@@ -78,13 +86,15 @@ def draw_map(axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[fl
     return mesh
 
 
-def colours_of(values: np.ndarray) -> Any:
+def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
     """Choose a scale that is symmetric about 0, compressed at its ends where a few contrasts are far larger.
 
     Parameters
     ----------
     values : ndarray
         Contrasts [degree].
+    asked : Colours
+        Limits that were asked for; one alone stands for both sides of 0.
 
     Returns
     -------
@@ -97,6 +107,9 @@ def colours_of(values: np.ndarray) -> Any:
     """
     from matplotlib.colors import AsinhNorm, Normalize
 
+    ends = [abs(end) for end in (asked.vmin, asked.vmax) if end is not None]
+    if ends:
+        return Normalize(-ends[0] if asked.vmin is None else asked.vmin, ends[0] if asked.vmax is None else asked.vmax)
     sizes = np.abs(values[np.isfinite(values)])
     largest = float(sizes.max(initial=0.0)) or 1.0
     middle = float(np.median(sizes)) if len(sizes) else largest
@@ -151,12 +164,14 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
     return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
 
 
-def keys_of(names: list[str]) -> list[Any]:
-    """Make the legend's entries: three for lines and star, one for each of two materials.
+def keys_of(ds: xr.Dataset, names: list[str]) -> list[Any]:
+    """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable.
 
     Parameters
     ----------
+    ds : xarray.Dataset
     names : list of str
+        Of the materials.
 
     Returns
     -------
@@ -165,15 +180,39 @@ def keys_of(names: list[str]) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    regime = ds["regime"].values
+    there = {"inversion": ds.sizes["inversion"], "jump": ds.sizes["jump"], "regime": _turns(regime).any()}
+    words = {"regime": "border of regimes"}
     return [
-        Line2D([], [], label="inversion", **LINES["inversion"]),
-        Line2D([], [], label="jump", **LINES["jump"]),
+        *(Line2D([], [], label=words.get(kind, kind), **LINES[kind]) for kind, count in there.items() if count),
         Line2D([], [], label="recommended", **SMALL_STAR),
         *(
             Patch(facecolor="none", edgecolor="0.25", linewidth=0, hatch=hatch, label=f"{name} bistable")
-            for name, hatch in zip(names, HATCHES, strict=True)
+            for name, hatch, mine in zip(names, HATCHES, regime, strict=True)
+            if (mine == BISTABLE).any()
         ),
     ]
+
+
+def _turns(regime: np.ndarray) -> np.ndarray:
+    """Whether a material is repulsive at a point, and attractive at one beside it."""
+    turns = np.zeros(regime.shape, bool)
+    for axis in range(1, regime.ndim):
+        beside = np.sort(np.stack([regime, np.roll(regime, 1, axis)]), axis=0)
+        mine = (beside[0] == 1) & (beside[1] == 2)
+        turns |= mine & (np.arange(regime.shape[axis]) > 0).reshape(
+            [-1 if k == axis else 1 for k in range(regime.ndim)]
+        )
+    return turns
+
+
+def _draw_turns(axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray) -> None:
+    """Where a material turns from repulsive to attractive: where its phase passes 0."""
+    for phase, regime in zip(ds["phase"].values, ds["regime"].values, strict=True):
+        known = np.where(np.isin(regime, (1, 2)), phase, np.nan)
+        if min(known.shape) > 1 and _turns(regime[None]).any():
+            style: dict[str, Any] = {f"{name}s": [value] for name, value in LINES["regime"].items()}
+            axes.contour(x, y, known, [0.0], **style).set_gid("border")
 
 
 def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, hatch: str) -> None:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import textwrap
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
+from phasemap.plot.colours import FAILED, Colours, given_colours
 from phasemap.plot.contrast_map import (
-    FAILED,
     LINES,
     REGIMES,
     SMALL_STAR,
@@ -24,19 +23,23 @@ from phasemap.plot.contrast_map import (
     keys_of,
     ticks_of,
 )
-from phasemap.plot.figure import describe_failures, describe_irregular, save
 from phasemap.plot.titles import titles
+from phasemap.results.words import describe_failures, describe_irregular
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from phasemap._shared.quantities import Scalar
+    from phasemap.plot.page import Page
+
 __all__ = ["contrast", "is_contrast"]
 
 COLOURS = ("#0072B2", "#D55E00")  # of the two materials: Okabe and Ito's blue and vermilion
 MOST_PANELS = 4
 LONG = 20  # letters of both names that fill the legend
+GREEN = "#00803a"  # of what is said about points that failed
 FEW = 60  # setpoints up to which they are marked
 ZERO: dict[str, Any] = {
     "marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "0.1", "markeredgewidth": 1.0,
@@ -44,18 +47,27 @@ ZERO: dict[str, Any] = {
 }  # fmt: skip
 
 # Sizes on the page [inch].
-WIDTH, PANEL, STRIP, LEFT, RIGHT, GAP, LINE, LEGEND, AXIS, BAR = 6.6, 2.3, 0.3, 0.75, 0.2, 0.14, 0.17, 0.3, 0.5, 0.85
+WIDTH, PANEL, STRIP, LEFT, RIGHT, GAP, AXIS, BAR = 6.6, 2.3, 0.3, 0.75, 0.2, 0.14, 0.55, 0.85
 MAP = 4.2
 
 
-def contrast(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+def contrast(
+    ds: xr.Dataset,
+    path: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    *,
+    vmin: Scalar | None = None,
+    vmax: Scalar | None = None,
+    cmap: str | None = None,
+) -> Figure:
     """Draw the contrast between two materials.
 
     A map shows it in colours that are grey at 0, over setpoint and free amplitude (or drive frequency; a panel each for
     at most four frequencies where both were given). The solid line is the inversion, where the contrast passes 0;
-    dashed lines are jumps of one material's phase, hatched areas those in which a material is bistable, and words say
-    the regimes elsewhere. Green points have no orbit. Where only the setpoint was given, lines show the phases of both
-    materials, their regimes, and the contrast. The star is the point recommended; the sentence below says why.
+    dashed lines are jumps of one material's phase, dotted ones where it passes 0 between the regimes, hatched areas
+    those in which a material is bistable, and words say the regimes elsewhere. Green points have no orbit. Where only
+    the setpoint was given, lines show the phases of both materials, their regimes, and the contrast. The star is the
+    point recommended; the sentences below say why, and by which rule.
 
     Parameters
     ----------
@@ -65,6 +77,10 @@ def contrast(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwri
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
         Whether an existing file may be replaced.
+    vmin, vmax : float, optional
+        Limits of the colours of a map [degree]; one alone is that of a scale that is symmetric about 0.
+    cmap : str, optional
+        Colour map of matplotlib; "coolwarm" by default.
 
     Returns
     -------
@@ -86,28 +102,11 @@ def contrast(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwri
     >>> [axes.get_ylabel() for axes in contrast(ds).axes]
     ['phase (degrees)', '', 'contrast (degrees)']
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if not is_contrast(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.contrast returned")
-    page = _Page.of(ds)
-    figure = Figure(figsize=(WIDTH, page.height))
-    canvas = FigureCanvasAgg(figure)
-    (_draw_lines if page.rows == 0 else _draw_maps)(figure, ds, page)
-    for i, line in enumerate(page.head):
-        figure.text(
-            LEFT / WIDTH, 1 - (0.1 + i * LINE) / page.height, line, fontsize=9 - bool(i),
-            color="0.1" if i == 0 else "0.35", va="top",
-        )  # fmt: skip
-    for lines, colour, below in ((page.foot, "0.1", len(page.notes)), (page.notes, "#00803a", 0)):
-        figure.text(
-            0.15 / WIDTH, (0.5 + below) * LINE / page.height, "\n".join(lines), fontsize=8, color=colour, va="bottom",
-            linespacing=1.4,
-        )  # fmt: skip
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+    colours = given_colours(vmin, vmax, cmap, {"contrast": "degree"})["contrast"]
+    page = _draw_lines(ds) if ds["contrast"].ndim == 1 else _draw_maps(ds, colours)
+    return page.finished(path, overwrite)
 
 
 def is_contrast(ds: xr.Dataset) -> bool:
@@ -124,48 +123,22 @@ def is_contrast(ds: xr.Dataset) -> bool:
     return "contrast" in ds and "regime" in ds and "inversion_setpoint" in ds
 
 
-class _Page(NamedTuple):
-    """What stands above and below the panels, and in how many rows: the legend, and the maps, none for lines."""
+def _notes(ds: xr.Dataset) -> list[str | tuple[str, str]]:
+    """The point recommended and by which rule, and what is missing."""
+    said = [
+        f"★ {ds.attrs['recommendation']} {ds.attrs.get('recommendation_rule', '')}",
+        *describe_irregular(ds, "points"),
+    ]
+    return [*((line, "0.1") for line in said), *((f"■ {line}", GREEN) for line in describe_failures(ds, "points"))]
 
-    head: list[str]
-    foot: list[str]
-    notes: list[str]
-    keys: int
-    frequencies: list[int]
-    rows: int
-    columns: int
 
-    @classmethod
-    def of(cls, ds: xr.Dataset) -> _Page:
-        stars = [f"★ {ds.attrs['recommendation']}", *describe_irregular(ds, "points")]
-        said = stars, [f"■ {line}" for line in describe_failures(ds, "points")]
-        foot, notes = (
-            [part for line in lines for part in textwrap.wrap(line, 106, subsequent_indent="    ")] for lines in said
-        )
-        frequencies, rows, columns = [0], int(ds["contrast"].ndim > 1), 1
-        if ds["contrast"].ndim == 3:
-            count = min(ds.sizes["frequency"], MOST_PANELS)
-            frequencies = np.unique(np.linspace(0, ds.sizes["frequency"] - 1, count).round().astype(int)).tolist()
-            columns = min(len(frequencies), 2)
-            rows = -(-len(frequencies) // columns)
-        long = sum(len(str(name)) for name in ds["material"].values) > LONG
-        return cls(_head(ds), foot, notes, 2 if long or not rows else 1, frequencies, rows, columns)
-
-    @property
-    def top(self) -> float:
-        """Where the first panel begins [inch]."""
-        return 0.14 + LINE * len(self.head) + LEGEND * (self.keys + (len(self.frequencies) > 1))
-
-    @property
-    def panel(self) -> float:
-        """Height of a map [inch]."""
-        return MAP if self.columns == 1 else 0.62 * MAP
-
-    @property
-    def height(self) -> float:
-        """Of the page [inch]."""
-        inside = self.rows * (self.panel + LEGEND) - LEGEND if self.rows else 2 * PANEL + STRIP + 2 * GAP
-        return self.top + inside + AXIS + LINE * (len(self.foot) + len(self.notes) + 0.8)
+def _shown(ds: xr.Dataset) -> list[int]:
+    """Indices of the frequencies that have a map of their own."""
+    if ds["contrast"].ndim < 3:
+        return [0]
+    count = min(ds.sizes["frequency"], MOST_PANELS)
+    shown: list[int] = np.unique(np.linspace(0, ds.sizes["frequency"] - 1, count).round().astype(int)).tolist()
+    return shown
 
 
 def _head(ds: xr.Dataset) -> list[str]:
@@ -187,22 +160,28 @@ def _head(ds: xr.Dataset) -> list[str]:
     return lines + said(microscope=scope)
 
 
-def _draw_lines(figure: Figure, ds: xr.Dataset, page: _Page) -> None:
+def _draw_lines(ds: xr.Dataset) -> Page:
     """Phases, regimes and contrast against the setpoint."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    first: Axes | None = None
+    from phasemap.plot.page import Page
+
     names = [str(name) for name in ds["material"].values]
     ds = ds.sortby("setpoint")
-    bottom = page.height - page.top
-    for row, high in enumerate((PANEL, STRIP, PANEL)):
-        bottom -= high + GAP * bool(row)
-        place = (LEFT / WIDTH, bottom / page.height, (WIDTH - LEFT - RIGHT) / WIDTH, high / page.height)
-        axes = figure.add_axes(place, sharex=first)
+    keys = [Line2D([], [], color=colour, linewidth=1.6, label=n) for n, colour in zip(names, COLOURS, strict=True)]
+    keys += [Line2D([], [], label="inversion", **ZERO)] * bool(ds.sizes["inversion"])
+    keys += [Line2D([], [], label="jump", **LINES["jump"])] * bool(ds.sizes["jump"])
+    keys += [Line2D([], [], label="recommended", **SMALL_STAR)]
+    present = set(np.unique(ds["regime"].values).tolist())
+    patches = [Patch(color=colour, label=word) for code, (word, colour) in REGIMES.items() if code in present]
+    body = 2 * PANEL + STRIP + 2 * GAP + AXIS
+    page = Page(WIDTH, body, _head(ds), [keys, patches], _notes(ds), left=LEFT)
+    first: Axes | None = None
+    for row, (top, high) in enumerate(((0.0, PANEL), (PANEL + GAP, STRIP), (PANEL + STRIP + 2 * GAP, PANEL))):
+        axes = page.panel(LEFT, top, WIDTH - LEFT - RIGHT, high, sharex=first)
         first = first or axes
-        axes.tick_params(labelsize=8, labelbottom=row == 2)
-        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelbottom=row == 2)
         if row == 1:
             _draw_strip(axes, ds, names)
         else:
@@ -210,17 +189,7 @@ def _draw_lines(figure: Figure, ds: xr.Dataset, page: _Page) -> None:
     best = [ds.attrs["best_setpoint"]], [ds.attrs["best_contrast"]]
     axes.plot(*best, gid="best", zorder=7, clip_on=False, **STAR)
     axes.set_xlabel("setpoint", fontsize=9)
-    figure.align_ylabels()
-    handles = [Line2D([], [], color=colour, linewidth=1.6, label=n) for n, colour in zip(names, COLOURS, strict=True)]
-    handles += [
-        Line2D([], [], label="inversion", **ZERO),
-        Line2D([], [], label="jump", **LINES["jump"]),
-        Line2D([], [], label="recommended", **SMALL_STAR),
-    ]
-    _legend(figure, page, handles, 0)
-    present = set(np.unique(ds["regime"].values).tolist())
-    patches = [Patch(color=colour, label=word) for code, (word, colour) in REGIMES.items() if code in present]
-    _legend(figure, page, patches, 1)
+    return page
 
 
 def _draw_quantity(axes: Axes, ds: xr.Dataset, name: str) -> None:
@@ -274,51 +243,38 @@ def _broken(x: np.ndarray, y: np.ndarray, ds: xr.Dataset, name: str) -> tuple[np
     return np.insert(x, at, jumps), np.insert(y, at, levels)
 
 
-def _draw_maps(figure: Figure, ds: xr.Dataset, page: _Page) -> None:
+def _draw_maps(ds: xr.Dataset, colours: Colours) -> Page:
     """A panel for each frequency shown, with one colour bar for all."""
-    from matplotlib.colorbar import Colorbar
+    from phasemap.plot.page import Page
 
+    shown = _shown(ds)
+    columns = min(len(shown), 2)
+    rows = -(-len(shown) // columns)
+    titled = 0.25 * (ds["contrast"].ndim == 3)
+    wide, high = (WIDTH - LEFT - RIGHT - BAR - (columns - 1) * GAP) / columns, MAP if columns == 1 else 0.62 * MAP
     y_name = "free_amplitude" if "free_amplitude" in ds.dims else "frequency"
     unit = readable(float(ds[y_name].values.max()), ds[y_name].attrs["units"])
-    norm = colours_of(ds["contrast"].values)
-    wide = (WIDTH - LEFT - RIGHT - BAR - (page.columns - 1) * GAP) / page.columns
+    names = [str(name) for name in ds["material"].values]
+    norm = colours_of(ds["contrast"].values, colours)
+    keys = keys_of(ds, names)
+    split = 3 if sum(map(len, names)) > LONG else len(keys)
+    legend = [part for part in (keys[:split], keys[split:]) if part]
+    page = Page(WIDTH, rows * (high + titled) + AXIS, _head(ds), legend, _notes(ds), left=LEFT)
     first: Axes | None = None
-    for k, index in enumerate(page.frequencies):
-        one = ds.isel(frequency=index) if "frequency" in ds.dims and y_name != "frequency" else ds
-        row, column = divmod(k, page.columns)
-        left = LEFT + column * (wide + GAP)
-        bottom = page.height - page.top - row * (page.panel + LEGEND) - page.panel
-        place = (left / WIDTH, bottom / page.height, wide / WIDTH, page.panel / page.height)
-        axes = figure.add_axes(place, sharex=first, sharey=first)
+    for k, index in enumerate(shown):
+        one = ds.isel(frequency=index) if titled else ds
+        row, column = divmod(k, columns)
+        title = f"driven at {readable(float(one['frequency']), 'Hz').say(float(one['frequency']), 6)}" if titled else ""
+        left, top = LEFT + column * (wide + GAP), row * (high + titled) + titled
+        axes = page.place(left, top, wide, high, title, sharex=first, sharey=first)
         first = first or axes
-        mesh = draw_map(axes, one, y_name, unit, (wide, page.panel), norm)
-        lowest = k + page.columns >= len(page.frequencies)
-        axes.tick_params(labelsize=8, labelbottom=lowest, labelleft=column == 0)
-        if one is not ds:
-            frequency = readable(float(one["frequency"]), "Hz").say(float(one["frequency"]), 6)
-            axes.set_title(f"driven at {frequency}", fontsize=8, loc="left", pad=3)
+        mesh = draw_map(axes, one, y_name, unit, (wide, high), norm, colours.cmap)
+        lowest = k + columns >= len(shown)
+        axes.tick_params(labelbottom=lowest, labelleft=column == 0)
         if lowest:
             axes.set_xlabel("setpoint", fontsize=9)
         if column == 0:
             axes.set_ylabel(unit.label(str(ds[y_name].attrs["long_name"])), fontsize=9)
-    low = page.height - page.top - page.rows * (page.panel + LEGEND) + LEGEND
-    left = WIDTH - RIGHT - BAR + GAP
-    bar = figure.add_axes((left / WIDTH, low / page.height, 0.14 / WIDTH, (page.height - page.top - low) / page.height))
-    names = [str(name) for name in ds["material"].values]
-    what = f"phase contrast, {names[1]} less {names[0]}" if page.keys == 1 else "phase contrast"
-    Colorbar(bar, mesh, ticks=ticks_of(norm), format="{x:g}").set_label(f"{what} (degrees)", fontsize=9)
-    bar.minorticks_off()
-    bar.tick_params(labelsize=8)
-    handles = keys_of(names)
-    for row, part in enumerate((handles[:3], handles[3:]) if page.keys == 2 else (handles,)):
-        _legend(figure, page, part, row)
-
-
-def _legend(figure: Figure, page: _Page, handles: list[Any], row: int) -> None:
-    """One row between the titles and the first panel."""
-    top = 0.14 + LINE * len(page.head) + row * LEGEND * 0.75 + 0.06
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=((LEFT + 0.05) / WIDTH, 1 - top / page.height),
-        ncols=len(handles), fontsize=8, frameon=False, borderpad=0, borderaxespad=0, handlelength=2.2,
-        columnspacing=1.4,
-    )  # fmt: skip
+    what = f"phase contrast, {names[1]} less {names[0]}" if split == len(keys) else "phase contrast"
+    page.bar(mesh, page.axes, f"{what} (degrees)", ticks=ticks_of(norm), format="{x:g}").minorticks_off()
+    return page

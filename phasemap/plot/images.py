@@ -1,93 +1,71 @@
-"""Pictures: of an image, a comparison of two, a sweep, one of its periods, and the contrast between materials.
-
-Uses matplotlib's Figure without pyplot: nothing is shown, no global state is touched, and start-up stays short.
-"""
+"""Pictures of an image, or of what another function draws: maps, colour bars and histograms side by side."""
 
 from __future__ import annotations
 
 import json
 import os
-import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.errors import InputError
-from phasemap._shared.units import readable
+from phasemap.plot.colours import FAILED, Scale, given_colours, scale_of, units_of
 from phasemap.plot.contrasts import contrast, is_contrast
-from phasemap.plot.figure import (
-    FAILED,
-    describe_failures,
-    describe_flags,
-    describe_irregular,
-    draw_scale_bar,
-    length_unit,
-    save,
-)
+from phasemap.plot.figure import draw_scale_bar
 from phasemap.plot.materials import inversion, is_inversion
-from phasemap.plot.period import trace
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
 from phasemap.results.validity import describe_validity
+from phasemap.results.words import describe_failures, describe_flags, describe_irregular
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
     from matplotlib.axes import Axes
-    from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = [
-    "comparison", "contrast", "curve", "describe_failures", "describe_flags", "describe_irregular", "inversion", "plot",
-    "trace",
-]  # fmt: skip
+    from phasemap.plot.colours import Given
+    from phasemap.plot.page import Page
 
-LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
-MARGIN_OF_LIMITS = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
-LETTERS = 13.5  # of a note [1/inch]
+__all__ = ["plot"]
+
+LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
 DOT: dict[str, Any] = {
     "marker": "o", "markersize": 2.2, "markerfacecolor": "white", "markeredgecolor": "black", "markeredgewidth": 0.5,
     "linestyle": "",
 }  # fmt: skip
+GREEN = "#00803a"  # of what is said about pixels that failed
 
 # Sizes on the page [inch].
-PANEL, BAR_GAP, BAR, BAR_LABELS, MARGIN = 3.5, 0.07, 0.12, 0.62, 0.3
-HEADER, TITLE, HISTOGRAM_GAP, HISTOGRAM, AXIS, LINE = 0.36, 0.3, 0.06, 0.5, 0.52, 0.17
-
-
-@dataclass(frozen=True)
-class _Scale:
-    """How the values of one quantity turn into colours, the same in every row of the figure."""
-
-    label: str
-    factor: float
-    offset: float
-    cmap: Colormap
-    norm: Normalize
+WIDE, STEP, LEFT, TITLE, GAP, HISTOGRAM, AXIS = 3.5, 4.31, 0.3, 0.3, 0.06, 0.5, 0.52
 
 
 def plot(
-    ds: xr.Dataset,
+    ds: xr.Dataset | xr.DataArray,
     path: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     *,
     variables: Sequence[str] | None = None,
     mark_irregular: bool = False,
+    vmin: Given = None,
+    vmax: Given = None,
+    cmap: str | Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw height and phase of an image side by side, or what the function for another Dataset draws.
 
-    Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. The phase is shown
-    in cividis, or in a diverging map centred on 0 where attractive and repulsive phases occur together. Pixels without
-    a solution are green, and a line below says how many there are, why, and what helps; another counts the pixels in
-    which the motion is irregular.
+    Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. A quantity has the
+    same colours in every picture. Heights count from the lowest that is shown, and a measured image is drawn without
+    its tilt. A line on the colour bar of the phase marks 0, between attraction and repulsion. Pixels without a solution
+    are green, and a line below says how many there are, why, and what helps; another counts the pixels in which the
+    motion is irregular.
 
     Parameters
     ----------
-    ds : xarray.Dataset
+    ds : xarray.Dataset or xarray.DataArray
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
-        a leading dimension "direction" gives one row each, and ``amplitude_error`` a third column. Or what a sweep,
-        `phasemap.contrast`, `phasemap.compare` or `phasemap.invert` returned.
+        leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or what a
+        sweep, `phasemap.contrast`, `phasemap.compare` or `phasemap.invert` returned; or one variable of an image.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -97,16 +75,23 @@ def plot(
         for instance.
     mark_irregular : bool
         Whether dots mark the pixels of an image in which the motion is irregular. A sweep shows them always.
+    vmin, vmax : float, or mapping of str to float, optional
+        Limits of the phase, or of the first variable where there is none, in SI units or with a unit; or of several by
+        name: ``{"height": "5 nm", "phase": 60}``. Of a contrast and a comparison likewise.
+    cmap : str, or mapping of str to str, optional
+        Colour maps of matplotlib, likewise.
 
     Returns
     -------
     matplotlib.figure.Figure
+        A notebook shows it.
 
     Raises
     ------
     InputError
         If `ds` holds no image, sweep, contrast, comparison or inversion, or not the variables to be drawn, the format
-        is unknown, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
+        is unknown, a limit or colour map is none, or irregular pixels are to be marked in an image that does not have
+        the variable ``motion``.
     FileError
         If `path` cannot be written.
 
@@ -117,61 +102,89 @@ def plot(
     >>> y = ("y", 4e-9 * np.arange(6), {"units": "m"})
     >>> hills = np.sin(np.arange(48.0)).reshape(6, 8)
     >>> ds = xr.Dataset({"height": (("y", "x"), 1e-9 * hills), "phase": (("y", "x"), 20 * hills)}, {"y": y, "x": x})
-    >>> len(plot(ds).axes)
+    >>> len(plot(ds, vmin=-30, vmax=30).axes)
     6
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    import xarray as xr
 
-    if is_sweep(ds):
-        return curve(ds, path, overwrite=overwrite)
+    if isinstance(ds, xr.DataArray):
+        name = str(ds.name or "variable")
+        ds, variables = ds.to_dataset(name=name), (name,)
+    if not isinstance(ds, xr.Dataset):
+        raise InputError("what is drawn", f"a {type(ds).__name__}", "a Dataset of phasemap, or a variable of an image")
+    colours: dict[str, Any] = {"vmin": vmin, "vmax": vmax, "cmap": cmap}
     if is_contrast(ds):
-        return contrast(ds, path, overwrite)
-    if is_inversion(ds):
-        return inversion(ds, path, overwrite)
+        return contrast(ds, path, overwrite, **colours)
     if is_comparison(ds):
-        return comparison(ds, path, overwrite)
+        return comparison(ds, path, overwrite, **colours)
+    if is_sweep(ds) or is_inversion(ds):
+        for name, value in colours.items():
+            if value is not None:
+                raise InputError(name, str(value), "nothing where a sweep or an inversion is drawn")
+        return curve(ds, path, overwrite=overwrite) if is_sweep(ds) else inversion(ds, path, overwrite)
     names = ("height", "phase") if variables is None else tuple(variables)
     _check(ds, names, mark_irregular)
-    rows = [ds.isel(direction=i) for i in range(ds.sizes["direction"])] if "direction" in ds.dims else [ds]
-    length = _side_lengths(ds)
-    tall = PANEL * min(max(length[1] / length[0], 0.2), 2.0)
-    step = TITLE + tall + HISTOGRAM_GAP + HISTOGRAM + AXIS
+    ds = _levelled(ds)
     if variables is None and "amplitude_error" in ds:
         names = (*names, "amplitude_error")
-    scales = {name: _scale_of(ds[name]) for name in names}
+    asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
+    return _page(ds, {name: scale_of(ds[name], asked[name]) for name in names}, mark_irregular).finished(
+        path, overwrite
+    )
+
+
+def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Page:
+    """All maps of an image."""
+    from phasemap.plot.page import Page
+
+    rows = list(_rows(ds))
+    length = _side_lengths(ds)
+    tall = WIDE * min(max(length[1] / length[0], 0.2), 2.0)
+    step = TITLE + tall + GAP + HISTOGRAM + AXIS
     notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
     notes += [(f"△ {line}", "0.25") for line in describe_validity(ds)]
-    notes += [(f"■ {line}", "#00803a") for line in describe_failures(ds)]
-    width = MARGIN + len(scales) * (PANEL + BAR_GAP + BAR + BAR_LABELS)
-    notes = [(part, colour) for line, colour in notes for part in textwrap.wrap(line, int(LETTERS * width))]
-    height = HEADER + len(rows) * step + LINE * (len(notes) + 0.5 * bool(notes))
-    figure = Figure(figsize=(width, height))
-    canvas = FigureCanvasAgg(figure)
-
-    def axes_at(left: float, top: float, wide: float, high: float) -> Axes:
-        return figure.add_axes((left / width, 1 - (top + high) / height, wide / width, high / height))
-
-    for row, one in enumerate(rows):
-        top = HEADER + row * step + TITLE
+    notes += [(f"■ {line}", GREEN) for line in describe_failures(ds)]
+    page = Page(LEFT + STEP * len(scales), len(rows) * step, [_title(ds)], notes=notes, left=LEFT)
+    for row, (words, one) in enumerate(rows):
         for column, (name, scale) in enumerate(scales.items()):
-            left = MARGIN + column * (PANEL + BAR_GAP + BAR + BAR_LABELS)
-            title = [
-                name.replace("_", " ").capitalize(),
-                *([str(one["direction"].item())] if "direction" in one.coords else []),
-            ]
-            picture = axes_at(left, top, PANEL, tall)
-            picture.set_title(", ".join(title), fontsize=11, loc="left")
-            _draw_image(picture, axes_at(left + PANEL + BAR_GAP, top, BAR, tall), one, name, scale)
+            left, top = LEFT + column * STEP, row * step + TITLE
+            title = ", ".join([name.replace("_", " ").capitalize(), *words])
+            picture = page.picture(left, top, WIDE, tall, title)
+            if not np.isfinite(one[name].values).any():
+                picture.text(0.5, 0.5, "nothing to show", ha="center", transform=picture.transAxes)
+                picture.set_facecolor(FAILED)
+                continue
+            bar = page.bar(_draw_image(picture, one, name, scale), [picture], scale.label)
+            if name == "phase" and scale.low < 0 < scale.high:
+                bar.ax.axhline(0, color="white", linewidth=1.2)
             if mark_irregular:
-                _mark(picture, one["motion"].values == 1, (PANEL, tall))
-            _draw_histogram(axes_at(left, top + tall + HISTOGRAM_GAP, PANEL, HISTOGRAM), one[name].values, scale)
-    figure.text(MARGIN / width, 1 - 0.14 / height, _title(ds), fontsize=9, color="0.3", va="top")
-    for above, (line, colour) in enumerate(reversed(notes)):
-        figure.text(MARGIN / width, (0.5 + above) * LINE / height, line, fontsize=8, color=colour, va="bottom")
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+                _mark(picture, one["motion"].values == 1, (WIDE, tall))
+            below = page.panel(left, top + tall + GAP, WIDE, HISTOGRAM)
+            _draw_histogram(below, scale.shown(one[name].values), scale)
+    return page
+
+
+def _rows(ds: xr.Dataset) -> Iterator[tuple[list[str], xr.Dataset]]:
+    """The images of a Dataset, with what is said of each."""
+    dims = [dim for dim in LEADING if dim in ds.dims]
+    for place in np.ndindex(*(ds.sizes[dim] for dim in dims)):
+        one = ds.isel(dict(zip(dims, place, strict=True)))
+        said = {"setpoint": "setpoint {:g}", "direction": "{}"}
+        yield [said[dim].format(one[dim].item()) for dim in dims if dim in one.coords], one
+
+
+def _levelled(ds: xr.Dataset) -> xr.Dataset:
+    """A measured image without its tilt; any other as it is."""
+    if "channels" not in ds.attrs or "levelled" in ds.attrs or "height" not in ds:
+        return ds
+    from phasemap.comparison.levelling import level_map
+
+    maps = ds["height"].values.reshape(-1, ds.sizes["y"], ds.sizes["x"])
+    flat = [
+        level_map(one, np.zeros(one.shape, bool), rows=False) if np.isfinite(one).sum() > 2 else one for one in maps
+    ]
+    height = ds["height"].copy(data=np.reshape(flat, ds["height"].shape)).assign_attrs(levelled="by a plane")
+    return ds.assign(height=height)
 
 
 def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None:
@@ -183,8 +196,10 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
         dims = ds[name].dims
         if "sample" in dims:
             raise InputError("the dataset", f"an ensemble of {ds.sizes['sample']} images", "one of them (--sample N)")
-        if dims not in (("y", "x"), ("direction", "y", "x")):
-            raise InputError(f"dims of {name}", dims, "('y', 'x') or ('direction', 'y', 'x')")
+        if dims[-2:] != ("y", "x") or not set(dims[:-2]) <= set(LEADING):
+            raise InputError(
+                f"dims of {name}", dims, "('y', 'x'), with 'direction' or 'setpoint' before them or without"
+            )
     for dim in ("y", "x"):
         if dim not in ds.coords:
             raise InputError("the dataset", "without coordinates", f"an image with a coordinate {dim} [m]")
@@ -199,106 +214,26 @@ def _side_lengths(ds: xr.Dataset) -> tuple[float, float]:
     return width, height
 
 
-def _scale_of(variable: xr.DataArray) -> _Scale:
-    """The scale of a variable: its own where it has one, else viridis in the unit that suits the range."""
-    import matplotlib
-    from matplotlib.colors import Normalize
-
-    own = {"height": _height_scale, "phase": _phase_scale, "amplitude_error": _error_scale}
-    name, values = str(variable.name), variable.values
-    if name in own:
-        return own[name](values)
-    low, high = _limits(values)
-    unit = readable(max(-low, high), variable.attrs.get("units", ""))
-    low, high = low / unit.size, high / unit.size
-    margin = MARGIN_OF_LIMITS * (high - low) or 0.5 * abs(high) or 0.5
-    label = unit.label(name.replace("_", " "))
-    return _Scale(label, 1 / unit.size, 0.0, matplotlib.colormaps["viridis"], Normalize(low - margin, high + margin))
-
-
-def _height_scale(values: np.ndarray) -> _Scale:
-    """afmhot from the lowest height shown, in the length unit that suits the range."""
-    import matplotlib
-    from matplotlib.colors import Normalize
-
-    low, high = _limits(values)
-    unit, size = length_unit(high - low)
-    span = (high - low) / size or 1.0
-    return _Scale(
-        f"height ({unit})",
-        1 / size,
-        low,
-        matplotlib.colormaps["afmhot"],
-        Normalize(-MARGIN_OF_LIMITS * span, (1 + MARGIN_OF_LIMITS) * span),
-    )
-
-
-def _phase_scale(values: np.ndarray) -> _Scale:
-    """cividis, or a diverging map centred on 0 where both regimes take a fair part of the range."""
-    import matplotlib
-    from matplotlib.colors import Normalize
-
-    low, high = _limits(values)
-    reach = max(-low, high)
-    if min(-low, high) > 0.1 * reach:
-        cmap, low, high = "coolwarm", -reach, reach
-    else:
-        cmap = "cividis"
-    margin = MARGIN_OF_LIMITS * (high - low) if high - low > 1e-6 else 0.5  # do not blow up the last digits
-    return _Scale("phase (degrees)", 1.0, 0.0, matplotlib.colormaps[cmap], Normalize(low - margin, high + margin))
-
-
-def _error_scale(values: np.ndarray) -> _Scale:
-    """Grey about 0, in the length unit that suits the range."""
-    import matplotlib
-    from matplotlib.colors import Normalize
-
-    low, high = _limits(values)
-    reach = max(-low, high, 1e-13)  # do not blow up the last digits
-    unit, size = length_unit(reach)
-    reach *= (1 + MARGIN_OF_LIMITS) / size
-    return _Scale(f"amplitude error ({unit})", 1 / size, 0.0, matplotlib.colormaps["gray"], Normalize(-reach, reach))
-
-
-def _limits(values: np.ndarray) -> tuple[float, float]:
-    """The percentiles shown; (0, 0) if there is no finite value."""
-    import numpy as np
-
-    finite = values[np.isfinite(values)]
-    if finite.size == 0:
-        return 0.0, 0.0
-    low, high = np.percentile(finite, LIMITS)
-    if high == low:  # a few particles on a flat ground
-        low, high = finite.min(), finite.max()
-    return float(low), float(high)
-
-
-def _draw_image(axes: Axes, bar_axes: Axes, ds: xr.Dataset, name: str, scale: _Scale) -> None:
-    """One channel with colour bar, scale bar and the pixels that failed."""
-    import numpy as np
-    from matplotlib.colorbar import Colorbar
+def _draw_image(axes: Axes, ds: xr.Dataset, name: str, scale: Scale) -> Any:
+    """One channel with its scale bar and the pixels that failed."""
     from matplotlib.colors import ListedColormap
     from scipy.ndimage import maximum_filter
 
     width, height = _side_lengths(ds)
     extent = (0.0, width, height, 0.0)  # row 0 at the top
-    shown = (ds[name].values - scale.offset) * scale.factor
+    shown = scale.shown(ds[name].values)
     image = axes.imshow(shown, cmap=scale.cmap, norm=scale.norm, extent=extent, aspect="auto")
     failed = ds["status"].values != 0 if "status" in ds else ~np.isfinite(shown)
     if failed.any():
         grown = maximum_filter(failed, max(failed.shape) // 128 or 1)  # one pixel in a thousand must still be seen
         overlay = np.ma.masked_where(~grown, np.ones(failed.shape))
         axes.imshow(overlay, cmap=ListedColormap([FAILED]), extent=extent, aspect="auto", interpolation="nearest")
-    axes.set(xticks=[], yticks=[])
     draw_scale_bar(axes, width)
-    bar = Colorbar(bar_axes, image)
-    bar.set_label(scale.label, fontsize=9)
-    bar_axes.tick_params(labelsize=8)
+    return image
 
 
 def _mark(axes: Axes, marked: np.ndarray, size: tuple[float, float]) -> None:
     """Dots on the pixels that are marked, as many as can be told apart on a picture of this width and height [inch]."""
-    import numpy as np
     from scipy.ndimage import maximum_filter
 
     ny, nx = marked.shape
@@ -317,22 +252,16 @@ def _mark(axes: Axes, marked: np.ndarray, size: tuple[float, float]) -> None:
     axes.plot(x, y, transform=axes.transAxes, scalex=False, scaley=False, gid="irregular", **DOT)
 
 
-def _draw_histogram(axes: Axes, values: np.ndarray, scale: _Scale) -> None:
+def _draw_histogram(axes: Axes, shown: np.ndarray, scale: Scale) -> None:
     """How often each value occurs, in the colours of the image."""
-    import numpy as np
-
-    low, high = float(scale.norm.vmin or 0.0), float(scale.norm.vmax or 0.0)
-    shown = (values[np.isfinite(values)] - scale.offset) * scale.factor
-    counts, edges = np.histogram(shown, bins=100, range=(low, high))
+    counts, edges = np.histogram(shown[np.isfinite(shown)], bins=100, range=(scale.low, scale.high))
     centres = 0.5 * (edges[1:] + edges[:-1])
     axes.bar(
         centres, counts, width=np.diff(edges), color=scale.cmap(scale.norm(centres)), edgecolor="0.25", linewidth=0.25
     )
-    axes.set_xlim(low, high)
-    axes.set_yticks([])
+    axes.set(xlim=(scale.low, scale.high), yticks=[])
     axes.set_xlabel(scale.label, fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "left", "right"]].set_visible(False)
+    axes.spines["left"].set_visible(False)
 
 
 def _title(ds: xr.Dataset) -> str:
@@ -340,7 +269,8 @@ def _title(ds: xr.Dataset) -> str:
     said = []
     configuration = json.loads(ds.attrs.get("configuration", "{}"))
     if "setpoint" in configuration:
-        said.append(f"setpoint {configuration['setpoint']:g}")
+        setpoints = configuration["setpoint"] if "setpoint" not in ds.dims else []
+        said += [f"setpoint {one:g}" for one in np.atleast_1d(setpoints)]
     if "solver" in ds:
         said.append("solver " + describe_flags(ds["solver"]))
     if "line_rate" in (control := configuration.get("control", {})):

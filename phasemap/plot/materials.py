@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.figure import save
+from phasemap.plot.colours import FAILED, MAPS
 from phasemap.plot.region_fit import regions
 
 if TYPE_CHECKING:
@@ -23,12 +22,10 @@ __all__ = ["inversion", "is_inversion"]
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
 LIMITS = (1, 99)  # percentiles shown
 UNSURE = "0.85"
-LOST = "#00e646"  # green is in none of the maps
 WORST = 0.5  # standard error of a logarithm at the end of the scale
-LETTERS = 140  # in a line below
 
 # Sizes on the page [inch].
-PANEL, BAR, BAR_GAP, BAR_LABELS, MARGIN, TITLE, HEADER, LINE = 2.5, 0.1, 0.06, 0.68, 0.25, 0.3, 0.3, 0.17
+WIDE, STEP, LEFT, TITLE, BELOW = 2.5, 3.37, 0.25, 0.3, 0.12
 
 
 def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
@@ -67,22 +64,19 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     >>> [axes.get_title(loc="left") for axes in inversion(ds).axes if axes.get_title(loc="left")][:2]
     ['modulus (GPa)', 'standard error of its logarithm']
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import LogNorm, Normalize
-    from matplotlib.figure import Figure
+
+    from phasemap.plot.page import Page
 
     if not is_inversion(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.invert returned")
     if "region" in ds["flag"].dims:
         return regions(ds, path, overwrite)
-    said = textwrap.wrap(str(ds.attrs.get("verdict", "")), LETTERS)
-    said += ["grey, hatched: not determined, or poor fit    green: no solution"]
+    said = [str(ds.attrs.get("verdict", "")), "grey, hatched: not determined, or poor fit    green: no solution"]
     rows, columns = ds["flag"].shape
-    tall = PANEL * min(max(rows / columns, 0.2), 2.0)
-    step = PANEL + BAR_GAP + BAR + BAR_LABELS
-    width, height = MARGIN + 3 * step, HEADER + 2 * (TITLE + tall) + LINE * (len(said) + 1.5)
-    figure = Figure(figsize=(width, height))
-    canvas = FigureCanvasAgg(figure)
+    tall = WIDE * min(max(rows / columns, 0.2), 2.0)
+    title = f"inversion of {ds.sizes.get('image', 0)} images   ·   {columns} × {rows} pixels"
+    page = Page(LEFT + 3 * STEP, 2 * (TITLE + tall) + BELOW, [title], notes=said)
     masks = dict(zip(_meanings(ds), 1 << np.arange(8), strict=False))
     flags = ds["flag"].values.astype(int)
     lost = flags & (masks.get("no_orbit", 0) | masks.get("no_data", 0)) != 0
@@ -92,25 +86,18 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
         sure = values[np.isfinite(values) & ~hatched]
         sure = sure if sure.size else values[np.isfinite(values)]
         low, high = np.percentile(sure, LIMITS) if sure.size else (1.0, 10.0)
-        scales = LogNorm(low / 1.05, high * 1.05), Normalize(0, WORST)
-        maps = values, ds[f"{name}_error"].values
-        titles = label, "standard error of its logarithm"
-        for row, (shown, norm, cmap) in enumerate(zip(maps, scales, ("plasma", "magma_r"), strict=True)):
-            left, top = MARGIN + i * step, HEADER + TITLE + row * (TITLE + tall)
-            place = (left / width, 1 - (top + tall) / height, PANEL / width, tall / height)
-            axes = figure.add_axes(place)
+        for row, (shown, norm, cmap, head) in enumerate((
+            (values, LogNorm(low / 1.05, high * 1.05), MAPS[name], label),
+            (ds[f"{name}_error"].values, Normalize(0, WORST), MAPS["error"], "standard error of its logarithm"),
+        )):  # fmt: skip
+            axes = page.picture(LEFT + i * STEP, TITLE + row * (TITLE + tall), WIDE, tall, head)
+            axes.title.set_fontsize(10 - row)
             image = axes.imshow(shown, cmap=cmap, norm=norm, aspect="auto", interpolation="nearest")
-            axes.set_title(titles[row], fontsize=10 - row, loc="left")
             _mark(axes, hatched & ~lost & (row == 0), lost)
-            bar = figure.add_axes(((left + PANEL + BAR_GAP) / width, place[1], BAR / width, place[3]))
-            _draw_bar(bar, image, row == 0)
-    count = ds.sizes.get("image", 0)
-    title = f"inversion of {count} images   ·   {columns} × {rows} pixels"
-    figure.text(MARGIN / width, 1 - 0.1 / height, title, fontsize=9, color="0.3", va="top")
-    figure.text(MARGIN / width, 0.5 * LINE / height, "\n".join(said), fontsize=8, va="bottom", linespacing=1.4)
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+            bar = page.bar(image, [axes], extend="max" if row else "neither")
+            if row == 0:
+                _few_numbers(bar.ax, image)
+    return page.finished(path, overwrite)
 
 
 def is_inversion(ds: xr.Dataset) -> bool:
@@ -133,27 +120,22 @@ def _meanings(ds: xr.Dataset) -> list[str]:
     return str(ds["flag"].attrs.get("flag_meanings", "")).split()
 
 
-def _draw_bar(axes: Axes, image: AxesImage, logarithmic: bool) -> None:
-    """A colour bar; on a logarithmic one few numbers, without powers."""
-    from matplotlib.colorbar import Colorbar
+def _few_numbers(axes: Axes, image: AxesImage) -> None:
+    """Few numbers beside a logarithmic colour bar, without powers."""
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
-    bar = Colorbar(axes, image, extend="neither" if logarithmic else "max")
-    if logarithmic:
-        low, high = image.get_clim()
-        wide = high > 20 * low
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        axes.yaxis.set_minor_locator(NullLocator())
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    bar.ax.tick_params(labelsize=8)
+    low, high = image.get_clim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 20 * low else (1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray) -> None:
     """Paint one set of pixels grey and hatch it, and paint another green."""
     from matplotlib.colors import ListedColormap
 
-    for pixels, color in ((hatched, UNSURE), (lost, LOST)):
+    for pixels, color in ((hatched, UNSURE), (lost, FAILED)):
         if pixels.any():
             overlay = np.ma.masked_where(~pixels, np.ones(pixels.shape))
             axes.imshow(overlay, cmap=ListedColormap([color]), aspect="auto", interpolation="nearest")

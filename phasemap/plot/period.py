@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable, say
-from phasemap.plot.figure import save
 from phasemap.plot.sweep import COLOURS, is_sweep
 from phasemap.plot.titles import titles
 from phasemap.results.status import Status
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["trace"]
 
 WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
-WIDTH, PANEL, LEFT, RIGHT, GAP, LINE, LEGEND, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.17, 0.3, 0.55  # [inch]
+WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.55  # [inch]
 
 
 def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
@@ -60,8 +59,9 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
     >>> [axes.get_ylabel() for axes in trace(ds, at=11e-9).axes]
     ['deflection to surface (nm)', 'force (nN)']
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    from phasemap.plot.page import Page
 
     if not is_sweep(ds) or "trace_force" not in ds:
         raise InputError("the dataset", "without traces", "a sweep with samples=256 (--samples 256)")
@@ -74,39 +74,31 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
     place = f"{ds[axis].attrs['long_name']} {say(one[axis].item(), units, 5)}"
     head = titles(ds)
     head[0] = f"{place}: {head[0]}" if head else place
-    top = 0.12 + LINE * len(head) + LEGEND
-    height = top + 2 * PANEL + GAP + AXIS
-    figure = Figure(figsize=(WIDTH, height))
-    canvas = FigureCanvasAgg(figure)
+    words = [str(name) for name in one["direction"].values]
+    states = [Status.of(int(code)) for code in one["status"].values]
+    keys = [
+        Line2D(
+            [], [], **_style(direction),
+            label=word if state is Status.good else f"{word}: {state.name.replace('_', ' ')}",
+        )
+        for direction, (word, state) in enumerate(zip(words, states, strict=True))
+    ]  # fmt: skip
+    page = Page(WIDTH, 2 * PANEL + GAP + AXIS, head, [keys], left=LEFT)
     for row, (name, label) in enumerate((("deflection", "deflection to surface"), ("force", "force"))):
-        bottom = height - top - row * (PANEL + GAP) - PANEL
-        axes = figure.add_axes((LEFT / WIDTH, bottom / height, (WIDTH - LEFT - RIGHT) / WIDTH, PANEL / height))
+        axes = page.panel(LEFT, row * (PANEL + GAP), WIDTH - LEFT - RIGHT, PANEL)
         shown = one[f"trace_{name}"].values
         unit = readable(float(np.nanmax(np.abs(shown), initial=0.0)), one[f"trace_{name}"].attrs["units"])
         axes.axhline(0, color="0.8", linewidth=0.6, zorder=1)
-        for direction, word in enumerate(str(name) for name in one["direction"].values):
-            status = Status.of(int(one["status"].values[direction]))
+        for direction in range(len(words)):
             period = np.append(shown[direction], shown[direction, :1]) / unit.size
-            axes.plot(
-                np.append(one["drive_phase"].values, 360.0), period,
-                color=COLOURS[direction], linewidth=WIDTHS[direction], alpha=0.5 if direction == 0 else 1.0,
-                label=word if status is Status.good else f"{word}: {status.name.replace('_', ' ')}",
-            )  # fmt: skip
+            axes.plot(np.append(one["drive_phase"].values, 360.0), period, **_style(direction))
         axes.set_ylabel(unit.label(label), fontsize=9)
         axes.set(xlim=(0, 360), xticks=range(0, 361, 45))
-        axes.tick_params(labelsize=8, labelbottom=row == 1)
-        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelbottom=row == 1)
     axes.set_xlabel("phase of the drive (degrees)", fontsize=9)
-    figure.align_ylabels()
-    for i, line in enumerate(head):
-        figure.text(
-            LEFT / WIDTH, 1 - (0.1 + i * LINE) / height, line, fontsize=9 - bool(i), color="0.1" if i == 0 else "0.35",
-            va="top",
-        )  # fmt: skip
-    figure.legend(
-        *axes.get_legend_handles_labels(), loc="upper left", ncols=2, fontsize=8, frameon=False, borderpad=0,
-        bbox_to_anchor=((LEFT + 0.05) / WIDTH, 1 - (top - LEGEND + 0.06) / height), borderaxespad=0,
-    )  # fmt: skip
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+    return page.finished(path, overwrite)
+
+
+def _style(direction: int) -> dict[str, Any]:
+    """How the line of a direction is drawn, the first wide and pale below the second."""
+    return {"color": COLOURS[direction], "linewidth": WIDTHS[direction], "alpha": 0.5 if direction == 0 else 1.0}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.plot.figure import draw_scale_bar, save
+from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,10 +21,9 @@ COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # o
 SURE = 1.96  # standard errors, to either side
 STYLES = ("-", "--", ":", "-.")  # of free amplitudes
 MARKERS = ("o", "s", "^", "D")
-LETTERS = 118  # in a line below
 
 # Sizes on the page [inch].
-SIDE, GAP, LEFT, MARGIN, TITLE, HEADER, AXIS, SMALL, LINE = 2.6, 0.75, 0.6, 0.35, 0.3, 0.35, 0.6, 1.9, 0.17
+SIDE, GAP, LEFT, MARGIN, TITLE, AXIS, SMALL = 2.6, 0.75, 0.6, 0.35, 0.3, 0.6, 1.9
 
 
 def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
@@ -51,38 +49,21 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
     FileError
         If `path` cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from phasemap.plot.page import Page
 
-    lines = [
-        piece
-        for word in ("verdict", "advice")
-        for line in str(ds.attrs.get(word, "")).splitlines()
-        for piece in textwrap.wrap(line, LETTERS, subsequent_indent="   ")
-    ]
+    lines = [line for word in ("verdict", "advice") for line in str(ds.attrs.get(word, "")).splitlines()]
     curves = [name for name in ("phase", "height") if f"measured_{name}" in ds]
-    width = LEFT + 3 * SIDE + 2 * GAP + MARGIN
-    height = HEADER + TITLE + SIDE + AXIS + TITLE + SMALL + AXIS + LINE * (len(lines) + 1)
-    figure = Figure(figsize=(width, height))
-    canvas = FigureCanvasAgg(figure)
-
-    def axes_at(column: int, top: float, tall: float) -> Axes:
-        left = LEFT + column * (SIDE + GAP)
-        return figure.add_axes((left / width, 1 - (top + tall) / height, SIDE / width, tall / height))
-
-    top = HEADER + TITLE
-    _draw_map(axes_at(0, top, SIDE), ds)
-    for column, name in enumerate(curves, 1):
-        _draw_curves(axes_at(column, top, SIDE), ds, name)
-    top += SIDE + AXIS + TITLE
-    for column, (name, (label, factor)) in enumerate(SHOWN.items()):
-        _draw_property(axes_at(column, top, SMALL), ds, name, label, factor)
     title = f"{ds.sizes['region']} regions in {ds.sizes['image']} images   ·   intervals of 95 %, zeros left open"
-    figure.text(LEFT / width, 1 - 0.12 / height, title, fontsize=9, color="0.3", va="top")
-    figure.text(LEFT / width, 0.5 * LINE / height, "\n".join(lines), fontsize=8, va="bottom", linespacing=1.4)
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+    page = Page(LEFT + 3 * SIDE + 2 * GAP + MARGIN, 2 * (TITLE + AXIS) + SIDE + SMALL, [title], notes=lines, left=LEFT)
+    _draw_map(page.picture(LEFT, TITLE, SIDE, SIDE, "regions"), ds)
+    for column, name in enumerate(curves, 1):
+        factor, unit = (1.0, "degrees") if name == "phase" else (1e9, "nm")
+        said = f"{'phase, less its zero' if name == 'phase' else 'height, less its zeros'} ({unit})"
+        _draw_curves(page.panel(LEFT + column * (SIDE + GAP), TITLE, SIDE, SIDE, said), ds, name, factor)
+    for column, (name, (label, factor)) in enumerate(SHOWN.items()):
+        top = TITLE + SIDE + AXIS + TITLE
+        _draw_property(page.panel(LEFT + column * (SIDE + GAP), top, SIDE, SMALL, label), ds, name, factor)
+    return page.finished(path, overwrite)
 
 
 def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
@@ -100,16 +81,13 @@ def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
         shown, cmap=ListedColormap(COLORS), vmin=-0.5, vmax=len(COLORS) - 0.5, extent=(0, wide, tall, 0),
         interpolation="nearest",
     )  # fmt: skip
-    axes.set(xticks=[], yticks=[])
     axes.set_facecolor("0.85")
-    axes.set_title("regions", fontsize=10, loc="left")
     if all(pitch):
         draw_scale_bar(axes, wide)
 
 
-def _draw_curves(axes: Axes, ds: xr.Dataset, name: str) -> None:
+def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
     """Medians of the regions with their errors, over the setpoint, and the fit."""
-    factor, unit = (1.0, "degrees") if name == "phase" else (1e9, "nm")
     amplitudes = np.unique(ds["free_amplitude"].values)
     for i in range(ds.sizes["region"]):
         color = COLORS[i % len(COLORS)]
@@ -130,13 +108,10 @@ def _draw_curves(axes: Axes, ds: xr.Dataset, name: str) -> None:
             style = MARKERS[k % len(MARKERS)] + STYLES[k % len(STYLES)]
             axes.plot([], [], style, color="0.3", markersize=4.5, linewidth=1.2, label=f"{amplitude * 1e9:.4g} nm")
         axes.legend(title="free amplitude", fontsize=8, title_fontsize=8, frameon=False)
-    said = "phase, less its zero" if name == "phase" else "height, less its zeros"
-    axes.set_title(f"{said} ({unit})", fontsize=10, loc="left")
     axes.set_xlabel("setpoint", fontsize=9)
-    _tidy(axes)
 
 
-def _draw_property(axes: Axes, ds: xr.Dataset, name: str, label: str, factor: float) -> None:
+def _draw_property(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
     """One property of all regions, on a logarithmic scale."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -160,13 +135,6 @@ def _draw_property(axes: Axes, ds: xr.Dataset, name: str, label: str, factor: fl
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 100 * low else (1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_title(label, fontsize=10, loc="left")
     axes.set(xlim=(-0.6, ds.sizes["region"] - 0.4), xticks=range(ds.sizes["region"]))
     axes.set_xticklabels([str(one) for one in ds["region"].values])
     axes.set_xlabel("region", fontsize=9)
-    _tidy(axes)
-
-
-def _tidy(axes: Axes) -> None:
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)

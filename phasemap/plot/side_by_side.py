@@ -4,36 +4,47 @@ from __future__ import annotations
 
 import os
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.comparison.words import lines_of, names_of, verdict_of
-from phasemap.plot.figure import FAILED, draw_scale_bar, length_unit, save
+from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours, given_colours, limits_of
+from phasemap.plot.figure import draw_scale_bar, length_unit
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from phasemap._shared.quantities import Scalar
+    from phasemap.plot.page import Page
+
 __all__ = ["comparison", "is_comparison"]
 
 COLOURS = ("0.15", "#D55E00")  # of the two images: black and Okabe and Ito's vermilion
-LIMITS = (0.5, 99.5)  # percentiles shown; a few outliers must not cost the contrast
 LEAST_SPAN = 0.1  # degrees
+DWARFS, MOST_SPIKES = 4.0, 6  # times as high as the other histogram; labelled at most
 FLAT, TALL = 0.25, 1.6  # height over width of the maps on the page, at least and at most
 SHORT, LONG = 12, 50  # letters of a name that have room over a map, and of a file in the head
 
 # Sizes on the page [inch].
 ROOM = 1.2  # of the name of a colour bar
-MAP, GAP, BAR_GAP, BAR, BAR_LABELS, MARGIN = 2.75, 0.14, 0.07, 0.11, 0.62, 0.25
-HEAD, TITLE, PANEL, LABELS, AXIS, LINE, KEY = 0.52, 0.24, 1.9, 0.45, 0.55, 0.185, 1.1
-WIDTH = 2 * MARGIN + 3 * MAP + GAP + 2 * (BAR_GAP + BAR + BAR_LABELS)
+MAP, GAP, BAR, MARGIN = 2.75, 0.14, 0.81, 0.25
+TITLE, PANEL, LABELS, AXIS, KEY = 0.3, 1.9, 0.45, 0.55, 1.1
+WIDTH = 2 * MARGIN + 3 * MAP + GAP + 2 * BAR
 
 
 def comparison(
-    ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False, *, row: int | None = None
+    ds: xr.Dataset,
+    path: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    *,
+    row: int | None = None,
+    vmin: Scalar | None = None,
+    vmax: Scalar | None = None,
+    cmap: str | None = None,
 ) -> Figure:
     """Draw the page of a comparison.
 
@@ -51,6 +62,10 @@ def comparison(
         Whether an existing file may be replaced.
     row : int, optional
         Along which row lines are drawn, from 0 at the top; default: the middle, or the nearest with compared pixels.
+    vmin, vmax : float, optional
+        Limits of both phases [degree].
+    cmap : str, optional
+        Colour map of both phases.
 
     Returns
     -------
@@ -72,8 +87,7 @@ def comparison(
     >>> [axes.get_title(loc="left") for axes in comparison(pm.compare(image, image)).axes[:3]]
     ['measured phase', 'simulated phase', 'residual: measured less simulated']
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from phasemap.plot.page import LINE, Page
 
     if not is_comparison(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.compare returned")
@@ -81,43 +95,27 @@ def comparison(
         row = _middle(ds)
     elif not 0 <= row < ds.sizes["y"]:
         raise InputError("row", row, f"from 0 to {ds.sizes['y'] - 1}")
+    asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
     lines = [(word, wrapped) for word, said in lines_of(ds) for wrapped, word in _wrapped(word, said, 128)]
     verdict = textwrap.wrap(verdict_of(ds), 105)
     tall = MAP * min(max(_sides(ds)[1] / _sides(ds)[0], FLAT), TALL)
-    top = HEAD + TITLE + LINE * (len(verdict) - 1)
-    below = top + tall + 0.38
-    height = below + PANEL + AXIS + LINE * (len(lines) + 1)
-    figure = Figure(figsize=(WIDTH, height))
-    canvas = FigureCanvasAgg(figure)
-
-    def axes_at(left: float, down: float, wide: float, high: float, **options: Any) -> Axes:
-        return figure.add_axes((left / WIDTH, 1 - (down + high) / height, wide / WIDTH, high / height), **options)
-
+    below = TITLE + tall + 0.38
+    words = below + PANEL + AXIS
+    page = Page(WIDTH, words + LINE * (len(lines) + 1), [*verdict, _source(ds)], titles=len(verdict))
     first, second = (_short(name, SHORT) for name in names_of(ds))
-    lefts = [MARGIN, MARGIN + MAP + GAP, MARGIN + 2 * MAP + GAP + BAR_GAP + BAR + BAR_LABELS]
-    pictures = [axes_at(left, top, MAP, tall) for left in lefts]
-    bars = [axes_at(left + MAP + BAR_GAP, top, BAR, tall) for left in lefts[1:]]
+    lefts = [MARGIN, MARGIN + MAP + GAP, MARGIN + 2 * MAP + GAP + BAR]
     titles = (f"{first} phase", f"{second} phase", f"residual: {first} less {second}")
-    _draw_maps(pictures, bars, ds, titles, row)
-    _draw_histograms(axes_at(MARGIN + LABELS, below, MAP - LABELS, PANEL), ds, (first, second))
+    pictures = [page.picture(left, TITLE, MAP, tall, title) for left, title in zip(lefts, titles, strict=True)]
+    _draw_maps(page, pictures, ds, row, asked)
+    _draw_histograms(page.panel(MARGIN + LABELS, below, MAP - LABELS, PANEL), ds, (first, second))
     left = MARGIN + MAP + GAP + 0.5
     wide, share = WIDTH - left - MARGIN - 0.1, 0.6 * PANEL
-    profile = axes_at(left, below, wide, share)
-    _draw_profiles(profile, axes_at(left, below + share + 0.08, wide, PANEL - share - 0.08, sharex=profile), ds, row)
-    figure.align_ylabels()
-
-    def write(left: float, down: float, text: str, **style: Any) -> None:
-        figure.text(left / WIDTH, 1 - down / height, text, va="top", **style)
-
-    write(MARGIN, 0.1, "\n".join(verdict), fontsize=10.5, fontweight="bold", color="0.1", linespacing=1.25)
-    write(MARGIN, 0.1 + LINE * len(verdict) + 0.06, _source(ds), fontsize=8, color="0.4")
+    profile = page.panel(left, below, wide, share)
+    _draw_profiles(profile, page.panel(left, below + share + 0.08, wide, PANEL - share - 0.08, sharex=profile), ds, row)
     for i, (word, said) in enumerate(lines):
-        down = below + PANEL + AXIS + LINE * i
-        write(MARGIN, down, word, fontsize=8.5, color="0.4")
-        write(MARGIN + KEY, down, said, fontsize=8.5, color="0.1")
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+        page.write(MARGIN, words + LINE * i, word, color="0.4")
+        page.write(MARGIN + KEY, words + LINE * i, said, color="0.1")
+    return page.finished(path, overwrite)
 
 
 def is_comparison(ds: xr.Dataset) -> bool:
@@ -156,58 +154,67 @@ def _sides(ds: xr.Dataset) -> tuple[float, float]:
     return width, height
 
 
-def _limits(*maps: xr.DataArray) -> tuple[float, float]:
-    """The percentiles shown of all maps."""
-    low, high = np.nanpercentile(np.concatenate([one.values.ravel() for one in maps]), LIMITS)
+def _limits(ds: xr.Dataset, asked: Colours = CHOSEN) -> tuple[float, float]:
+    """The range of both phases that is shown."""
+    low, high = limits_of(np.stack([ds["measured"].values, ds["simulated"].values]))
     spare = max(LEAST_SPAN - (high - low), 0.04 * (high - low)) / 2
-    return float(low - spare), float(high + spare)
+    return low - spare if asked.vmin is None else asked.vmin, high + spare if asked.vmax is None else asked.vmax
 
 
-def _draw_maps(pictures: list[Axes], bars: list[Axes], ds: xr.Dataset, titles: tuple[str, ...], row: int) -> None:
+def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked: Colours) -> None:
     """Both phases and the residual, with a colour bar for the former and one for the latter."""
     import matplotlib
-    from matplotlib.colorbar import Colorbar
     from matplotlib.colors import Normalize
 
     width, tall = _sides(ds)
-    low, high = _limits(ds["measured"], ds["simulated"])
+    low, high = _limits(ds, asked)
     phase, rest = Normalize(low, high), Normalize(-(high - low) / 2, (high - low) / 2)
-    styles = (("measured", "cividis", phase), ("simulated", "cividis", phase), ("residual", "coolwarm", rest))
+    colours = asked.cmap or MAPS["phase"]
+    styles = (("measured", colours, phase), ("simulated", colours, phase), ("residual", MAPS["residual"], rest))
     at = (row + 0.5) / ds.sizes["y"] * tall
-    roomy = bars[0].get_window_extent().height > ROOM * bars[0].figure.dpi
-    for axes, (name, colours, norm), title in zip(pictures, styles, titles, strict=True):
-        cmap = matplotlib.colormaps[colours].with_extremes(bad=FAILED)
+    roomy = pictures[0].get_window_extent().height > ROOM * page.dpi
+    for axes, (name, cmap, norm) in zip(pictures, styles, strict=True):
         image = axes.imshow(
-            np.ma.masked_invalid(ds[name].values), cmap=cmap, norm=norm, extent=(0, width, tall, 0), aspect="auto",
+            np.ma.masked_invalid(ds[name].values), cmap=matplotlib.colormaps[cmap].with_extremes(bad=FAILED),
+            norm=norm, extent=(0, width, tall, 0), aspect="auto",
             interpolation="nearest" if ds["label"].values.min() < 0 else None,
         )  # fmt: skip
-        axes.set_title(title, fontsize=10, loc="left", pad=4)
-        axes.set(xticks=[], yticks=[])
         for side, mark in ((0.0, ">"), (width, "<")):
             axes.plot(side, at, mark, color="0.15", markersize=4.5, clip_on=False, scalex=False, scaley=False)
         draw_scale_bar(axes, width)
         if name != "measured":
-            bar = Colorbar(bars[name == "residual"], image)
             what = "phase (degrees)" if name == "simulated" else "residual (degrees)"
-            bar.set_label(what if roomy else "degrees", fontsize=8.5)
-            bar.ax.tick_params(labelsize=8)
+            page.bar(image, [axes], what if roomy else "degrees")
 
 
 def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None:
-    """How often each phase occurs in either image."""
-    edges = np.linspace(*_limits(ds["measured"], ds["simulated"]), 90)
+    """How often each phase occurs in either image; a spike that dwarfs the other runs out, and is labelled."""
+    edges = np.linspace(*_limits(ds), 90)
+    shares = []
     for name, called, colour in zip(("measured", "simulated"), names, COLOURS, strict=True):
         values = ds[name].values[np.isfinite(ds[name].values)]
-        counts = 100 * np.histogram(values, edges)[0] / len(values)
-        axes.stairs(counts, edges, color=colour, linewidth=1.2, label=called)
-        axes.stairs(counts, edges, color=colour, fill=True, alpha=0.15)
+        shares.append(100 * np.histogram(values, edges)[0] / len(values))
+        axes.stairs(shares[-1], edges, color=colour, linewidth=1.2, label=called)
+        axes.stairs(shares[-1], edges, color=colour, fill=True, alpha=0.15)
+    low, high = sorted(float(share.max()) for share in shares)
+    top = 2 * low if high > DWARFS * low > 0 else high or 1.0
+    spikes = [
+        (share[k], edges[k + 1], c) for share, c in zip(shares, COLOURS, strict=True) for k in np.where(share > top)[0]
+    ]
+    for n, (share, x, colour) in enumerate(spikes[:MOST_SPIKES]):
+        axes.annotate(
+            f"{share:.0f} %", (x, top), xytext=(2, -10 * n), textcoords="offset points", color=colour, fontsize=7.5,
+            va="top",
+        )  # fmt: skip
     axes.set_xlim(edges[0], edges[-1])
-    axes.set_ylim(0, 1.18 * axes.get_ylim()[1])  # room for the legend
-    axes.set_xlabel("phase (degrees)", fontsize=8.5)
+    axes.set_ylim(0, 1.05 * top)
+    zero = float(ds["offset"])
+    shifted = f", 0 is {zero:.4g} as recorded" if zero else ""
+    axes.set_xlabel(f"phase (degrees){shifted}", fontsize=8.5)
     axes.set_ylabel("share of pixels (%)", fontsize=8.5)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=8, frameon=False, ncols=2, loc="upper left", borderaxespad=0, handlelength=1.4)
+    axes.legend(
+        fontsize=8, frameon=False, ncols=2, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.1, handlelength=1.4
+    )
 
 
 def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
@@ -227,8 +234,6 @@ def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
     phase.tick_params(labelbottom=False)
     phase.set_xlim(x[0], x[-1])
     for axes in (phase, height):
-        axes.tick_params(labelsize=8)
-        axes.spines[["top", "right"]].set_visible(False)
         axes.margins(y=0.08)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +11,9 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
-from phasemap.plot.figure import describe_failures, describe_irregular, save
 from phasemap.plot.sweep_axis import Sweep
 from phasemap.plot.titles import titles
+from phasemap.results.words import describe_failures, describe_irregular
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +34,7 @@ MARGIN = 0.05
 KEYS = 5  # of the legend, in a row
 
 # Sizes on the page [inch].
-WIDTH, PANEL, LEFT, RIGHT, GAP, LINE, LEGEND, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.17, 0.3, 0.55
+WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.6
 
 
 def curve(
@@ -83,47 +82,25 @@ def curve(
     >>> [axes.get_ylabel() for axes in curve(ds, quantities=["phase", "peak_force"]).axes]
     ['phase (degrees)', 'peak force (nN)']
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from phasemap.plot.page import Page
 
     names = _check(ds, quantities)
     sweep = Sweep.of(ds)
-    head = titles(ds)
-    notes = [part for line in _notes(sweep) for part in textwrap.wrap(line, 105, subsequent_indent="   ")]
     keys = _keys(sweep)
-    rows_of_keys = -(-len(keys) // KEYS)
-    top = 0.12 + LINE * (len(head) + rows_of_keys - 1) + LEGEND
-    height = top + len(names) * (PANEL + GAP) - GAP + AXIS + LINE * (len(notes) + 0.5 * bool(notes))
-    figure = Figure(figsize=(WIDTH, height))
-    canvas = FigureCanvasAgg(figure)
+    rows = -(-len(keys) // KEYS)
+    wide = -(-len(keys) // rows)
+    legend = [keys[i : i + wide] for i in range(0, len(keys), wide)]
+    page = Page(WIDTH, len(names) * (PANEL + GAP) - GAP + AXIS, titles(ds), legend, _notes(sweep), left=LEFT)
     first: Axes | None = None
     for row, name in enumerate(names):
-        bottom = height - top - row * (PANEL + GAP) - PANEL
-        place = (LEFT / WIDTH, bottom / height, (WIDTH - LEFT - RIGHT) / WIDTH, PANEL / height)
-        axes = figure.add_axes(place, sharex=first)
+        axes = page.place(LEFT, row * (PANEL + GAP), WIDTH - LEFT - RIGHT, PANEL, sharex=first)
         if first is None:
             first = axes
             _scale_axis(axes, sweep)
         _draw_panel(axes, sweep, name)
-        axes.tick_params(labelsize=8, labelbottom=row == len(names) - 1)
+        axes.tick_params(labelbottom=row == len(names) - 1)
     axes.set_xlabel(sweep.unit.label(str(ds[sweep.axis].attrs.get("long_name", sweep.axis))), fontsize=9)
-    figure.align_ylabels()
-    for i, line in enumerate(head):
-        figure.text(
-            LEFT / WIDTH, 1 - (0.1 + i * LINE) / height, line, fontsize=9 - bool(i), color="0.1" if i == 0 else "0.35",
-            va="top",
-        )  # fmt: skip
-    figure.legend(
-        handles=keys, loc="upper left", ncols=-(-len(keys) // rows_of_keys), fontsize=8, frameon=False, borderpad=0,
-        bbox_to_anchor=((LEFT + 0.05) / WIDTH, 1 - (0.18 + LINE * len(head)) / height), borderaxespad=0,
-        handlelength=2.2, columnspacing=1.4,
-    )  # fmt: skip
-    if notes:
-        lines = "\n".join(notes)
-        figure.text(0.15 / WIDTH, 0.5 * LINE / height, lines, fontsize=8, color="0.25", va="bottom", linespacing=1.4)
-    if path is not None:
-        save(canvas, path, overwrite)
-    return figure
+    return page.finished(path, overwrite)
 
 
 def is_sweep(ds: xr.Dataset) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.units import ELECTRONVOLT
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
 from phasemap.experiment.microscope import Microscope, Mode
@@ -21,7 +22,6 @@ __all__ = ["CHANNELS", "Channel", "Motion", "motion_of"]
 
 Array = NDArray[np.float64]
 
-ELECTRONVOLT = 1.602176634e-19  # [J]
 FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is not a contact to divide by
 
 

@@ -11,7 +11,7 @@ class Status(Enum):
     good = "A stable orbit, or irregular motion whose mean amplitude and phase are steady."
     no_stable_orbit = (
         "No stable orbit holds this setpoint, or is left here: the amplitude jumps across it. "
-        "Change the setpoint or the free amplitude."
+        "Raise the free amplitude, or take another setpoint."
     )
     not_converged = (
         "The solver did not converge. An image can be had with solver='march'; please report the parameters."

@@ -34,6 +34,7 @@ from typing import Any
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, InputErrors
+from phasemap._shared.notices import untold
 from phasemap._shared.plausible import once
 from phasemap._shared.units import UDUNITS
 from phasemap.scenes.keys import unit_of
@@ -355,7 +356,8 @@ def _make(job: tuple[int, Table, Path], folder: Path, form: Form) -> Path:
     with _named(sample):
         scene = scene_from_tables(tables, folder)
         _check_form(scene, form)
-        image = scene.simulate(threads=1)
+        with untold():  # status is in the file, and counted when all are done
+            image = scene.simulate(threads=1)
     image.attrs = {
         name: value for name, value in image.attrs.items() if isinstance(value, (int, float)) and name != "seconds"
     }

@@ -34,6 +34,7 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
+from phasemap._shared.notices import untold
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
 from phasemap.experiment.material import Material
@@ -239,9 +240,9 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
 
     check_keys("[surface]", table, ("file", "materials", "height", "phase"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
-    image = one_scan(
-        read_image(files.find("file", table["file"]), height=table.get("height"), phase=table.get("phase"))
-    )
+    with untold():  # who made the scene was told
+        image = read_image(files.find("file", table["file"]), height=table.get("height"), phase=table.get("phase"))
+    image = one_scan(image)
     labels = segment_phase(image["phase"].values, len(chosen))
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
     return Surface.from_labels(

@@ -12,6 +12,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import question
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -59,6 +60,9 @@ class Work:
         return np.where(solvable, col.GOOD, np.where(creates, col.CREATES_ENERGY, col.INVALID)).astype(np.int8)
 
 
+LEAST_USUAL = 0.01  # setpoint that anybody works with; an amplitude in metres is far below
+
+
 def check_setpoint(setpoint: object) -> float:
     """Return the setpoint as a float.
 
@@ -68,10 +72,12 @@ def check_setpoint(setpoint: object) -> float:
         If it is not a number between 0 and 1.
     """
     try:
-        return number("setpoint", setpoint, "1", above=0, below=1)
+        found = number("setpoint", setpoint, "1", above=0, below=1)
     except InputError:
         allowed = "a number above 0 and below 1 (the amplitude over the free amplitude at the drive frequency)"
         raise InputError("setpoint", setpoint, allowed) from None
+    question("setpoint, a share of the free amplitude,", found, "1", (LEAST_USUAL, 1.0))
+    return found
 
 
 def work_of(

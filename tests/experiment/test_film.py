@@ -100,7 +100,8 @@ def test_the_attraction_of_a_cone_is_the_sum_over_its_face() -> None:
 def test_thinner_films_are_stiffer_in_images_sweeps_and_single_pixels() -> None:
     thickness = np.array([[2e-9, 5e-9, 20e-9, math.inf]])
     film = pm.Surface(0.3e9, 0.05, 0.02, poisson_ratio=0.45, thickness=thickness, pixel_size=1e-9)
-    image = pm.simulate(film, SCOPE, 0.7, solver="averaging")
+    with pytest.warns(pm.ResultWarning, match=r"of the film's thickness; above 0\.3 of it strains are too large"):
+        image = pm.simulate(film, SCOPE, 0.7, solver="averaging")
     phases = image.phase.values[0]
     assert (np.diff(phases) < 0).all() and (np.diff(image.indentation.values[0]) > 0).all()
     half_space = pm.simulate(
@@ -112,8 +113,8 @@ def test_thinner_films_are_stiffer_in_images_sweeps_and_single_pixels() -> None:
         one = pm.Material(0.3e9, 0.05, 0.02, poisson_ratio=0.45, thickness=h)
         assert pm.solve_pixel(one, SCOPE, 0.7, solver="averaging").phase == phase
     assert image.thickness.values.tolist() == thickness.tolist()
-    said = "\n".join(describe_validity(image))
-    assert "of 4 pixels" in said and "of the film's thickness; above 0.3 of it strains are too large" in said
+    blunt = image.assign_attrs(configuration=image.configuration.replace('"radius": 1e-08', '"radius": 1e-06'))
+    assert any("times the film's thickness; the law of the film is good to 1 %" in s for s in describe_validity(blunt))
 
 
 def test_a_surface_keeps_its_thickness() -> None:
@@ -131,7 +132,7 @@ def test_a_surface_keeps_its_thickness() -> None:
 
 
 def test_a_scene_gives_the_thickness_as_a_map_and_a_law_with_its_parameters(tmp_path: Path) -> None:
-    np.save(tmp_path / "wedge.npy", np.linspace(2e-9, 20e-9, 4)[None])
+    np.save(tmp_path / "wedge.npy", np.linspace(10e-9, 40e-9, 4)[None])
     (tmp_path / "film.toml").write_text(
         """scan = { setpoint = 0.7, solver = "averaging" }
         cantilever = { stiffness = 40, resonance_frequency = "300 kHz", quality_factor = 400 }

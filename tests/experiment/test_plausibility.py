@@ -126,6 +126,14 @@ def test_contact_over_more_than_half_of_the_period_is_counted() -> None:
     assert line.startswith("2 of 4 pixels (50 %): the tip is in contact for more than half of each period")
 
 
+def test_a_setpoint_that_is_an_amplitude_is_questioned() -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    with pytest.warns(
+        pm.PlausibilityWarning, match=r"^setpoint, a share of the free amplitude, = 1\.4e-08; usual 0\.01"
+    ):
+        pm.solve_pixel(pm.Material(1e9), scope, 14e-9)
+
+
 # A soft lever in liquid over a sticky polymer. The advice is followed: nothing fails then.
 def test_a_lever_too_soft_for_the_adhesion_is_told_of_sticking_and_the_advice_cures_it() -> None:
     def taken(amplitude: float) -> xr.Dataset:

@@ -62,6 +62,14 @@ def test_the_image_of_a_setting_is_the_one_that_the_scene_has_with_these_values(
     np.testing.assert_allclose(picture.height, heights, rtol=1e-6, atol=1e-6)
 
 
+def test_edges_as_wide_as_the_tip_are_in_the_image_and_the_page_says_that_it_shows_them_sharp() -> None:
+    overrides = [SMALL, "surface.seen_by_tip=true"]
+    moved = Setting.of(subject_of(STEP, overrides=overrides), {"setpoint": 0.6})
+    xr.testing.assert_equal(answers.image(moved), load_scene(STEP, [*overrides, "scan.setpoint=0.6"]).simulate())
+    assert moved.subject.blurred and not moved.subject.plain
+    assert len(np.unique(answers.picture(moved).phase)) == 2 < len(np.unique(answers.image(moved).phase))
+
+
 def test_exact_orbits_are_solved_where_they_are_asked_for() -> None:
     assert {found.solver for found in shown(step(exact=True))} <= {"orbit", "corrected"}
     assert answers.image(step(exact=True)).attrs["configuration"].count('"solver": "orbit"') == 1

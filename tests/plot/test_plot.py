@@ -13,9 +13,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from phasemap._shared.errors import FileError, InputError
+from phasemap.cli import main
 from phasemap.plot import describe_failures, describe_flags, plot
-from phasemap.plot.figure import FAILED
-from phasemap.plot.images import describe_irregular
+from phasemap.plot.colours import FAILED
+from phasemap.results.words import describe_irregular
 
 
 def image(
@@ -66,14 +67,63 @@ def test_pixels_that_are_not_square_keep_their_proportions() -> None:
     assert box.width == pytest.approx(box.height, rel=1e-6)
 
 
+@pytest.mark.parametrize(("low", "high"), [(20, 35), (-35, -20), (-30, 38), (-0.5, 38)])
+def test_the_phase_has_the_same_colours_whatever_its_sign_and_0_is_marked(low: float, high: float) -> None:
+    figure = plot(image(low, high))
+    assert figure.axes[3].images[0].get_cmap().name == "cividis"
+    assert any(list(line.get_ydata()) == [0, 0] for line in figure.axes[4].lines) == (low < 0 < high)
+
+
+def test_limits_and_colours_may_be_given_by_name_and_with_units(tmp_path: Path) -> None:
+    figure = plot(image(), vmin={"phase": -30, "height": "0 nm"}, vmax={"phase": 60, "height": "5 nm"}, cmap="gray")
+    shown = [figure.axes[i].images[0] for i in (0, 3)]
+    assert [one.get_clim() for one in shown] == [pytest.approx((0, 5)), (-30, 60)]
+    assert [one.get_cmap().name for one in shown] == ["afmhot", "gray"]
+    image().to_netcdf(tmp_path / "image.nc")
+    command = ["plot", str(tmp_path / "image.nc"), "--vmin", "phase=-30", "--vmax", "60 degrees"]
+    assert main([*command, "--cmap", "height=gray"]) == 0
+
+
 @pytest.mark.parametrize(
-    ("low", "high", "cmap"), [(20, 35, "cividis"), (-35, -20, "cividis"), (-30, 38, "coolwarm"), (-0.5, 38, "cividis")]
+    ("given", "said"),
+    [
+        ({"vmin": 50.0, "vmax": 20.0}, "vmin of phase is 50.0; allowed: a number below vmax, which is 20"),
+        ({"cmap": "jett"}, "a colour map of matplotlib"),
+        ({"vmax": {"phas": 3}}, "Did you mean 'phase'"),
+        ({"vmin": "3 nm"}, "an angle such as"),
+    ],
 )
-def test_the_phase_is_diverging_only_where_both_regimes_occur(low: float, high: float, cmap: str) -> None:
-    shown = plot(image(low, high)).axes[3].images[0]
-    assert shown.get_cmap().name == cmap
-    if cmap == "coolwarm":
-        assert shown.get_clim() == pytest.approx((-1.08 * 38, 1.08 * 38))
+def test_limits_that_cannot_be_are_refused(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        plot(image(), **given)
+
+
+def test_one_variable_may_be_drawn_and_what_is_no_image_is_named() -> None:
+    assert [axes.get_title(loc="left") for axes in plot(image().phase).axes if axes.images] == ["Phase"]
+    with pytest.raises(InputError, match="what is drawn is 'a ndarray'"):
+        plot(image().phase.values)  # type: ignore[arg-type]
+
+
+def test_a_notebook_shows_the_picture() -> None:
+    assert plot(image())._repr_png_()[1:4] == b"PNG"
+
+
+def test_images_at_several_setpoints_take_a_row_each() -> None:
+    ds = xr.concat([image(20, 35), image(25, 30)], xr.Variable("setpoint", [0.8, 0.6]))
+    titles = [axes.get_title(loc="left") for axes in plot(ds).axes]
+    assert [title for title in titles if title] == [
+        f"{name}, setpoint {value}" for value in (0.8, 0.6) for name in ("Height", "Phase")
+    ]
+
+
+def test_a_measured_image_is_drawn_without_its_tilt() -> None:
+    ds = image()
+    tilted = ds.assign(height=ds["height"] + 1e-9 * np.arange(64))
+    figure = plot(tilted.assign_attrs(channels="{}"))
+    flat = figure.axes[0].images[0].get_array()
+    assert figure.axes[1].get_ylabel() == "height, levelled (nm)" and np.ptp(np.asarray(flat).mean(axis=0)) < 2.5
+    raw = plot(tilted).axes[0].images[0].get_array()
+    assert np.ptp(np.asarray(raw).mean(axis=0)) > 60
 
 
 def test_a_few_outliers_do_not_cost_the_contrast() -> None:

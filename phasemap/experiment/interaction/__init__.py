@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from phasemap._kernels.columns import BIAS, RELEASE
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
+from phasemap._shared.shown import Shown
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.cone import Cone
 from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz, LinearSpring, Neck
@@ -35,8 +36,8 @@ __all__ = [
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of one's own law is tried before work starts
 
 
-@dataclass(frozen=True)
-class Interaction:
+@dataclass(frozen=True, repr=False)
+class Interaction(Shown):
     """Which laws act between tip and surface.
 
     Parameters

@@ -163,7 +163,7 @@ function drawImages() {
   }
   const notes = shown.materials ? [] : [...shown.failed]; // the words say it of each material
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
-  if (about.control) notes.push(shown.materials ? "Shown is each pixel engaged anew from far." : "Shown is the trace as the scene takes it, until a slider moves.");
+  if (about.control) notes.push(shown.materials ? `Shown is each pixel engaged anew from far${about.sharp ? ", with sharp edges" : ""}.` : "Shown is the trace as the scene takes it, until a slider moves.");
   $("note").textContent = notes.join(" ");
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from phasemap._shared.shown import preformatted
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 
@@ -16,7 +17,7 @@ SHOWN = {"Pa": ("GPa", 1e-9), "m": ("nm", 1e9), "J m-2": ("J/m²", 1.0), "N m-1"
 STRONG = 0.9  # correlations above it are worth a line
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """What a measured curve says about a material; `print` it for a report.
 
@@ -63,6 +64,16 @@ class Fit:
     curve: xr.Dataset
     starts: int
     evaluations: int
+
+    def __repr__(self) -> str:
+        """The values, and whether to believe them."""
+        said = ", ".join(
+            f"{name} {shown(one, self.errors[name], self.units[name])}" for name, one in self.values.items()
+        )
+        return f"Fit({'good' if self.good else 'doubtful'}: {said})"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def __str__(self) -> str:
         """A report with units."""

@@ -26,7 +26,7 @@ from phasemap.sweeps.contrasts.channels import derived
 from phasemap.sweeps.contrasts.dataset import DIMS, record
 from phasemap.sweeps.contrasts.edges import borders
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
-from phasemap.sweeps.contrasts.recommendation import choose
+from phasemap.sweeps.contrasts.recommendation import RULE, choose
 from phasemap.sweeps.sweep import check_axis
 
 if TYPE_CHECKING:
@@ -102,8 +102,9 @@ def contrast(
         neighbours of the map, with exact orbits (with averaged ones if `solver` is "averaging"); what happens twice
         between two neighbours can be missed.
 
-        Attributes `recommendation`, a sentence, and `best_setpoint`, `best_free_amplitude`, `best_frequency` and
-        `best_contrast`: the point to work at (see Notes), NaN if no point holds both materials.
+        Attributes `recommendation`, a sentence, `recommendation_rule`, another, and `best_setpoint`,
+        `best_free_amplitude`, `best_frequency` and `best_contrast`: the point to work at (see Notes),
+        NaN if no point holds both materials.
 
     Raises
     ------
@@ -134,7 +135,8 @@ def contrast(
     started = time.perf_counter()
     for name, material in (("first", first), ("second", second)):
         if not isinstance(material, Material):
-            raise InputError(name, material, "a Material")
+            hint = "The order is contrast(first, second, scope, setpoints)."
+            raise InputError(name, f"a {type(material).__name__}", "a Material", hint)
     accuracy = Accuracy() if accuracy is None else accuracy
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
@@ -182,7 +184,7 @@ def contrast(
         "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
     }  # fmt: skip
     found.attrs.update(provenance(configuration, "contrast mapped"))
-    found.attrs["recommendation"] = choice.sentence
+    found.attrs.update(recommendation=choice.sentence, recommendation_rule=RULE)
     found.attrs.update(best)
     found.attrs["seconds"] = round(time.perf_counter() - started, 6)
     return found

@@ -31,6 +31,10 @@ Array = np.ndarray
 MARGIN = 0.03  # in setpoint: a feedback that scans lets the amplitude err by a few percent
 SHARE = 0.9  # of the largest contrast: what is left is not worth tapping harder
 NOTABLE, AMPLE = 0.5, 30.0  # contrasts [degree] that barely stand out of the noise of a phase image, and by far
+RULE = (
+    f"Recommended is where the tip indents least among points away from jumps with a contrast of {AMPLE:g} degrees, or "
+    f"{100 * SHARE:.0f} % of the largest where that is less."
+)
 
 
 class Choice(NamedTuple):

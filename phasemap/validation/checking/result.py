@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.shown import preformatted
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -47,7 +49,7 @@ class Claim:
     worst: tuple[tuple[int, int, int], ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Check:
     """What `phasemap.check` found.
 
@@ -76,6 +78,13 @@ class Check:
         left = sum(claim.result == OPEN for claim in self.claims)
         said = f"{len(self.claims) - left} claims hold, none fails"
         return said + (f"; {left} could not be judged." if left else ".")
+
+    def __repr__(self) -> str:
+        """The verdict."""
+        return f"Check({self.verdict})"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def __str__(self) -> str:
         """The table of claims, and the verdict."""

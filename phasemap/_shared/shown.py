@@ -1,0 +1,97 @@
+"""How value objects show themselves: as short Python, and in a notebook as a table with units."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, fields
+from typing import Any, ClassVar
+
+from phasemap._shared.fields import Number
+from phasemap._shared.units import UDUNITS, say
+
+__all__ = ["Shown", "preformatted", "table"]
+
+
+class Shown:
+    """A dataclass that says only what is not the default; it has to be declared with ``repr=False``.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, repr=False)
+    ... class Ball(Shown):
+    ...     modulus: Number[float] = Number("Pa", 3e9)
+    ...     radius: Number[float | None] = Number("m", None)
+    >>> Ball(), Ball(70e9)
+    (Ball(), Ball(modulus=7e+10))
+    >>> Ball(70e9)._repr_html_()
+    '<table><caption>Ball</caption><tr><th>modulus</th><td>70 GPa</td></tr></table>'
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    def __repr__(self) -> str:
+        """As Python would have it, without what is the default."""
+        said = ", ".join(f"{field.name}={_python(getattr(self, field.name))}" for field in _given(self))
+        return f"{type(self).__name__}({said})"
+
+    def _repr_html_(self) -> str:
+        """A table of everything that is set, with units."""
+        return table(type(self).__name__, dict(_rows(self)))
+
+
+def table(caption: str, rows: Mapping[str, str]) -> str:
+    """A table of two columns in HTML.
+
+    Parameters
+    ----------
+    caption : str
+    rows : mapping of str to str
+        What is said of each name, in HTML.
+
+    Examples
+    --------
+    >>> table("Pixel", {"phase": "45 degrees"})
+    '<table><caption>Pixel</caption><tr><th>phase</th><td>45 degrees</td></tr></table>'
+    """
+    lines = (f"<tr><th>{html.escape(name)}</th><td>{text}</td></tr>" for name, text in rows.items())
+    return f"<table><caption>{html.escape(caption)}</caption>{''.join(lines)}</table>"
+
+
+def preformatted(text: str) -> str:
+    """Text with its line breaks, in HTML.
+
+    Examples
+    --------
+    >>> preformatted("a < b")
+    '<pre>a &lt; b</pre>'
+    """
+    return f"<pre>{html.escape(text)}</pre>"
+
+
+def _given(thing: Shown) -> list[Field[Any]]:
+    """The fields that are not as they are without a word."""
+    every = [field for field in fields(thing) if field.init]
+    return [field for field in every if field.default is MISSING or getattr(thing, field.name) != field.default]
+
+
+def _python(value: object) -> str:
+    """A value as Python writes it, numbers without many zeros."""
+    short = f"{value:g}" if isinstance(value, float) else ""
+    return short if "e" in short and float(short) == value else repr(value)
+
+
+def _rows(thing: Shown) -> Iterator[tuple[str, str]]:
+    """What is set, in words."""
+    for field in fields(thing):
+        value = getattr(thing, field.name)
+        if not field.init or (value is None and field.default is None):
+            continue
+        number = vars(type(thing)).get(field.name)
+        said = "none" if value is None else html.escape(str(value))
+        if isinstance(number, Number) and value is not None:
+            said = say(value, UDUNITS.get(number.unit, number.unit), 6)
+        elif hasattr(value, "_repr_html_"):
+            said = value._repr_html_()
+        yield field.name.replace("_", " "), said

@@ -1,0 +1,54 @@
+"""What commands that draw maps are told of their colours: ``--vmin``, ``--vmax`` and ``--cmap``."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+__all__ = ["add_colours", "colours_of"]
+
+NAMES = ("vmin", "vmax", "cmap")
+
+
+def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
+    """Declare the arguments.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Of a command.
+    of : str
+        What limits and colour map belong to.
+    example : str
+        Of a limit.
+    """
+    parser.add_argument("--vmin", metavar="VALUE", help=f"of {of}: where colours begin, such as {example}")
+    parser.add_argument("--vmax", metavar="VALUE", help=f"of {of}: where they end")
+    parser.add_argument("--cmap", metavar="NAME", help=f"of {of}: colour map of matplotlib, such as gray")
+
+
+def colours_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What was given, by the arguments of `phasemap.plot.plot`; of several variables by name.
+
+    Examples
+    --------
+    >>> colours_of(argparse.Namespace(vmin="-30", vmax="height=5 nm,phase=60", cmap=None))
+    {'vmin': -30.0, 'vmax': {'height': '5 nm', 'phase': 60.0}, 'cmap': None}
+    """
+    return {name: _by_name(getattr(arguments, name)) for name in NAMES}
+
+
+def _by_name(text: str | None) -> float | str | dict[str, float | str] | None:
+    """A number, text, or what is said of each name."""
+    if text is None or "=" not in text:
+        return text if text is None else _value(text)
+    parts = [part.partition("=") for part in text.split(",")]
+    return {name.strip(): _value(value.strip()) for name, _, value in parts}
+
+
+def _value(text: str) -> float | str:
+    """A plain number as one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

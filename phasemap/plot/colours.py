@@ -1,0 +1,197 @@
+"""How values turn into colours: one colour map for one quantity in every picture, and limits that may be given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._shared.checks import check_choice, number
+from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import KINDS
+from phasemap._shared.units import readable
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.colors import Colormap, Normalize
+
+    from phasemap._shared.quantities import Scalar
+
+    Given = Scalar | Mapping[str, Scalar] | None
+
+__all__ = ["CHOSEN", "FAILED", "MAPS", "Colours", "Scale", "given_colours", "limits_of", "scale_of", "units_of"]
+
+MAPS = {
+    "height": "afmhot", "phase": "cividis", "amplitude_error": "gray", "contrast": "coolwarm", "residual": "coolwarm",
+    "modulus": "plasma", "adhesion": "plasma", "damping": "plasma", "error": "magma_r",
+}  # fmt: skip
+"""The colour map of a quantity, wherever it is drawn; differences have one that is grey at 0."""
+OTHERS = "viridis"
+FAILED = "#00e646"  # green is in none of them
+SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast
+MARGIN = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
+UNITS = {"height": "m", "phase": "degree", "amplitude_error": "m"}  # where a variable does not say
+LEAST = {"phase": 1.0, "amplitude_error": 2e-13}  # ranges shown at least, not to blow up last digits [degree, m]
+
+
+@dataclass(frozen=True)
+class Colours:
+    """What a picture was asked for: limits and the colour map of a quantity, None where it chooses."""
+
+    vmin: float | None = None
+    vmax: float | None = None
+    cmap: str | None = None
+
+
+CHOSEN = Colours()
+"""Nothing was asked for."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How the values of one quantity turn into colours.
+
+    Parameters
+    ----------
+    label : str
+        Of axes and colour bars, with the unit.
+    factor, offset : float
+        What is shown is the value less the offset, times the factor.
+    low, high : float
+        Limits of what is shown.
+    name : str
+        Of the colour map.
+    """
+
+    label: str
+    factor: float
+    offset: float
+    low: float
+    high: float
+    name: str
+
+    @property
+    def cmap(self) -> Colormap:
+        """Green where there is no value."""
+        import matplotlib
+
+        return matplotlib.colormaps[self.name].with_extremes(bad=FAILED)
+
+    @property
+    def norm(self) -> Normalize:
+        """From values that are shown to colours."""
+        from matplotlib.colors import Normalize
+
+        return Normalize(self.low, self.high)
+
+    def shown(self, values: np.ndarray) -> np.ndarray:
+        """Values as they are shown."""
+        scaled: np.ndarray = (values - self.offset) * self.factor
+        return scaled
+
+
+def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:
+    """Check limits and colour maps that were asked for.
+
+    Parameters
+    ----------
+    vmin, vmax : float or text, or mapping of str to these
+        In SI units or with a unit. One alone is of the phase, or of the first variable where there is no phase.
+    cmap : str, or mapping of str to str
+        Likewise, names of colour maps of matplotlib.
+    variables : mapping of str to str
+        What is drawn, with its units.
+
+    Returns
+    -------
+    dict of str to Colours
+
+    Raises
+    ------
+    InputError
+        If a variable is not drawn, or a limit or a colour map is none.
+
+    Examples
+    --------
+    >>> given_colours({"height": "2 nm"}, 60, None, {"height": "m", "phase": "degree"})["phase"].vmax
+    60.0
+    """
+    import matplotlib
+
+    asked: dict[str, dict[str, Any]] = {name: {} for name in variables}
+    first = "phase" if "phase" in variables else next(iter(variables))
+    for what, given in (("vmin", vmin), ("vmax", vmax), ("cmap", cmap)):
+        if given is None:
+            continue
+        for name, value in (given if isinstance(given, Mapping) else {first: given}).items():
+            check_choice(what, name, variables)
+            if what != "cmap":
+                unit = variables[name]
+                value = number(f"{what} of {name}", value, unit if unit in KINDS else "")
+            elif value not in matplotlib.colormaps:
+                raise InputError(what, value, "a colour map of matplotlib, such as 'cividis', 'coolwarm' or 'gray'")
+            asked[name][what] = value
+    found = {name: Colours(**values) for name, values in asked.items()}
+    for name, one in found.items():
+        if one.vmin is not None and one.vmax is not None and one.vmin >= one.vmax:
+            raise InputError(f"vmin of {name}", one.vmin, f"a number below vmax, which is {one.vmax:g}")
+    return found
+
+
+def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
+    """Choose how a variable is shown: heights from the lowest, errors symmetric about 0, others as they are.
+
+    Parameters
+    ----------
+    variable : xarray.DataArray
+        With its name and units.
+    asked : Colours, optional
+        Limits in the unit of the variable; those of a height count from the lowest that is shown.
+
+    Returns
+    -------
+    Scale
+    """
+    name = str(variable.name)
+    low, high = limits_of(variable.values)
+    offset = low if name == "height" else 0.0
+    low, high = low - offset, high - offset
+    if name == "amplitude_error":
+        low, high = -max(-low, high), max(-low, high)
+    margin = max(MARGIN * (high - low), (LEAST.get(name, 0.0) - (high - low)) / 2)
+    margin = margin or 0.5 * abs(high) or 0.5 * (1e-9 if units_of(variable) == "m" else 1.0)
+    low, high = (
+        edge if given is None else given for edge, given in ((low - margin, asked.vmin), (high + margin, asked.vmax))
+    )
+    if low >= high:
+        raise InputError(f"limits of {name}", f"{low:g} to {high:g}", "vmin below vmax; give both")
+    unit = readable(max(-low, high), units_of(variable))
+    words = name.replace("_", " ") + (", levelled" if variable.attrs.get("levelled") else "")
+    return Scale(
+        unit.label(words), 1 / unit.size, offset, low / unit.size, high / unit.size,
+        asked.cmap or MAPS.get(name, OTHERS),
+    )  # fmt: skip
+
+
+def units_of(variable: xr.DataArray) -> str:
+    """The units of a variable, as UDUNITS writes them."""
+    return str(variable.attrs.get("units", UNITS.get(str(variable.name), "")))
+
+
+def limits_of(values: np.ndarray, percentiles: Sequence[float] = SHOWN) -> tuple[float, float]:
+    """The percentiles shown; (0, 0) if there is no finite value.
+
+    Examples
+    --------
+    >>> limits_of(np.array([1.0, 2.0, np.nan])), limits_of(np.array([np.nan]))
+    ((1.005, 1.995), (0.0, 0.0))
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0.0, 0.0
+    low, high = np.percentile(finite, percentiles)
+    if high == low:  # a few particles on a flat ground
+        low, high = finite.min(), finite.max()
+    return float(low), float(high)

@@ -1,0 +1,151 @@
+"""The page that every picture is drawn on: lines of title above, notes below, a legend, panels and colour bars between.
+
+Needs matplotlib when it is imported, so pictures import it when they are drawn.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colorbar import Colorbar
+from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
+
+from phasemap.plot.figure import RESOLUTION, check_format
+
+__all__ = ["Page"]
+
+LINE, KEYS, EDGE = 0.17, 0.23, 0.12  # heights of a line and of a row of the legend, and the page's edge [inch]
+BAR_GAP, BAR = 0.07, 0.12  # beside a map, and width of its colour bar [inch]
+LETTERS = 15.5  # of a line of small print [1/inch]
+ON_SCREEN = 100  # of a picture in a notebook [dots per inch]
+TITLE: dict[str, Any] = {"fontsize": 9.5, "color": "0.1"}
+SMALL: dict[str, Any] = {"fontsize": 8, "color": "0.35"}
+
+Lines = Iterable[str | tuple[str, str]]
+
+
+class Page(Figure):
+    """A figure that is laid out in inches, from the top left corner below its titles and its legend.
+
+    It is a matplotlib Figure with a canvas of its own, so nothing global is touched, and a notebook shows it.
+
+    Parameters
+    ----------
+    width, body : float
+        Width of the page, and height of what is between legend and notes [inch].
+    head : sequence of str
+        Lines above, of which the first is the title.
+    keys : sequence of sequences of Artist
+        Rows of the legend.
+    notes : iterable of str or (str, str)
+        Lines below, with their colour if it is not grey; they are wrapped.
+    left : float
+        Where titles and legend begin [inch].
+    titles : int
+        How many of the lines above are the title.
+    """
+
+    def __init__(
+        self,
+        width: float,
+        body: float,
+        head: Sequence[str] = (),
+        keys: Sequence[Sequence[Artist]] = (),
+        notes: Lines = (),
+        *,
+        left: float = 0.25,
+        titles: int = 1,
+    ) -> None:
+        self._top = EDGE + LINE * len(head) + 0.06
+        below = list(_wrapped(notes, int(LETTERS * (width - 2 * EDGE))))
+        tall = self._top + KEYS * len(keys) + body + LINE * (len(below) + 0.5 * bool(below))
+        super().__init__(figsize=(width, tall))
+        FigureCanvasAgg(self)
+        for i, line in enumerate(head):
+            self.text(left / width, 1 - (EDGE + i * LINE) / tall, line, va="top", **(TITLE if i < titles else SMALL))
+        for i, (line, colour) in enumerate(below):
+            bottom = (len(below) - 0.5 - i) * LINE / tall
+            self.text(EDGE / width, bottom, line, fontsize=8, color=colour, va="bottom")
+        for row in keys:
+            self.legend(
+                handles=list(row), loc="upper left", bbox_to_anchor=((left + 0.05) / width, 1 - self._top / tall),
+                ncols=len(row), fontsize=8, frameon=False, borderpad=0, borderaxespad=0, handlelength=2.2,
+                columnspacing=1.4,
+            )  # fmt: skip
+            self._top += KEYS
+
+    def write(self, left: float, top: float, text: str, **style: Any) -> None:
+        """Write a line at a place [inch]."""
+        width, tall = self.get_size_inches()
+        self.text(left / width, 1 - (self._top + top) / tall, text, va="top", **{"fontsize": 8, **style})
+
+    def place(self, left: float, top: float, wide: float, high: float, title: str = "", **options: Any) -> Axes:
+        """Add axes at a place [inch], with a title on the left and small numbers."""
+        width, tall = self.get_size_inches()
+        place = left / width, 1 - (self._top + top + high) / tall, wide / width, high / tall
+        axes = self.add_axes(place, **options)
+        axes.set_title(title, fontsize=10, loc="left", pad=4)
+        axes.tick_params(labelsize=8)
+        return axes
+
+    def picture(self, left: float, top: float, wide: float, high: float, title: str = "") -> Axes:
+        """Add axes for a map: without ticks."""
+        axes = self.place(left, top, wide, high, title)
+        axes.set(xticks=[], yticks=[])
+        return axes
+
+    def panel(self, left: float, top: float, wide: float, high: float, title: str = "", **options: Any) -> Axes:
+        """Add axes for curves: without a frame."""
+        axes = self.place(left, top, wide, high, title, **options)
+        axes.spines[["top", "right"]].set_visible(False)
+        return axes
+
+    def bar(self, shown: Any, beside: Sequence[Axes], label: str = "", **options: Any) -> Colorbar:
+        """Add the colour bar of what is shown, on the right of all its axes."""
+        width, place = self.get_size_inches()[0], Bbox.union([axes.get_position() for axes in beside])
+        axes = self.add_axes((place.x1 + BAR_GAP / width, place.y0, BAR / width, place.height))
+        bar = Colorbar(axes, shown, **options)
+        bar.set_label(label, fontsize=9)
+        axes.tick_params(labelsize=8)
+        return bar
+
+    def finished(self, path: str | os.PathLike[str] | None, overwrite: bool) -> Page:
+        """Align what is written beside the axes, and save the page, whole or not at all, where it has a path.
+
+        Raises
+        ------
+        InputError
+            If the format is unknown.
+        FileError
+            If `path` cannot be written.
+        """
+        from phasemap.io.netcdf import replacing
+
+        self.align_ylabels()
+        if path is not None:
+            check_format(path)
+            with replacing(path, overwrite) as temporary:
+                self.canvas.print_figure(temporary, dpi=RESOLUTION)
+        return self
+
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows."""
+        drawn = io.BytesIO()
+        self.canvas.print_figure(drawn, format="png", dpi=ON_SCREEN)
+        return drawn.getvalue()
+
+
+def _wrapped(notes: Lines, most: int) -> Iterable[tuple[str, str]]:
+    """Notes in lines that fit the page, with their colours."""
+    for note in notes:
+        line, colour = (note, "0.25") if isinstance(note, str) else note
+        for part in textwrap.wrap(line, most, subsequent_indent="    "):
+            yield part, colour

@@ -1,0 +1,113 @@
+"""Results in words: how many pixels failed, and why; how many move irregularly; which flags occur."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from phasemap._shared.units import say
+from phasemap.results.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["describe_failures", "describe_flags", "describe_irregular"]
+
+
+def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
+    """Say how many pixels have no solution, why, and what helps.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image or a sweep.
+    what : str
+        What there are many of.
+
+    Returns
+    -------
+    list of str
+        One line for each way a pixel failed; empty if none did.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 4])}))[0][:44]
+    '1 of 4 pixels (25 %): What the tip does here'
+    """
+    import numpy as np
+
+    if "status" not in ds:
+        return []
+    codes, counts = np.unique(ds["status"].values, return_counts=True)
+    total = ds["status"].size
+    return [
+        f"{count} of {total} {what} ({100 * count / total:.3g} %): {Status.of(int(code)).value}"
+        for code, count in zip(codes, counts, strict=True)
+        if code != 0
+    ]
+
+
+def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
+    """Say how many pixels show the mean of motion that is not periodic, and how far it is spread.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image or a sweep.
+    what : str
+        What there are many of.
+
+    Returns
+    -------
+    list of str
+        One line; empty if there are none, or if the dataset does not say.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> describe_irregular(xr.Dataset({"motion": ("x", [0, 0, 1]), "phase_spread": ("x", [0.0, 0.0, 0.02])}))
+    ['1 of 3 pixels (33.3 %) irregular: mean amplitude and phase, spread up to 0.02 degrees']
+    """
+    import numpy as np
+
+    count = int(np.count_nonzero(ds["motion"].values == 1)) if "motion" in ds else 0
+    if not count:
+        return []
+    spreads = [
+        say(float(np.nanmax(ds[name].values)), units, 2)
+        for name, units in (("amplitude_spread", "m"), ("phase_spread", "degree"))
+        if name in ds
+    ]
+    most = f", spread up to {' and '.join(spreads)}" if spreads else ""
+    total = ds["motion"].size
+    return [f"{count} of {total} {what} ({100 * count / total:.3g} %) irregular: mean amplitude and phase{most}"]
+
+
+def describe_flags(flags: xr.DataArray) -> str:
+    """Say which flags occur and how often, most frequent first.
+
+    Parameters
+    ----------
+    flags : xarray.DataArray
+        Integers with the CF attributes ``flag_values`` and ``flag_meanings``.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> attrs = {"flag_values": [0, 1], "flag_meanings": "averaging orbit"}
+    >>> describe_flags(xr.DataArray([0, 0, 0, 1], dims="x", attrs=attrs))
+    'averaging 75 %, orbit 25 %'
+    """
+    import numpy as np
+
+    meanings = flags.attrs["flag_meanings"].split()
+    names: dict[int, str] = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), meanings, strict=True))
+    values, counts = np.unique(flags.values, return_counts=True)
+    order = np.argsort(-counts)
+    if len(values) == 1:
+        return names.get(int(values[0]), "none")
+    return ", ".join(f"{names.get(int(values[i]), 'none')} {100 * counts[i] / flags.size:.3g} %" for i in order)

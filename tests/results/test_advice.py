@@ -1,0 +1,135 @@
+"""Every advice that a status or a warning gives, followed: a good image comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+from phasemap.results.validity import describe_validity
+
+Case = dict[str, Any]
+
+
+def solved(
+    lever: tuple[float, float, float], radius: float, amplitude: float, material: tuple[float, float, float],
+    setpoint: float, solver: str = "auto", periods: int = 20000, contact: str = "dmt",
+    decay_length: float | None = 3e-10,
+) -> pm.Status:  # fmt: skip
+    """What becomes of one pixel of this lever, tip, free amplitude and material."""
+    scope = pm.Microscope(
+        pm.Cantilever(*lever), pm.Tip(radius), pm.Drive(amplitude), pm.Interaction(contact, decay_length)
+    )
+    surface = pm.Surface(*material, pixel_size=4e-9, shape=(1, 1))
+    image = pm.simulate(surface, scope, setpoint, solver, accuracy=pm.Accuracy(periods=periods))
+    return pm.Status.of(int(image.status[0, 0]))
+
+
+STUCK: Case = {
+    "lever": (0.447, 70e3, 4.06), "radius": 20.5e-9, "amplitude": 11.3e-9, "material": (151e6, 0.0539, 0.187),
+    "setpoint": 0.468,
+}  # fmt: skip
+BESIDE: Case = {
+    "lever": (0.525, 70e3, 14.6), "radius": 8.74e-9, "amplitude": 30.3e-9, "material": (3.08e6, 0.0266, 0.000391),
+    "setpoint": 0.481,
+}  # fmt: skip
+GENTLE: Case = {
+    "lever": (39.6, 70e3, 11.4), "radius": 35.4e-9, "amplitude": 6.6e-9, "material": (1.36e6, 0.00229, 0.0025),
+    "setpoint": 0.654, "solver": "averaging",
+}  # fmt: skip
+SLOW: Case = {
+    "lever": (0.118, 70e3, 6.87), "radius": 34.7e-9, "amplitude": 6.73e-9, "material": (72.9e6, 0.00349, 0.00961),
+    "setpoint": 0.673,
+}  # fmt: skip
+NECK: Case = {
+    "lever": (5.0, 70e3, 100.0), "radius": 10e-9, "amplitude": 20e-9, "material": (100e9, 0.05, 0.0), "setpoint": 0.7,
+    "contact": "jkr",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("case", "advised", "words", "change"),
+    [
+        (STUCK, pm.Status.no_stable_orbit, "Raise the free amplitude", {"amplitude": 5 * 11.3e-9}),
+        (BESIDE, pm.Status.no_stable_orbit, "Raise the free amplitude", {"amplitude": 5 * 30.3e-9}),
+        (BESIDE, pm.Status.no_stable_orbit, "another setpoint", {"setpoint": 0.65}),
+        (GENTLE, pm.Status.no_averaged_orbit, "Use solver='orbit'", {"solver": "orbit"}),
+        (SLOW, pm.Status.not_settled, "Allow more with Accuracy(periods=...)", {"periods": 10**6}),
+        (NECK, pm.Status.creates_energy, "'dmt'", {"contact": "dmt"}),
+        (NECK, pm.Status.creates_energy, "a shorter decay_length", {"decay_length": 0.02e-9}),
+        (NECK, pm.Status.creates_energy, "decay_length=None", {"decay_length": None}),
+        ({**NECK, "material": (0.0, 0.05, 0.0)}, pm.Status.invalid, "adhesion without stiffness", {"contact": "dmt"}),
+    ],
+)
+def test_the_advice_of_a_status_gives_a_good_pixel(case: Case, advised: pm.Status, words: str, change: Case) -> None:
+    assert solved(**case) is advised
+    assert words in advised.value
+    assert solved(**{**case, **change}) is pm.Status.good
+
+
+FAST = pm.Feedback(line_rate=40.0, proportional_gain=0.02, integral_gain=3000.0, bandwidth=20e3)
+SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9))
+
+
+@pytest.mark.parametrize(
+    ("relief", "scanner_range", "advised", "words", "change"),
+    [
+        (10e-9, 4e-9, pm.Status.out_of_range, "a larger scanner_range", {"scanner_range": 40e-9}),
+        (2e-6, None, pm.Status.diverged, "or the line rate", {"line_rate": 0.3}),
+        (100e-9, None, pm.Status.not_converged, "solver='march'", {"solver": "march"}),
+    ],
+)
+def test_the_advice_of_a_scan_in_time_gives_a_good_line(
+    relief: float, scanner_range: float | None, advised: pm.Status, words: str, change: Case
+) -> None:
+    def scanned(solver: str = "averaging", **changes: Any) -> np.ndarray:
+        surface = pm.Surface(2e9, 0.05, 0.02, topography=np.repeat([0.0, relief, 0.0], 5)[None], pixel_size=4e-9)
+        control = replace(FAST, **{"scanner_range": scanner_range, **changes})
+        return np.asarray(pm.simulate(surface, SCOPE, 0.7, solver, control).status)
+
+    assert advised.code in scanned() and words in advised.value
+    assert not scanned(**change).any()
+
+
+SOFT = pm.Surface(1e6, 0.01, 0.02, pixel_size=4e-9, shape=(1, 1))
+
+
+def soft(setpoint: float = 0.4, amplitude: float = 60e-9, radius: float = 10e-9, stiffness: float = 40.0) -> list[str]:
+    """What is said beside an image of gel."""
+    scope = pm.Microscope(pm.Cantilever(stiffness, 300e3, 100.0), pm.Tip(radius), pm.Drive(amplitude))
+    image = pm.simulate(SOFT, scope, setpoint)
+    assert not image.status.any()
+    return describe_validity(image)
+
+
+@pytest.mark.parametrize(
+    ("words", "change"),
+    [
+        ("Raise the setpoint", {"setpoint": 0.97}),
+        ("lower the free amplitude", {"amplitude": 5e-9}),
+        ("a larger radius", {"radius": 200e-9}),
+    ],
+)
+def test_the_advice_against_a_tip_that_sinks_in_takes_it_out(words: str, change: Case) -> None:
+    (deep,) = [line for line in soft() if "sinks in deeper than its radius" in line]
+    assert words in deep
+    assert not [line for line in soft(**change) if "sinks in deeper than its radius" in line]
+
+
+def test_averaging_in_a_liquid_is_questioned_and_another_solver_is_not() -> None:
+    scope = pm.Microscope(pm.Cantilever(1.0, 30e3, 5.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    surface = pm.Surface(1e9, 0.005, pixel_size=4e-9, shape=(1, 1))
+    (line,) = describe_validity(pm.simulate(surface, scope, 0.8, "averaging"))
+    assert "Take the solver 'auto' or 'orbit'" in line
+    for solver in ("auto", "orbit"):
+        assert describe_validity(pm.simulate(surface, scope, 0.8, solver)) == []
+
+
+def test_an_image_that_is_not_what_it_seems_warns_at_the_line_that_asked_for_it() -> None:
+    surface = pm.Surface([[1e9, np.nan]], pixel_size=4e-9, allow_nan=True)
+    with pytest.warns(pm.ResultWarning, match=r"^1 of 2 pixels \(50 %\): The maps have no valid material") as caught:
+        pm.simulate(surface, SCOPE, 0.7)
+    assert caught[0].filename == __file__
