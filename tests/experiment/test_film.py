@@ -117,6 +117,28 @@ def test_thinner_films_are_stiffer_in_images_sweeps_and_single_pixels() -> None:
     assert any("times the film's thickness; the law of the film is good to 1 %" in s for s in describe_validity(blunt))
 
 
+@pytest.mark.parametrize("contact", ["film", "slipping film", "cone", "punch"])
+def test_periodic_orbits_are_those_of_the_equation_of_motion(contact: str) -> None:
+    law = pm.Interaction(contact).law
+    scope = pm.Microscope(LEVER, TIP, DRIVE, pm.Interaction(contact, damping_exponent=law.spread))
+    one = pm.Material(0.5e9, 0.04, viscosity=20.0, poisson_ratio=0.45, thickness=10e-9 if law.takes_film else None)
+    orbit, march = (pm.solve_pixel(one, scope, 0.8, solver) for solver in ("orbit", "march"))
+    assert orbit.stable and abs(orbit.energy_closure) < 1e-7 and abs(march.energy_closure) < 1e-7
+    assert orbit.phase == pytest.approx(march.phase, abs=1e-4)  # degree
+    assert orbit.height == pytest.approx(march.height, abs=1e-13)
+    averaged = pm.solve_pixel(one, scope, 0.8, "averaging")
+    assert averaged.phase == pytest.approx(orbit.phase, abs=0.05)
+
+
+def test_without_adhesion_a_kelvin_voigt_film_shows_in_height_and_not_in_phase() -> None:
+    # Its loss tangent is the material's, however thin it is, and at a setpoint that alone makes the phase.
+    thickness = np.array([[8e-9, 20e-9, math.inf]])
+    film = pm.Surface(0.3e9, damping=0.02, thickness=thickness, pixel_size=1e-9)
+    image = pm.simulate(film, SCOPE, 0.8, "averaging")
+    np.testing.assert_allclose(image.phase, image.phase[0, 2], atol=1e-5)
+    assert (np.diff(image.height.values[0]) < -0.1e-9).all()
+
+
 def test_a_surface_keeps_its_thickness() -> None:
     bare, coated = pm.Material(100e9, 0.05), pm.Material(1e9, 0.05, thickness="5 nm")
     surface = pm.Surface.from_labels([[0, 1, 1]], {0: bare, 1: coated}, pixel_size=1e-9)
@@ -139,7 +161,13 @@ def test_a_scene_gives_the_thickness_as_a_map_and_a_law_with_its_parameters(tmp_
         tip = { radius = "10 nm" }
         drive = { free_amplitude = "20 nm" }
         interaction = { contact = { law = "film", base = "slipping" } }
-        surface = { kind = "maps", modulus = "0.3 GPa", damping = 0.02, thickness = "wedge.npy", pixel_size = "1 nm" }
+        [surface]
+        kind = "maps"
+        modulus = "0.3 GPa"
+        adhesion = 0.05
+        damping = 0.02
+        thickness = "wedge.npy"
+        pixel_size = "1 nm"
         """
     )
     scene = pm.load_scene(tmp_path / "film.toml")

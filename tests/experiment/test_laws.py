@@ -17,7 +17,14 @@ from scipy.optimize import brentq
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
-from phasemap._kernels.law import contact_force, contact_slope, longrange_force, longrange_slope
+from phasemap._kernels.law import (
+    contact_force,
+    contact_slope,
+    damping,
+    damping_slope,
+    longrange_force,
+    longrange_slope,
+)
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
@@ -101,6 +108,13 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
         near, far = (law.force(d + n * h, p) - law.force(d - n * h, p) for n in (1, 2))
         rounding = 4e-16 * abs(law.force(d, p)) / h
         assert slope(d, p) == pytest.approx((8 * near - far) / (12 * h), rel=1e-8, abs=10 * rounding)
+
+    if release == 0:
+        lossy, alpha = row_of(interaction, damping=0.01), partial(damping, token)
+        for d in depths:
+            assert alpha(d, lossy) == pytest.approx(law.damping(d, lossy), rel=1e-12)
+            near, far = (alpha(d * (1 + 1e-3 * n), lossy) - alpha(d * (1 - 1e-3 * n), lossy) for n in (1, 2))
+            assert damping_slope(token, d, lossy) == pytest.approx((8 * near - far) / (12e-3 * d), rel=1e-8)
 
     # The force is continuous in contact and through the neck, and joins the long-range force where the law says so.
     assert force(0.0, p) == pytest.approx(force(1e-20, p), rel=1e-9, abs=1e-9 * PI_W_R)

@@ -178,7 +178,7 @@ class Interaction(Shown):
 
         law, longrange = self.law, Biased if self.bias else self.law.attraction
         try:
-            return law_of(law.force, law.slope, longrange.force, longrange.slope)
+            return law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
 

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction.longrange import InverseSquare
 
@@ -72,6 +73,12 @@ class ContactLaw(ABC):
     def slope(d: float, p: Array) -> float:
         """dF/dd [N/m]; by default a difference quotient of fourth order, good to 1e-10 of it for powers of d."""
         raise NotImplementedError
+
+    damping = staticmethod(power_law)
+    """alpha_s [1] at indentation d >= 0, of p[8] and p[9]: the power law of the interaction."""
+
+    damping_slope = staticmethod(power_law_slope)
+    """Its derivative [1/m]."""
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
         """At most four parameters p[0] ... p[3] of the formulas; by default K [Pa], w [J/m2] and R [m]."""
