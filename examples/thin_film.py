@@ -2,8 +2,9 @@
 
 A wedge of a soft polymer on silicon, from 2 to 500 nm, once stuck to the wafer and once slipping on it. The modulus is
 the same everywhere: the contrast is the wafer's, which the tip feels through the film. To the right is the modulus that
-a half-space would need for the same phase: what one reads off such an image without knowing of the film. Dotted are
-films into which the tip sinks by more than 0.3 of their thickness, where elasticity is no longer linear.
+a half-space would need for the same phase: what one reads off such an image without knowing of the film. Without
+adhesion there would be no contrast, for a film has the loss tangent of its material however thin it is. Dotted are films
+into which the tip sinks by more than 0.3 of their thickness, where elasticity is no longer linear.
 """
 
 import warnings
@@ -28,7 +29,7 @@ BASES = {"film": "stuck to the wafer", "slipping film": "slipping on it"}
 
 def half_spaces() -> tuple[np.ndarray, np.ndarray]:
     """Moduli over that of the polymer, and the phases [degree] of half-spaces that have them."""
-    moduli = POLYMER.modulus * np.geomspace(1, 20, 60)
+    moduli = POLYMER.modulus * np.geomspace(1, 2, 60)
     strip = {i: replace(POLYMER, modulus=modulus) for i, modulus in enumerate(moduli)}
     scope = replace(SCOPE, interaction=pm.Interaction("dmt"))
     row = pm.Surface.from_labels(np.arange(len(moduli))[None, :], strip, pixel_size=1e-9)
