@@ -3,8 +3,8 @@
 A wedge of a soft polymer on silicon, from 2 to 500 nm, once stuck to the wafer and once slipping on it. The modulus is
 the same everywhere: the contrast is the wafer's, which the tip feels through the film. To the right is the modulus that
 a half-space would need for the same phase: what one reads off such an image without knowing of the film. Without
-adhesion there would be no contrast, for a film has the loss tangent of its material however thin it is. Dotted are films
-into which the tip sinks by more than 0.3 of their thickness, where elasticity is no longer linear.
+adhesion there would be no contrast, for a film has the loss tangent of its material however thin it is. Dotted are
+films into which the tip sinks by more than 0.3 of their thickness, where elasticity is no longer linear.
 """
 
 import warnings

@@ -246,7 +246,7 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     rows = work.rows
     names = [f"{scope.interaction.law.name} contact"]
     if np.any(rows[:, col.LONGRANGE] > rows[:, col.BIAS]):
-        names.append("inverse-square attraction")
+        names.append(f"{scope.interaction.law.attraction.name.replace(' ', '-')} attraction")
     if np.any(rows[:, col.BIAS] != 0):
         names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):
