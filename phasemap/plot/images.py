@@ -91,8 +91,8 @@ def plot(
     Raises
     ------
     InputError
-        If `ds` holds nothing of these, or not the variables to be drawn, the format is unknown, a limit or colour map is
-        none, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
+        If `ds` holds nothing of these, or not the variables to be drawn, the format is unknown, a limit or colour map
+        is none, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
     FileError
         If `path` cannot be written.
 
