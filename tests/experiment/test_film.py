@@ -44,6 +44,7 @@ def test_the_first_coefficient_is_that_of_the_layer(nu: float, base: str) -> Non
 def test_a_layer_that_slips_does_not_know_its_poisson_ratio_and_one_that_sticks_does() -> None:
     assert compliance(0.7, 0.1, bonded=False) == pytest.approx(compliance(0.7, 0.45, bonded=False), rel=1e-12)
     assert compliance(0.1, 0.4999999, bonded=True) < 0.02 * compliance(0.1, 0.3, bonded=True)
+    assert np.ptp(first_coefficient(np.array([-0.9, 0.0, 0.4]), "slipping")) < 1e-12
     assert compliance(12.0, 0.3, bonded=True) == pytest.approx(1.0, abs=1e-7)
 
 

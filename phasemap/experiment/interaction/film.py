@@ -65,7 +65,7 @@ def first_coefficient(poisson_ratio: Array, base: str) -> Array:
     """
     import numpy as np
 
-    return np.asarray(_series(base)(poisson_ratio))
+    return np.asarray(_series(base)(np.clip(poisson_ratio, 0.0, 0.5)))  # below 0 a film that slips has the same
 
 
 @cache
@@ -95,8 +95,8 @@ class Film(ContactLaw):
     A rigid sphere on a film of thickness h on a rigid base, linear elastic. c1 is exact; the others are fitted to the
     solution of the integral equation of the layer (Lebedev and Ufliand 1958), to 1 % of the force for x <= 2. They
     depend on Poisson's ratio, from 0 to 0.5, where the film is bonded to its base, and not where it slips on it. Beyond
-    x = 2 the factor goes on as a line. The series of Dimitriadis et al. (2002) is another: at nu = 1/2 it is 15 % less at
-    x = 0.75 where the film is bonded, and c1 is 19 % more where it slips, which theory says more about.
+    x = 2 the factor goes on as a line. The series of Dimitriadis et al. (2002) is another: at nu = 1/2 it is 15 % less
+    at x = 0.75 where the film is bonded, and its c1 is 19 % more where it slips.
 
     Damping is that of the interaction times what the film adds to the slope of the force, as of a Kelvin-Voigt film.
 
