@@ -136,7 +136,8 @@ def contrast(
     for name, material in (("first", first), ("second", second)):
         if not isinstance(material, Material):
             hint = "The order is contrast(first, second, scope, setpoints)."
-            raise InputError(name, f"a {type(material).__name__}", "a Material", hint)
+            given = material if isinstance(material, str) else f"a {type(material).__name__}"
+            raise InputError(name, given, "a Material", hint)
     accuracy = Accuracy() if accuracy is None else accuracy
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
