@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from phasemap.inference.images.images import invert
     from phasemap.inference.images.region_fit import fit_regions
     from phasemap.inference.images.sensitivities import sensitivity
+    from phasemap.inference.series.series import series
+    from phasemap.io.exchange import from_sidpy, to_sidpy
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
     from phasemap.results.channels import channels
@@ -66,6 +68,8 @@ _NAMES = {
     "inference.images.images": ("invert",),
     "inference.images.region_fit": ("fit_regions",),
     "inference.images.sensitivities": ("sensitivity",),
+    "inference.series.series": ("series",),
+    "io.exchange": ("from_sidpy", "to_sidpy"),
     "io.export": ("export", "write_gsf", "write_gwy"),
     "io.read": ("read_image",),
     "results.channels": ("channels",),
@@ -86,13 +90,14 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}
 
 __all__ = [
-    "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit", "InputError",
-    "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning", "Raster",
-    "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip", "TipChange", "channels",
-    "check", "compare", "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions", "force_curve",
-    "generate", "interaction", "invert", "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot",
-    "read_image", "register", "scene_from", "sensitivity", "simulate", "solve_pixel", "strict_units", "sweep_distance",
-    "sweep_frequency", "sweep_parameter", "sweep_setpoint", "write_gsf", "write_gwy",
+    "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit",
+    "InputError", "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning",
+    "Raster", "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip", "TipChange",
+    "channels", "check", "compare", "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions",
+    "force_curve", "from_sidpy", "generate", "interaction", "invert", "level", "load_ensemble", "load_scene",
+    "orbits", "phase_lag", "plot", "read_image", "register", "scene_from", "sensitivity", "series", "simulate",
+    "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint",
+    "to_sidpy", "write_gsf", "write_gwy",
 ]  # fmt: skip
 
 

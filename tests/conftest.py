@@ -5,12 +5,16 @@ Files of the exact orbits and of scans in time alternate. What one worker compil
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
+FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computed while it compiled
 FIRST = (
     "test_examples",
     "test_compilation",
@@ -41,11 +45,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     if hasattr(config, "workerinput") or config.option.collectonly or not config.option.numprocesses:
         return
-    script = Path(__file__).with_name("warm_up.py")
-    parts = [subprocess.Popen([sys.executable, script, part]) for part in ("0", "1")]
+    script, folder = Path(__file__).with_name("warm_up.py"), Path(tempfile.mkdtemp(prefix="phasemap-first-"))
+    config.add_cleanup(lambda: shutil.rmtree(folder))
+    parts = [subprocess.Popen([sys.executable, script, part, folder / f"{part}.json"]) for part in ("0", "1")]
     codes = [part.wait() for part in parts]
     if any(codes):
         pytest.exit("tests/warm_up.py failed", returncode=1)
+    os.environ[FIRST_RESULTS] = str(folder)  # the test processes inherit it
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

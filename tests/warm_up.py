@@ -1,18 +1,23 @@
-"""Compiles what most tests need, before any of them: `python tests/warm_up.py 0` and `... 1`, side by side.
+"""Compiles what most tests need, before any of them: `python tests/warm_up.py 0 FILE` and `... 1 FILE`, side by side.
 
 What is compiled here, all test processes load. No kernel may be compiled twice for arguments that differ in nothing but
-how they were written.
+how they were written. What was computed meanwhile goes into the file, bit by bit: tests/_kernels/test_compilation.py
+asks whether a process that loads finds the same.
 """
 
 from __future__ import annotations
 
+import json
 import sys
+from pathlib import Path
+
+from bits import bits
 
 from phasemap._kernels.compilation import compiled_more_than_once
-from phasemap.validation.kinds_of_work import ALL, try_out
+from phasemap.validation.kinds_of_work import ALL, KINDS
 
 if __name__ == "__main__":
-    for _ in try_out(ALL[int(sys.argv[1])]):
-        pass
+    found = {kind: bits(KINDS[kind]()) for kind in ALL[int(sys.argv[1])]}
     if several := compiled_more_than_once():
         sys.exit(f"kernels that are compiled more than once: {several}")
+    Path(sys.argv[2]).write_text(json.dumps(found))

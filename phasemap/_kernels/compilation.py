@@ -221,15 +221,15 @@ class _EntryCode(_OurCode):
         self._finalize_final_module()
 
 
-def _reached(library: Any) -> list[Any]:
-    """The libraries that one needs, each once: what is to be linked does not hold what it calls itself."""
+def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:
+    """The libraries that one needs, each once, up to shared ones; found through libraries of a kind."""
     found: dict[Any, None] = {}
     open_ = [library]
     while open_:
         for one in open_.pop()._linking_libraries:
             if one not in found:
                 found[one] = None
-                if isinstance(one, _LinkedCode):
+                if isinstance(one, through) and not hasattr(one, "needed"):
                     open_.append(one)
     return list(found)
 
@@ -237,9 +237,10 @@ def _reached(library: Any) -> list[Any]:
 def _link(library: Any, module: Any, linkage: str) -> None:
     """Add all that a library reaches to its module, with this linkage."""
     own = {one.name for one in module.functions if not one.is_declaration}
-    for other in _reached(library):
-        if needed := getattr(other, "needed", None):
-            library._reload_init.add(needed)
+    # A function of numba that is given one of ours, as `engage_in_time` its engine, holds that code and may need more.
+    library._reload_init.update(one.needed for one in _reached(library) if hasattr(one, "needed"))
+    for other in _reached(library, through=_LinkedCode):  # what is to be linked does not hold what it calls itself
+        if hasattr(other, "needed"):
             continue
         library._reload_init.update(other._reload_init)
         if isinstance(other, _LinkedCode):

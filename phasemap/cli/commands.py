@@ -26,6 +26,7 @@ from phasemap.cli import (
     plot,
     presets,
     run,
+    series,
     sweep,
     warm,
 )  # fmt: skip
@@ -45,6 +46,7 @@ EXAMPLES = """examples:
   phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
   phasemap compare measured.nid blend.nc --plot page.png
   phasemap invert samples/blend.toml at50.nc at80.nc --regions 2 --plot materials.png
+  phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap export blend.nc blend.gwy
   phasemap check blend.nc
@@ -168,6 +170,8 @@ def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParse
     yield "compare", compare.compare, compare.add_arguments, about, compare.EXAMPLES
     about = "find modulus, adhesion and damping from images at several setpoints or amplitudes"
     yield "invert", invert.invert, invert.add_arguments, about, invert.EXAMPLES
+    about = "explain the contrast in several measured files of one sample"
+    yield "series", series.series, series.add_arguments, about, series.EXAMPLES
     about = "make a scene of a measured image: topography, materials and microscope"
     yield "scene", measured.scene, measured.add_scene, about, measured.SCENE_EXAMPLES
     about = "write an image for Gwyddion, as .gwy or .gsf"

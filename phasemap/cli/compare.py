@@ -31,12 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("measured", metavar="MEASURED", type=Path, help="the image that is to be explained")
     parser.add_argument("simulated", metavar="SIMULATED", type=Path, help="the image that is to explain it")
     parser.add_argument(
-        "--offset", default="free", metavar="DEGREES",
-        help="recorded phase where the simulated is 0: a number, free (default), or fixed (as recorded in free air)",
+        "--offset", default="recorded", metavar="DEGREES",
+        help="recorded phase where the simulated is 0: a number, free, fixed (as recorded in free air), or recorded "
+        "(default: the same where it was, else free)",
     )  # fmt: skip
     parser.add_argument(
-        "--sign", default="free", choices=("free", "1", "-1"), help="of the recorded phase; default: what fits better"
-    )
+        "--sign", default="recorded", choices=("recorded", "free", "1", "-1"),
+        help="of the recorded phase; default: what the file says, else what fits better, and that is said",
+    )  # fmt: skip
     parser.add_argument(
         "--regions", type=whole, default=2, metavar="N", help="materials told apart, at most 4; default: 2"
     )
@@ -68,7 +70,7 @@ def compare(arguments: argparse.Namespace) -> None:
     direction = _parts("--direction", arguments.direction)
     options: dict[str, Any] = {
         "offset": _offset(arguments.offset),
-        "sign": arguments.sign if arguments.sign == "free" else int(arguments.sign),
+        "sign": arguments.sign if arguments.sign in ("recorded", "free") else int(arguments.sign),
         "regions": arguments.regions if arguments.regions > 1 else None,
         "limit": arguments.limit,
         "direction": direction[0] if direction and len(direction) == 1 else direction,
@@ -124,9 +126,9 @@ def _load(path: Path) -> xr.Dataset:
 
 def _offset(text: str) -> str | float:
     """A word, or a number of degrees."""
-    if text in ("free", "fixed"):
+    if text in ("recorded", "free", "fixed"):
         return text
-    return numbers_in("--offset", text, "degree", "free, fixed, or a number of degrees")[0]
+    return numbers_in("--offset", text, "degree", "recorded, free, fixed, or a number of degrees")[0]
 
 
 def _parts(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:

@@ -35,7 +35,10 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
     add_overrides(parser)
     parser.add_argument(
-        "--phases", type=whole, default=2, metavar="N", help="materials that the phase tells apart; default: 2"
+        "--phases", type=whole, default=2, metavar="N", help="materials that are told apart; default: 2"
+    )
+    parser.add_argument(
+        "--by", choices=("phase", "height"), default="phase", help="what tells the materials apart; default: phase"
     )
     parser.add_argument("--height", metavar="NAME", help="channel of the height; default: the first")
     parser.add_argument("--phase", metavar="NAME", help="channel of the phase; default: the first")
@@ -68,6 +71,7 @@ def scene(arguments: argparse.Namespace) -> None:
         arguments.phases,
         arguments.overrides,
         direction=arguments.direction,
+        by=arguments.by,
         overwrite=arguments.overwrite,
     )
     _print_warnings(image)

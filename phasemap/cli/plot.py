@@ -26,7 +26,7 @@ EXAMPLES = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    about = "what `phasemap run`, `sweep`, `contrast`, `compare` or `invert` wrote"
+    about = "what `phasemap run`, `sweep`, `contrast`, `compare`, `series` or `invert` wrote"
     parser.add_argument("file", metavar="FILE.nc", type=Path, help=about)
     what = parser.add_mutually_exclusive_group()
     what.add_argument(

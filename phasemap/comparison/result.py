@@ -52,8 +52,8 @@ def compare(
     measured: xr.Dataset,
     simulated: xr.Dataset,
     *,
-    offset: str | float = "free",
-    sign: str | int = "free",
+    offset: str | float = "recorded",
+    sign: str | int = "recorded",
     regions: int | ArrayLike | None = 2,
     limit: float | None = None,
     direction: Directions = None,
@@ -71,12 +71,14 @@ def compare(
     measured, simulated : xarray.Dataset
         Images of the same size, with ``height`` [m] and ``phase`` [degree] over ("y", "x") or ("direction", "y", "x");
         ``amplitude_error`` or ``amplitude`` [m] is used where it is there.
-    offset : "free", "fixed" or float
-        Recorded phase at which the simulation's is 0 [degree]: the one that makes the RMSE least, the attribute
-        ``phase_zero`` of `measured` (less that of `simulated`, which phasemap knows of its own images), or a number.
-    sign : "free", 1 or -1
-        -1 if the instrument counts lag positive; "free" takes what fits better, and 1 unless -1 leaves a mean square
-        residual lower by a tenth.
+    offset : "recorded", "free", "fixed" or float
+        Recorded phase at which the simulation's is 0 [degree]: "fixed" is the attribute ``phase_zero`` of `measured`
+        (less that of `simulated`, which phasemap knows of its own images), "free" the one that makes the RMSE least,
+        and "recorded" the attribute where it is there, else as "free"; or a number.
+    sign : "recorded", "free", 1 or -1
+        -1 if the instrument counts lag positive. "recorded" is the attribute ``phase_sign`` of `measured`, else as
+        "free", which takes what fits better: 1 unless -1 leaves a mean square residual lower by a tenth. The attribute
+        ``sign_from`` says how it was found, and the verdict says first that it was turned.
     regions : int, array_like of int or None
         How many materials to tell apart in the measured phase (2 to 4; multi-Otsu), or their labels, shape of
         `measured`, negative where there is none; None has one region, all pixels. Regions are always
@@ -123,8 +125,8 @@ def compare(
     >>> [round(float(found[name]), 6) for name in ("offset", "sign", "correlation")]
     [-10.0, -1.0, 1.0]
     """
-    if sign != "free" and (isinstance(sign, str | bool) or sign not in (1, -1)):
-        raise InputError("sign", sign, "'free', 1 or -1")
+    if sign not in ("recorded", "free") and (isinstance(sign, str | bool) or sign not in (1, -1)):
+        raise InputError("sign", sign, "'recorded', 'free', 1 or -1")
     if not isinstance(names, tuple | list) or len(names) != 2 or not all(isinstance(name, str) for name in names):
         raise InputError("names", names, "two names, of the measured and of the simulated image")
     first, second = pair_of(measured, simulated, direction, NAMES, ("height", "phase"))
@@ -140,7 +142,8 @@ def compare(
     known = np.isfinite(first["phase"].values) & np.isfinite(second["phase"].values) & ~failed
     if not known.any():
         raise InputError("number of pixels with a phase in both images", 0, "at least 1")
-    frame = _frame(first["phase"].values[known], second["phase"].values[known], zero, sign)
+    wanted, sign_from = _sign(sign, measured, simulated)
+    frame = _frame(first["phase"].values[known], second["phase"].values[known], zero, wanted)
     maps = dict(zip(NAMES, (frame.of(first["phase"].values), second["phase"].values), strict=True))
     label = _regions(first, maps["measured"], known, regions)
     found = _record(first, second, maps, known, label, registration)
@@ -149,6 +152,8 @@ def compare(
     found["failed_lines"] = ((), int(failed[:, 0].sum()), {"long_name": "lines left out as outliers", "units": "1"})
     found.attrs.update(provenance(_configuration(offset, sign, regions, limit, direction), "compared"))
     found.attrs["registration"] = registration.reason
+    found.attrs["sign_from"] = sign_from
+    found.attrs["offset_from"] = "fitted" if zero is None else "recorded" if isinstance(offset, str) else "given"
     for name, ds, called in zip(NAMES, (measured, simulated), names, strict=True):
         found.attrs[f"{name}_name"] = called
         file = os.path.basename(ds.encoding.get("source", ""))
@@ -163,9 +168,11 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
         return number("offset", offset, "degree"), 0.0
     if offset == "free":
         return None
-    if offset != "fixed":
-        raise InputError("offset", offset, "'free', 'fixed' or a number of degrees")
+    if offset not in ("fixed", "recorded"):
+        raise InputError("offset", offset, "'recorded', 'free', 'fixed' or a number of degrees")
     zeros = [of_simulation(ds.attrs) | ds.attrs for ds in (measured, simulated)]
+    if offset == "recorded" and "phase_zero" not in zeros[0]:
+        return None
     if "phase_zero" not in zeros[0]:
         hint = "Give the phase recorded in free air as a number, or leave the offset free."
         raise InputError("phase_zero of measured", "not recorded", "an attribute in degrees for offset='fixed'", hint)
@@ -173,6 +180,16 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
         number("phase_zero of measured", zeros[0]["phase_zero"], "degree"),
         number("phase_zero of simulated", zeros[1].get("phase_zero", 0.0), "degree"),
     )
+
+
+def _sign(sign: str | int, measured: xr.Dataset, simulated: xr.Dataset) -> tuple[str | int, str]:
+    """The sign to be taken, or "free", and where it comes from."""
+    if not isinstance(sign, str):
+        return sign, "given"
+    known = [ds.attrs.get("phase_sign", 1 if of_simulation(ds.attrs) else None) for ds in (measured, simulated)]
+    if sign == "free" or known[0] not in (1, -1):
+        return "free", "fitted"
+    return int(known[0] * (known[1] if known[1] in (1, -1) else 1)), "recorded"
 
 
 def _frame(measured: Array, simulated: Array, zero: tuple[float, float] | None, sign: str | int) -> _Frame:

@@ -27,6 +27,32 @@ def names_of(found: xr.Dataset) -> tuple[str, str]:
     return found.attrs["measured_name"], found.attrs["simulated_name"]
 
 
+def turned(found: xr.Dataset) -> str:
+    """Say that the sign of the phase was turned, and why; nothing if it was not.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.compare` returned.
+
+    Returns
+    -------
+    str
+    """
+    if float(found["sign"]) > 0:
+        return ""
+    first, second = names_of(found)
+    as_it_was = -float(found["correlation"])
+    how = found.attrs.get("sign_from", "fitted")
+    if how == "fitted":
+        return (
+            f"The sign of the {first} phase was TURNED, for that fits better: as recorded, its correlation with the "
+            f"{second} one is {as_it_was:.2f}."
+        )
+    why = "as its file records" if how == "recorded" else "as given"
+    return f"The {first} phase is counted the other way round, {why}."
+
+
 def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     """Say what was found.
 
@@ -43,9 +69,10 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     first, second = names_of(found)
     value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
     left_out = int((found["label"] < 0).sum())
-    counts = "the same sign" if value["sign"] > 0 else "the other sign"
+    how = found.attrs.get("sign_from", "fitted")
+    counts = "the same sign" if value["sign"] > 0 else f"the other sign ({how})"
     lines = [
-        ("phases", _alike(value["correlation"], value["ssim"])),
+        ("phases", _alike(value["correlation"], value["ssim"]) + ("" if value["sign"] > 0 else ", SIGN TURNED")),
         ("residual", f"{value['rmse']:.3g}° rms; histograms {value['wasserstein']:.3g}° apart (Wasserstein)"),
         ("offset, sign", f"the {first} 0° is {value['offset']:.2f}° as recorded, with {counts}"),
         ("registration", _shift(found)),
@@ -104,7 +131,7 @@ def verdict_of(found: xr.Dataset) -> str:
     )
     if share > WORTH_SAYING:
         said.append(f"{what} {100 * share:.0f} % of what is left.")
-    return " ".join(said)
+    return " ".join(filter(None, [turned(found), *said]))
 
 
 def _alike(correlation: float, ssim: float) -> str:

@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
 
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
+HEAD = 1 << 18  # bytes of a file that say what it is
+OTHER_KINDS = {
+    b"PK\x03\x04": "an archive (as JPK keeps force curves)", b"%PDF": "a PDF document", b"\x89HDF": "an HDF5 file",
+    b"\x1f\x8b": "compressed", b"BM": "a picture, which has no units",
+}  # fmt: skip
+"""By the bytes that they begin with."""
 COPIES = 4  # of a .gwy file in memory while it is read
 MASKED = "masked pixels have no value"
 """Said by the metadata of a .gwy file whose masks hide pixels, rather than mark some that the user chose."""
@@ -131,7 +137,7 @@ def load_channels(path: Path) -> list[Channel]:
     except PhasemapError:
         raise
     except Exception as error:  # the readers pass on what they meet where a file is damaged
-        raise FileError(f"cannot read {path}: {_reason(str(error))}.") from error
+        raise FileError(f"cannot read {path}: {_other_kind(path) or _reason(str(error))}.") from error
     channels = [
         Channel(
             one.name,
@@ -145,7 +151,7 @@ def load_channels(path: Path) -> list[Channel]:
         if one.meta.get("Scan Line") != "Interleave"
     ]
     if not channels:
-        raise FileError(f"cannot use {path}: it holds no image.")
+        raise FileError(f"cannot use {path}: {_other_kind(path) or 'it holds no image'}.")
     return channels
 
 
@@ -186,6 +192,24 @@ def extra(module: str, purpose: str, name: str) -> Any:
     except ImportError as error:
         package = module.split(".")[0]
         raise PhasemapError(f'{purpose} needs {package!r}: run pip install "afm-phasemap[{name}]".') from error
+
+
+def _other_kind(path: Path) -> str:
+    """What a file is that holds no image, or nothing where that is not known."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    for mark, what in OTHER_KINDS.items():
+        if head.startswith(mark):
+            return f"it is {what}, not an image"
+    if b"*Force file list" in head:
+        return "it is a force curve of NanoScope, not an image"
+    if path.suffix.lower() == ".nid" and re.search(rb"Dim0Name=Frequency", head):
+        return "it is a resonance curve, not an image"
+    if path.suffix.lower() == ".ibw" and len(head) > 148 and head[:2] == b"\x05\0":
+        points = [int.from_bytes(head[at : at + 4], "little") for at in (132, 136)]
+        if points[0] and not points[1]:
+            return f"it is a curve of {points[0]} points, not an image"
+    return ""
 
 
 def _reason(error: str) -> str:

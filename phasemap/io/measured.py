@@ -17,7 +17,16 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["align_rows", "level_height", "level_rows", "on_one_turn", "one_scan", "row_medians", "segment_phase"]
+__all__ = [
+    "align_rows",
+    "level_height",
+    "level_rows",
+    "on_one_turn",
+    "one_scan",
+    "row_medians",
+    "segment_height",
+    "segment_phase",
+]
 
 MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
 
@@ -100,6 +109,50 @@ def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
     array([0, 0, 0, 0, 1, 1, 1, 1])
     """
     return _align_and_segment(phase, n)[1]
+
+
+def segment_height(height: np.ndarray, n: int) -> np.ndarray:
+    """Tell `n` materials apart by their height.
+
+    The tilt along rows is the median step from pixel to pixel, which edges have no part in; then as `segment_phase`.
+
+    Parameters
+    ----------
+    height : array_like, shape (rows, columns)
+        [m]
+    n : int
+        How many materials, 2 to 4.
+
+    Returns
+    -------
+    ndarray of int, shape (rows, columns)
+        0 where the surface is lowest, up to n - 1.
+
+    Raises
+    ------
+    InputError
+        If `height` is not a finite 2-D map, or does not hold `n` populations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> segment_height(np.array([[0.0, 1.0, 2.0, 13.0, 14.0, 15.0, 16.0]] * 4) * 1e-9, 2)[0]
+    array([0, 0, 0, 1, 1, 1, 1])
+    """
+    import numpy as np
+
+    height = _finite_map("height", height)
+    x = np.arange(height.shape[1])
+    steps = np.median(np.diff(height, axis=1)) if len(x) > 1 else 0.0
+    first = _align_and_segment(1e9 * (height - steps * x), n)[1]
+    parts = [first == label for label in range(n) if (first == label).any()]
+    counts = np.array([part.sum(axis=1) for part in parts])  # the tilt that is left, within rows of one population
+    along = sum(
+        np.where(part, x - (x * part).sum(axis=1, keepdims=True) / np.maximum(own, 1)[:, None], 0.0)
+        for part, own in zip(parts, counts, strict=True)
+    )
+    slope = float((along * height).sum() / max(float(np.square(along).sum()), 1e-300))
+    return _align_and_segment(1e9 * (height - slope * x), n)[1]
 
 
 def align_rows(phase: np.ndarray, n: int = 2) -> np.ndarray:

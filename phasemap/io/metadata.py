@@ -21,6 +21,8 @@ CANONICAL = {
     "line_rate": "Hz",  # lines a second, each trace and retrace
     "proportional_gain": "1",  # gains are in units of the vendor
     "integral_gain": "1",
+    "drive_voltage": "V",
+    "phase_sign": "1",  # -1 where lag counts positive, which is as the vendor documents it
     "phase_zero": "degree",  # recorded phase of the free lever at the drive frequency
     "setpoint_amplitude": "m",
     "free_amplitude_voltage": "V",  # volts where no sensitivity makes metres of them

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["read_image"]
 
 DIRECTIONS = ("trace", "retrace")
+SENSOR = re.compile("sensor|measured|detector", re.IGNORECASE)
 SAME_SIZE = 1e-3  # by which channels of one scan may differ
 SAME_STEP = 5e-5  # as many digits has the size of a scan in the files
 
@@ -44,7 +46,8 @@ def read_image(
         .gwy, .gsf and some 160 more), or an image in netCDF.
     height, phase, amplitude : str, optional
         Names of channels, with their direction (``"Z-Axis Sensor forward"``) or without (``"Z-Axis Sensor"``, which
-        takes both); None takes the first of its kind, and the height that was recorded in the directions of the phase.
+        takes both); None takes the first of its kind, and the height that was recorded in the directions of the phase,
+        a sensor's before what the scanner was told.
 
     Returns
     -------
@@ -142,11 +145,11 @@ def _choose(
     phases, heights = groups["phase"], groups["height"]
     if not phases and not heights:
         raise FileError(f"cannot use {path}: there is neither height nor phase; it holds {_listed(channels)}.")
-    leading = (phases or heights)[0]
+    leading = phases[0] if phases else max(heights, key=_is_sensors)  # the first of equals
     chosen = {"phase": leading} if phases else {"height": leading}
     common = set(leading)
     if phases and heights:
-        chosen["height"] = max(heights, key=lambda group: len(common & set(group)))  # the first of equals
+        chosen["height"] = max(heights, key=lambda group: (len(common & set(group)), _is_sensors(group)))
         common &= set(chosen["height"])
     directions = tuple(one for one in DIRECTIONS if one in common)
     if len(directions) < 2:
@@ -157,6 +160,11 @@ def _choose(
         if found:
             chosen[kind] = found
     return {kind: _ordered(chosen[kind], directions) for kind in KINDS if kind in chosen}, directions
+
+
+def _is_sensors(group: Group) -> bool:
+    """Whether a height is what a sensor measured, and not what the scanner was told."""
+    return any(SENSOR.search(channel.base) for channel in group.values())
 
 
 def _in_direction(group: Group, direction: str) -> Group:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from phasemap._shared.errors import FileError
+from phasemap._shared.units import say
 from phasemap.io.metadata import CANONICAL, ScanData, quantity
 
 __all__ = ["mode_of", "scan_data"]
@@ -20,8 +21,16 @@ TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "t
 OTHER_MODE_KEYS = ("Feedback Mode", "Image mode", "Feedback settings::Input channel")  # JPK, Park, WSxM ...
 OTHER_MODES = (  # ... of whose words only these are known
     "contact", "contact mode", "c-afm", "lfm", "fmm", "pfm", "fm-afm", "stm", "i-afm", "normal force", "current",
+    "qi", "quantitative imaging", "force mapping", "force volume", "force distance",
+    "peakforce tapping", "peak force tapping", "scanasyst",
 )  # fmt: skip
 ASYLUM_NUMBERS = {"0": "Contact", "1": "AC Mode"}  # as older software wrote them
+PRACTICE = {
+    "drive_frequency": (1e3, 1e7), "resonance_frequency": (1e3, 1e7), "stiffness": (1e-3, 1e3),
+    "quality_factor": (0.5, 1e6), "free_amplitude": (5e-11, 1e-6), "setpoint_amplitude": (5e-11, 1e-6),
+    "setpoint": (0.01, 1.0), "line_rate": (1e-3, 1e4), "amplitude_sensitivity": (1e-10, 1e-5),
+}  # fmt: skip
+"""What anybody taps with; of some values files hold numbers that are of another unit."""
 SAME_LEVER = 0.05  # a resonance farther from the drive frequency than this part is a catalogue's
 _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency": 75e3, "AmpInvOLS": 1.09e-7}
 
@@ -51,10 +60,26 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     scan.take(**own)
     scan.warnings += metadata.get("warnings", "").splitlines()
     scan.nominal += metadata.get("nominal", "").split()
+    _doubt(scan)
     known = scan.values
     if "setpoint" not in known and {"setpoint_amplitude", "free_amplitude"} <= set(known):
         scan.take(setpoint=known["setpoint_amplitude"] / known["free_amplitude"])
     return scan
+
+
+def _doubt(scan: ScanData) -> None:
+    """Take out numbers outside all practice, and say so: they are of another unit, or of nothing."""
+    for name, (low, high) in PRACTICE.items():
+        value = scan.values.get(name)
+        if value is None or low <= value <= high:
+            continue
+        del scan.values[name]
+        unit = CANONICAL[name]
+        what = name.replace("_", " ")
+        scan.warnings.append(
+            f"The file says {what} {say(value, unit, 3)}, which is outside all practice ({say(low, unit, 3)} to "
+            f"{say(high, unit, 3)}): it is left out."
+        )
 
 
 def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
@@ -138,6 +163,8 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         proportional_gain=value("ProportionalGain"),
         integral_gain=value("IntegralGain"),
         phase_zero=value("FreeAirPhase"),
+        phase_sign=-1.0,  # lag: above 90 degrees attractive, below repulsive (Asylum Research, AC mode manual)
+        drive_voltage=value("DriveAmplitude"),
         free_amplitude_voltage=free,
         setpoint_voltage=volts,
         setpoint=volts / free if volts and free else None,
@@ -173,8 +200,9 @@ def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     scan.take(
         drive_frequency=value("CantFrequency", "Drive frequency", "Drive Frequency"),
         line_rate=value("Scan Rate", "Scan rate"),
-        proportional_gain=value("TMFbPgain"),
-        integral_gain=value("TMFbIgain"),
+        proportional_gain=value("TMFbPgain", "Proportional gain", "Proportional Gain"),  # the latter of version 4 and 5
+        integral_gain=value("TMFbIgain", "Integral gain", "Integral Gain"),
+        drive_voltage=value("CantDrive", "Drive amplitude", "Drive Amplitude"),
         setpoint_voltage=volts,
         amplitude_sensitivity=sensitivity,
         setpoint_amplitude=volts * sensitivity if volts and sensitivity else None,

@@ -14,6 +14,7 @@ from phasemap.plot.colours import FAILED, Scale, given_colours, scale_of, units_
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import draw_scale_bar
 from phasemap.plot.materials import inversion, is_inversion
+from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
 from phasemap.results.validity import describe_validity
@@ -65,7 +66,8 @@ def plot(
     ds : xarray.Dataset or xarray.DataArray
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
         leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or what a
-        sweep, `phasemap.contrast`, `phasemap.compare` or `phasemap.invert` returned; or one variable of an image.
+        sweep, `phasemap.contrast`, `phasemap.compare`, `phasemap.series` or `phasemap.invert` returned; or one
+        variable of an image.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -89,9 +91,8 @@ def plot(
     Raises
     ------
     InputError
-        If `ds` holds no image, sweep, contrast, comparison or inversion, or not the variables to be drawn, the format
-        is unknown, a limit or colour map is none, or irregular pixels are to be marked in an image that does not have
-        the variable ``motion``.
+        If `ds` holds nothing of these, or not the variables to be drawn, the format is unknown, a limit or colour map
+        is none, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
     FileError
         If `path` cannot be written.
 
@@ -117,11 +118,12 @@ def plot(
         return contrast(ds, path, overwrite, **colours)
     if is_comparison(ds):
         return comparison(ds, path, overwrite, **colours)
-    if is_sweep(ds) or is_inversion(ds):
-        for name, value in colours.items():
-            if value is not None:
-                raise InputError(name, str(value), "nothing where a sweep or an inversion is drawn")
-        return curve(ds, path, overwrite=overwrite) if is_sweep(ds) else inversion(ds, path, overwrite)
+    for asks, draw in ((is_sweep, curve), (is_inversion, inversion), (is_series, series)):
+        if asks(ds):
+            for name, value in colours.items():
+                if value is not None:
+                    raise InputError(name, str(value), "nothing where a sweep, an inversion or a series is drawn")
+            return draw(ds, path, overwrite=overwrite)
     names = ("height", "phase") if variables is None else tuple(variables)
     _check(ds, names, mark_irregular)
     ds = _levelled(ds)

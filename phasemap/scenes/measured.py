@@ -13,11 +13,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap._shared.checks import whole
+from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface import Surface
-from phasemap.io.measured import level_height, one_scan, segment_phase
+from phasemap.io.measured import level_height, one_scan, segment_height, segment_phase
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
 from phasemap.io.read import read_image
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["scene_from"]
 
-PLACEHOLDER = Material(modulus=2e9, adhesion=0.05, damping=0.01)  # a polymer
+PLACEHOLDERS = ("LDPE", "PS", "glass", "gold")  # presets, so that an image that nobody edited has a contrast
+ONE = "PS"  # where there is one material only
+WAYS = ("phase", "height")
 NEEDED = {
     "scan.setpoint": "0.7",
     "cantilever.stiffness": "40",
@@ -59,6 +61,7 @@ def scene_from(
     overrides: Iterable[str] = (),
     *,
     direction: str | None = None,
+    by: str = "phase",
     overwrite: bool = False,
 ) -> Scene:
     """Write the scene that a measured image shows, to be edited and simulated.
@@ -70,11 +73,14 @@ def scene_from(
     path : path-like
         The scene to write, .toml; its maps of labels and topography go into ``NAME_maps.nc`` beside it.
     phases : int
-        How many materials the phase tells apart, 1 to 4; 1 needs no phase.
+        How many materials there are, 1 to 4; 1 needs no phase.
     overrides : iterable of str
         ``"table.key=value"``, as in `phasemap.load_scene`: what the file does not say, or says otherwise.
     direction : str, optional
         "trace" or "retrace"; None takes the first that was recorded.
+    by : {"phase", "height"}
+        What tells the materials apart; where phase is mostly crosstalk of slopes, or the contrast vanishes, height is
+        better. Labels count from the lowest.
     overwrite : bool
         Whether existing files may be replaced.
 
@@ -95,10 +101,11 @@ def scene_from(
     Notes
     -----
     Topography is the height less its tilt and row offsets, level on the material that covers most. Labels count the
-    materials from the lowest phase; rows are aligned before thresholding (`phasemap.io.measured`). The materials are
-    all the same placeholder unless `overrides` say ``materials.material_0.modulus=...``. Where the file has no
-    resonance frequency, the lever is taken as driven at resonance. A free amplitude recorded off resonance is brought
-    to resonance.
+    materials from the lowest phase, or height; rows are aligned before thresholding (`phasemap.io.measured`). The
+    materials are placeholders, presets of unequal stiffness, unless `overrides` say
+    ``materials.material_0.modulus=...``: the stiffest has the highest phase, or the lowest where the file says that its
+    phase counts lag positive. Where the file has no resonance frequency, the lever is taken as driven at resonance. A
+    free amplitude recorded off resonance is brought to resonance.
 
     Examples
     --------
@@ -108,6 +115,7 @@ def scene_from(
     phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
     whole("phases", phases, 1, 4)
+    check_choice("by", by, WAYS)
     path = Path(path)
     if path.suffix.lower() != ".toml":
         raise InputError("the suffix of the scene", path.suffix, ".toml")
@@ -118,12 +126,12 @@ def scene_from(
         image = read_image(image)
     if not hasattr(image, "data_vars"):
         raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
-    scan = one_scan(image, UNITS_OF if phases > 1 else ["height"], direction)
+    scan = one_scan(image, UNITS_OF if phases > 1 and by == "phase" else ["height"], direction)
     for name, units in UNITS_OF.items():
         if name in scan and scan[name].attrs.get("units", units) != units:
             raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)
     tables, notes = _microscope(scan.attrs, list(overrides))
-    maps = _maps(scan, phases)
+    maps = _maps(scan, phases, by)
     shares = _shares(maps["labels"].values, scan)
     names = [f"material_{label}" for label in range(phases)]
     pixel_size = [_pitch(scan, dim) for dim in ("y", "x")]
@@ -136,14 +144,21 @@ def scene_from(
     }
     notes |= {
         "surface.pixel_size": "m, (dy, dx)",
-        "surface.materials": "from the lowest phase to the highest",
+        "surface.materials": f"from the lowest {by} to the highest",
         "surface.topography": "m, recorded height without tilt and row offsets",
     }
     given = tables["materials"]
-    tables["materials"] = given | {name: _material(given.get(name, {})) for name in names}
+    presets = _placeholders(phases, by, scan.attrs)
+    tables["materials"] = given | {
+        name: _material(preset, given.get(name, {})) for name, preset in zip(names, presets, strict=True)
+    }
     notes |= {f"materials.{name}": share for name, share in zip(names, shares, strict=True)}
     scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values first
-    made = {f"materials.{name}.{key}": "placeholder" for name in names for key in tables["materials"][name]}
+    made = {
+        f"materials.{name}.{key}": f"placeholder, {preset}: edit"
+        for name, preset in zip(names, presets, strict=True)
+        for key in tables["materials"][name]
+    }
     save(maps, maps_path, overwrite)
     with replacing(path, overwrite) as temporary:
         temporary.write_text(toml_of(tables, made | notes, _heading(scan, path)), encoding="utf-8")
@@ -215,17 +230,20 @@ def _off_resonance(lever: Table, drive: Table) -> float | None:
         return None  # what is wrong is said when the scene is checked
 
 
-def _maps(scan: xr.Dataset, phases: int) -> xr.Dataset:
+def _maps(scan: xr.Dataset, phases: int, by: str) -> xr.Dataset:
     """Labels of the materials, and the topography."""
     import numpy as np
     import xarray as xr
 
     height = scan["height"].values
-    labels = np.zeros(height.shape, int) if phases == 1 else segment_phase(scan["phase"].values, phases)
+    if phases == 1:
+        labels = np.zeros(height.shape, int)
+    else:
+        labels = segment_phase(scan["phase"].values, phases) if by == "phase" else segment_height(height, phases)
     topography = level_height(height, labels == np.bincount(labels.ravel()).argmax())
     return xr.Dataset(
         {
-            "labels": (("y", "x"), labels.astype(np.int32), {"long_name": "material, from the lowest phase"}),
+            "labels": (("y", "x"), labels.astype(np.int32), {"long_name": f"material, from the lowest {by}"}),
             "topography": (("y", "x"), topography, {"long_name": "levelled recorded height", "units": "m"}),
         },
         {dim: scan[dim] for dim in ("y", "x")},
@@ -247,12 +265,22 @@ def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
     return told
 
 
-def _material(given: Any) -> Any:
+def _placeholders(phases: int, by: str, attrs: Mapping[str, Any]) -> list[str]:
+    """Presets that stand for materials nobody has named, from the lowest label."""
+    if phases == 1:
+        return [ONE]
+    first = list(PLACEHOLDERS[:phases])
+    return first[::-1] if by == "phase" and attrs.get("phase_sign") == -1 else first
+
+
+def _material(preset: str, given: Any) -> Any:
     """The placeholder with the values that the user gives; a viscosity takes the place of its damping."""
     if not isinstance(given, dict):
         return given  # what is wrong is said when the scene is checked
     other = ("viscosity", "damping" if "viscosity" in given else "")
-    return {name: value for name, value in dataclasses.asdict(PLACEHOLDER).items() if name not in other} | given
+    return {
+        name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if name not in other
+    } | given
 
 
 def _heading(scan: xr.Dataset, path: Path) -> list[str]:
@@ -263,8 +291,9 @@ def _heading(scan: xr.Dataset, path: Path) -> list[str]:
         "",
         f"  phasemap run {shlex.quote(path.name)} -o {shlex.quote(path.stem + '.nc')}",
         "",
-        "The materials are PLACEHOLDERS, all the same polymer, unless given: an image does not say what it is of. "
-        "Change them until the simulated contrast is the measured one; the zero of a measured phase is arbitrary.",
+        "The materials are PLACEHOLDERS unless given: an image does not say what it is of. EDIT [materials.*]: first "
+        "modulus and adhesion, which decide where the tip is repulsive, then damping, until the simulated contrast is "
+        "the measured one. The zero of a measured phase is arbitrary; phasemap series fits several files at once.",
         *str(scan.attrs.get("warnings", "")).splitlines(),
         "Every length is in m, every other quantity in SI units.",
     ]

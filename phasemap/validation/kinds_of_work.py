@@ -35,65 +35,67 @@ class _Own(ContactLaw):
         return float(0.3 * p[0] * d * d)
 
 
-def _image(solver: str = "auto", control: Control | None = None) -> None:
+def _image(solver: str = "auto", control: Control | None = None) -> object:
     from phasemap.imaging.simulation import simulate
 
-    simulate(TWO, SCOPE, 0.8, solver, control or Engage())
+    return simulate(TWO, SCOPE, 0.8, solver, control or Engage())
 
 
-def _interpolated() -> None:
+def _interpolated() -> object:
     from phasemap.imaging.simulation import simulate
 
     many = np.linspace(1e9, 3e9, 10_000).reshape(100, 100)
-    simulate(Surface(many, adhesion=0.02, pixel_size=2e-9), SCOPE, 0.8)
+    return simulate(Surface(many, adhesion=0.02, pixel_size=2e-9), SCOPE, 0.8)
 
 
-def _distance(interaction: Interaction | None = None) -> None:
+def _distance(interaction: Interaction | None = None) -> object:
     from phasemap.sweeps.sweep import sweep_distance
 
     scope = SCOPE if interaction is None else Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, interaction)
-    sweep_distance(MATERIAL, scope, np.linspace(30e-9, 5e-9, 20))
+    return sweep_distance(MATERIAL, scope, np.linspace(30e-9, 5e-9, 20))
 
 
-def _frequency() -> None:
+def _frequency() -> object:
     from phasemap.sweeps.sweep import sweep_frequency
 
-    sweep_frequency(MATERIAL, SCOPE, np.linspace(295e3, 305e3, 20), tip_offset=10e-9)
+    return sweep_frequency(MATERIAL, SCOPE, np.linspace(295e3, 305e3, 20), tip_offset=10e-9)
 
 
-def _contrast() -> None:
+def _contrast() -> object:
     from phasemap.sweeps.contrasts.contrast_map import contrast
 
-    contrast(MATERIAL, OTHER, SCOPE, np.linspace(0.4, 0.9, 3))
+    return contrast(MATERIAL, OTHER, SCOPE, np.linspace(0.4, 0.9, 3))
 
 
-def _orbits() -> None:
+def _orbits() -> object:
     from phasemap.sweeps.orbits import orbits
 
-    orbits(MATERIAL, SCOPE, setpoint=0.8)
+    return orbits(MATERIAL, SCOPE, setpoint=0.8)
 
 
-def _check() -> None:
+def _check() -> object:
     from phasemap.imaging.simulation import simulate
     from phasemap.validation.checking.check import check
 
-    check(simulate(TWO, SCOPE, 0.8), TWO)
+    return check(simulate(TWO, SCOPE, 0.8), TWO)
 
 
-def _invert() -> None:
+def _invert() -> object:
     from phasemap.imaging.simulation import simulate
     from phasemap.inference.images.images import invert
 
-    invert([simulate(TWO, SCOPE, one) for one in (0.8, 0.6)], SCOPE, phase_zero=0.0)
+    return invert([simulate(TWO, SCOPE, one) for one in (0.8, 0.6)], SCOPE, phase_zero=0.0)
 
 
-def _pixel(contact: str | ContactLaw, bias: float = 0.0) -> None:
+def _pixel(contact: str | ContactLaw, bias: float = 0.0) -> object:
     from phasemap.solvers.pixel import solve_pixel
 
-    solve_pixel(MATERIAL, Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, Interaction(contact, bias=bias)), 0.8)
+    return solve_pixel(
+        MATERIAL, Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, Interaction(contact, bias=bias)), 0.8
+    )
 
 
-KINDS: dict[str, Callable[[], None]] = {
+KINDS: dict[str, Callable[[], object]] = {
     "image": _image,
     "continuous maps": _interpolated,
     "distance sweep": _distance,

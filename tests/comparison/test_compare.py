@@ -171,7 +171,7 @@ def of_file(name: str, direction: str) -> xr.Dataset:
     spec = find_spec("NSFopen")
     assert spec is not None and spec.submodule_search_locations is not None
     path = Path(spec.submodule_search_locations[0], "example", name)
-    return read_image(path, phase=f"Phase {direction}")
+    return read_image(path, phase=f"Phase {direction}", height="Z-Axis")  # what the scanner was told
 
 
 @needs_reader
@@ -267,7 +267,7 @@ def test_offset_and_sign_of_the_instrument_are_recovered(sign: int, offset: floa
     assert value(free, "rmse") < 1e-12
     assert np.abs(free["measured"] - one["phase"]).max() < 1e-12
     warmer = one.assign(phase=one["phase"] + 4.0)  # a simulation that is 4 degrees off
-    assert value(pm.compare(recorded, warmer), "rmse") < 1e-12
+    assert value(pm.compare(recorded, warmer, offset="free"), "rmse") < 1e-12
     for fixed in (pm.compare(recorded, warmer, offset="fixed"), pm.compare(recorded, warmer, offset=offset, sign=sign)):
         assert value(fixed, "offset") == offset and value(fixed, "rmse") == pytest.approx(4)
         assert value(fixed, "sign") == sign and value(fixed, "correlation") == pytest.approx(1)
@@ -377,6 +377,29 @@ def test_scores_are_those_of_the_libraries_by_their_own_formulas() -> None:
 
 
 @needs_skimage
+def test_a_sign_is_never_turned_in_silence() -> None:
+    one = grains()
+    other = one.assign(phase=20.0 - one["phase"])
+    fitted = pm.compare(other, one, limit=0)
+    assert value(fitted, "sign") == -1 and fitted.attrs["sign_from"] == "fitted"
+    assert verdict_of(fitted).startswith("The sign of the measured phase was TURNED")
+    assert "is -1.00." in verdict_of(fitted)
+    kept = pm.compare(other.assign_attrs(phase_sign=1), one, limit=0)
+    assert value(kept, "sign") == 1 and value(kept, "correlation") == pytest.approx(-1)
+    assert verdict_of(kept).startswith("The simulated image explains nothing")
+    known = pm.compare(other.assign_attrs(phase_sign=-1), one, limit=0)
+    assert "the other way round, as its file records" in verdict_of(known)
+    assert "TURNED" not in verdict_of(pm.compare(one, one, limit=0))
+
+
+def test_a_recorded_zero_is_used_unless_another_is_asked_for() -> None:
+    one = grains()
+    recorded = one.assign(phase=one["phase"] + 62.0).assign_attrs(phase_zero=60.0)
+    used, free = pm.compare(recorded, one, limit=0), pm.compare(recorded, one, limit=0, offset="free")
+    assert value(used, "offset") == 60.0 and value(used, "rmse") == pytest.approx(2.0)
+    assert value(free, "offset") == pytest.approx(62.0) and used.attrs["offset_from"] == "recorded"
+
+
 @pytest.mark.parametrize(("low", "offset"), [(-180.0, 180.0), (0.0, 360.0)])
 def test_a_phase_that_runs_over_the_end_of_its_range_is_compared_as_if_it_did_not(low: float, offset: float) -> None:
     one = grains()
@@ -462,8 +485,10 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "direction is 'trace'; allowed: None, for neither": lambda: pm.compare(one, one, direction="trace"),
         "direction of simulated is 'trace'; allowed: None": lambda: pm.compare(both, one, direction=("trace", "trace")),
         "phase_zero of measured is 'not recorded'": lambda: pm.compare(one, one, offset="fixed"),
-        "offset is 'none'; allowed: 'free', 'fixed' or a number": lambda: pm.compare(one, one, offset="none"),
-        "sign is 2; allowed: 'free', 1 or -1": lambda: pm.compare(one, one, sign=2),
+        "offset is 'none'; allowed: 'recorded', 'free', 'fixed' or a number": lambda: pm.compare(
+            one, one, offset="none"
+        ),
+        "sign is 2; allowed: 'recorded', 'free', 1 or -1": lambda: pm.compare(one, one, sign=2),
         "number of materials is 7; allowed: 2 to 4": lambda: pm.compare(one, one, regions=7),
         "limit is -1.0": lambda: pm.register(one, one, limit=-1.0),
         "height is 'rowwise'; allowed: 'rows' or 'plane'": lambda: pm.level(one, height="rowwise"),
@@ -480,7 +505,7 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "direction is 3; allowed: one name, or one for each": lambda: pm.compare(one, one, direction=3),
         "names is ('a',); allowed: two names": lambda: pm.compare(one, one, names=("a",)),
         "names is 'ab'; allowed: two names": lambda: pm.compare(one, one, names="ab"),
-        "sign is True; allowed: 'free', 1 or -1": lambda: pm.compare(one, one, sign=True),
+        "sign is True; allowed: 'recorded', 'free', 1 or -1": lambda: pm.compare(one, one, sign=True),
         "number of different phases is 1; allowed: enough to tell 2 materials apart": lambda: pm.compare(
             one.assign(phase=0 * one["phase"]), one
         ),

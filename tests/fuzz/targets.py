@@ -506,7 +506,12 @@ TARGETS = (
     Target("ensemble table", 0.015, _table, take_table),
     Target("ensemble parts", 0.005, _parts, take_parts),
     Target("gwy", 0.01, _measured("image.gwy"), take_measured),
-    Target("vendors", 0.008, _measured("image.gsf", "image.nid", "image.stp"), take_measured),
+    Target(
+        "vendors",
+        0.008,
+        _measured("image.gsf", "image.nid", "image.stp", "image.001", "image.tiff", "image.jpk"),
+        take_measured,
+    ),
     Target("xarray engine", 0.002, _measured("image.gwy", "image.gsf", "image.nc"), take_backend),
 )
 """Every one of them."""

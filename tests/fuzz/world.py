@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from vendor_files import jpk_file, nanoscope_file, park_file
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 FOREIGN = {  # units and file names that the samples do not have, for the sake of coverage
@@ -177,6 +178,9 @@ def _images() -> None:
         head, mark, _ = path.read_bytes().partition(b"#!")
         head = head.replace(b"Points=512", b"Points=16").replace(b"Lines=256", b"Lines=12")
         Path("image.nid").write_bytes(head + mark + rng.bytes(8 * 16 * 12 * 4))
+    nanoscope_file(Path("image.001"), "20.0 nm/V")
+    park_file(Path("image.tiff"), "NCM Phase", "NCM")
+    jpk_file(Path("image.jpk"))
     Path("image.stp").write_bytes(
         header.replace("00000", f"{len(header):05d}").encode() + rng.normal(size=24).tobytes()
     )

@@ -49,7 +49,7 @@ def test_every_pixel_is_that_of_the_vendors_own_reader(flake: xr.Dataset) -> Non
     with warnings.catch_warnings(action="ignore"):  # of pandas, which their reader asks for what it will not have
         theirs = importlib.import_module("NSFopen.read").read(str(example("Plotting_Data/MoS2.nid"))).data["Image"]
     for direction, word in (("trace", "Forward"), ("retrace", "Backward")):
-        for name, channel in (("height", "Z-Axis"), ("phase", "Phase"), ("amplitude", "Amplitude")):
+        for name, channel in (("height", "Z-Axis Sensor"), ("phase", "Phase"), ("amplitude", "Amplitude")):
             ours = flake[name].sel(direction=direction).values
             assert np.array_equal(ours, np.array(theirs[word][channel])[::-1])  # theirs has the bottom row first
 
@@ -84,10 +84,10 @@ def test_channels_can_be_named_with_their_direction_or_without() -> None:
     path = example("Plotting_Data/MoS2.nid")
     backward = read_image(path, phase="Phase backward")
     assert backward.attrs["direction"] == "retrace" and backward["phase"].dims == ("y", "x")
-    assert json.loads(backward.attrs["channels"])["height"] == ["Z-Axis backward"]
-    sensor = read_image(path, height="Z-Axis Sensor")
-    assert json.loads(sensor.attrs["channels"])["height"] == ["Z-Axis Sensor forward", "Z-Axis Sensor backward"]
-    assert json.loads(sensor.attrs["other_channels"]) == ["Z-Axis forward", "Z-Axis backward"]
+    assert json.loads(backward.attrs["channels"])["height"] == ["Z-Axis Sensor backward"], "what was measured"
+    told = read_image(path, height="Z-Axis")
+    assert json.loads(told.attrs["channels"])["height"] == ["Z-Axis forward", "Z-Axis backward"]
+    assert json.loads(told.attrs["other_channels"]) == ["Z-Axis Sensor forward", "Z-Axis Sensor backward"]
     with pytest.raises(FileError, match="there is no channel 'Fase'; it holds 'Z-Axis forward', "):
         read_image(path, phase="Fase")
     with pytest.raises(FileError, match="'Amplitude forward' is in 'V' over 'm', not an angle"):
@@ -399,6 +399,44 @@ def test_jpk_and_park_tell_what_gwyddion_says_of_them() -> None:
     values = scan_data(NOWHERE, jpk).values
     assert (values["drive_frequency"], values["setpoint_voltage"]) == pytest.approx((312.5e3, 0.75))
     assert scan_data(NOWHERE, {"Image mode": "NC-AFM", "Scan rate": "0.5 s<sup>-1</sup>"}).values == {"line_rate": 0.5}
+
+
+def test_a_number_outside_all_practice_is_doubted_and_left_out() -> None:
+    scan = scan_data(NOWHERE, {"Image mode": "Tapping", "Set point": "13.5 um"})
+    assert "setpoint_amplitude" not in scan.values
+    assert any(
+        "setpoint amplitude 13.5 µm, which is outside all practice (50 pm to 1 µm)" in one for one in scan.warnings
+    )
+    assert scan_data(NOWHERE, {"Image mode": "Tapping", "Set point": "13.5 nm"}).values["setpoint_amplitude"] == 13.5e-9
+    assert "setpoint" not in scan_data(NOWHERE, {"Op. mode": "Dynamic Force", "Setpoint": "250 %"}).values
+
+
+def test_gains_and_drive_of_older_nanoscope_files_are_read() -> None:
+    old = {"MicroscopeList": "Tapping", "Integral gain": "0.4", "Proportional gain": "0.6", "2:CantDrive": "112.6 mV"}
+    values = scan_data(NOWHERE, old).values
+    assert (values["integral_gain"], values["proportional_gain"], values["drive_voltage"]) == pytest.approx(
+        (0.4, 0.6, 0.1126)
+    )
+
+
+def test_asylum_counts_lag_positive_and_says_so() -> None:
+    assert scan_data(NOWHERE, {"ImagingMode": "AC Mode"}).values["phase_sign"] == -1
+
+
+@needs_reader
+@pytest.mark.parametrize(
+    ("name", "content", "what"),
+    [
+        ("curve.ibw", b"\x05\0" + bytes(130) + (512).to_bytes(4, "little") + bytes(400), "a curve of 512 points"),
+        ("force.001", b"\\*Force file list\r\n" + bytes(300), "a force curve of NanoScope"),
+        ("tune.nid", b"[DataSet]\nDim0Name=Frequency\n", "a resonance curve"),
+        ("map.jpk-force-map", b"PK\x03\x04" + bytes(64), "an archive"),
+    ],
+)
+def test_a_file_of_another_kind_is_called_what_it_is(tmp_path: Path, name: str, content: bytes, what: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=f"it is {what}.*not an image"):
+        read_image(tmp_path / name)
 
 
 def test_a_setpoint_that_is_no_percentage_is_no_ratio() -> None:

@@ -98,10 +98,31 @@ def test_placeholders_and_the_origin_of_each_value_are_said(tmp_path: Path) -> N
     assert "# The free amplitude is a guess." in lines
     assert "stiffness = 40.0  # N/m, nominal, of levers of this type" in lines
     assert "setpoint = 0.6  # as recorded" in lines and "radius = 1e-08  # m, given" in lines
-    assert "modulus = 2.0e9  # Pa, placeholder" in lines and "damping = 0.03  # given" in lines
+    assert "modulus = 2.8e9  # Pa, placeholder, PS: edit" in lines and "damping = 0.03  # given" in lines
     assert any("PLACEHOLDERS" in line for line in lines) and "#   phasemap run scene.toml -o scene.nc" in lines
     scene_from(image, tmp_path / "my scene.toml", 1, [TIP])
     assert "#   phasemap run 'my scene.toml' -o 'my scene.nc'" in (tmp_path / "my scene.toml").read_text().splitlines()
+
+
+@needs_skimage
+def test_an_unedited_scene_has_a_contrast_of_the_sign_that_the_file_says(tmp_path: Path) -> None:
+    def moduli(**attrs: Any) -> list[float]:
+        scene = scene_from(measured(**attrs), tmp_path / "scene.toml", 2, [TIP], overwrite=True)
+        labels = load(tmp_path / "scene_maps.nc")["labels"].values
+        return [float(np.median(np.broadcast_to(scene.surface.modulus, labels.shape)[labels == k])) for k in (0, 1)]
+
+    assert moduli()[0] < moduli()[1] and moduli(phase_sign=-1)[0] > moduli(phase_sign=-1)[1]
+
+
+@needs_skimage
+def test_height_tells_materials_apart_where_the_phase_does_not(tmp_path: Path) -> None:
+    image = measured()
+    image["phase"] = 0 * image["phase"] + np.random.default_rng(1).normal(size=image["phase"].shape)
+    scene_from(image, tmp_path / "scene.toml", 2, [TIP], by="height")
+    assert np.array_equal(load(tmp_path / "scene_maps.nc")["labels"].values, truth()[0])
+    assert "from the lowest height" in (tmp_path / "scene.toml").read_text()
+    with pytest.raises(InputError, match="by is 'colour'"):
+        scene_from(image, tmp_path / "scene.toml", 2, [TIP], by="colour", overwrite=True)
 
 
 def test_a_free_amplitude_recorded_off_resonance_is_brought_to_resonance(tmp_path: Path) -> None:

@@ -1,0 +1,181 @@
+"""The command ``phasemap series``: several measured files of one sample, explained together."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phasemap._shared.errors import InputError
+from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole
+from phasemap.cli.numbers import numbers_in
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.experiment.microscope import Microscope
+
+WIDTH = 100  # letters on a line of the summary
+SAID = {"stiffness": "stiffness", "quality_factor": "quality factor", "radius": "tip radius"}
+EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
+one lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
+unknown: free amplitude, setpoint, zero and sign of the phase. A LIST has commas: a number a file in the order given,
+or one for all. key=value sets a part of the microscope that files do not say, such as tip.radius=20nm.
+
+examples:
+  phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
+  phasemap series a.001 b.001 c.001 --by height --sign -1 --plot page.png tip.radius=20nm
+  phasemap series a.nid b.nid --free-amplitudes 40nm,80nm --labels a_maps.nc,b_maps.nc -o series.nc
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.usage = "%(prog)s FILE FILE [FILE ...] [--plot PAGE.png] [options] [key=value ...]"
+    parser.set_defaults(overrides=[])
+    parser.add_argument("files", metavar="FILE", nargs="+", help="two or more; key=value sets a part of the microscope")
+    parser.add_argument("--regions", type=whole, default=2, metavar="N", help="how many to find; default: 2")
+    parser.add_argument(
+        "--by",
+        choices=("phase", "height", "both"),
+        help="what tells regions apart; default: phase, or height where it is far sharper",
+    )
+    parser.add_argument(
+        "--labels", metavar="LIST", help="netCDF files with maps of regions, as phasemap scene writes them"
+    )
+    parser.add_argument("--setpoints", metavar="LIST", help="of the files; default: as recorded")
+    parser.add_argument(
+        "--free-amplitudes", metavar="LIST", help="at the drive frequency [m], or shared or free; default: as recorded"
+    )
+    parser.add_argument("--phase-zero", metavar="LIST", help="phase of the free lever, or shared or free")
+    parser.add_argument("--phase-error", type=float, default=1.0, metavar="DEGREES", help="of a median; default: 1")
+    parser.add_argument("--sign", type=int, choices=(1, -1), help="-1 if lag counts positive; default: both are tried")
+    parser.add_argument("--scene", metavar="SCENE.toml", type=Path, help="a scene that says the microscope")
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
+    parser.add_argument("--seed", type=int, default=0, help="of the draws; default: 0")
+    add_files(parser, plot="page to draw (.png, .pdf, .svg)")
+    add_quiet(parser)
+    add_strict_units(parser)
+
+
+def series(arguments: argparse.Namespace) -> None:
+    """Explain, write what is asked for, and say what was found."""
+    from phasemap.inference.series.series import series as explain
+    from phasemap.inference.series.settings import scope_of
+    from phasemap.io.netcdf import save
+    from phasemap.io.read import read_image
+
+    check_files(arguments)
+    words = [word for word in arguments.files if "=" in word] + arguments.overrides
+    paths = [Path(word) for word in arguments.files if "=" not in word]
+    images = [read_image(path) for path in paths]
+    scope, told = _microscope(images, arguments.scene) if arguments.scene else scope_of(images, None)
+    scope, changed = _changed(scope, words)
+    options: dict[str, Any] = {}
+    for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree")):
+        options[name] = _list(name, getattr(arguments, name), unit, len(paths))
+    found = explain(
+        [image.assign_attrs(title=path.name) for image, path in zip(images, paths, strict=True)], scope,
+        regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,
+        phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed, **options,
+    )  # fmt: skip
+    told = [one for one in told if not any(SAID.get(name, "") in one for name in changed if name in SAID)]
+    found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
+    if arguments.output is not None:
+        save(found, arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        from phasemap.plot.series import series as draw
+
+        draw(found, arguments.plot, arguments.overwrite)
+    if not arguments.quiet:
+        print("\n".join(summary(found)))
+        print_files(arguments)
+
+
+def summary(found: xr.Dataset) -> list[str]:
+    """What was found, a line a file and a line a sentence.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `phasemap.series` returned.
+
+    Returns
+    -------
+    list of str
+    """
+    said = []
+    for i, name in enumerate(found["file"].values):
+        level, size = float(found["setpoint"][i]), 1e9 * float(found["free_amplitude"][i])
+        parts = [
+            f"{float(found['measured_contrast'][r, i]):+.1f} ± {float(found['contrast_error'][r, i]):.1f}° "
+            f"(simulated {float(found['fitted_contrast'][r, i]):+.1f}°)"
+            for r in range(1, found.sizes["region"])
+        ]
+        said.append(
+            ("file", f"{name}: setpoint {level:.2f}, free amplitude {size:.3g} nm, contrast {'; '.join(parts)}")
+        )
+    for word, label in (("notes", "note"), ("verdict", "verdict"), ("advice", "advice")):
+        said += [(label, line) for line in found.attrs[word].splitlines()]
+    return [line for label, text in said for line in _wrapped(label, text)]
+
+
+def _wrapped(label: str, text: str) -> list[str]:
+    return textwrap.wrap(f"{label:<12}{text}", WIDTH, subsequent_indent=" " * 12)
+
+
+def _microscope(images: list[xr.Dataset], path: Path) -> tuple[Microscope, list[str]]:
+    """The one of a scene, after a look at the drive frequencies of the files."""
+    from phasemap.inference.series.settings import scope_of
+    from phasemap.scenes.scene import load_setup
+
+    return scope_of(images, load_setup(path, []).microscope)
+
+
+def _changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
+    """The microscope with some of its numbers changed, and their names."""
+    changed = set()
+    for word in words:
+        key, _, text = word.partition("=")
+        part, _, name = key.strip().partition(".")
+        allowed = {one: [field.name for field in fields(getattr(scope, one))] for one in ("cantilever", "tip", "drive")}
+        if name not in allowed.get(part, ()):
+            listed = ", ".join(f"{one}.{own}" for one, names in allowed.items() for own in names)
+            raise InputError("a key of the microscope", key, listed)
+        try:
+            value: Any = float(text)
+        except ValueError:
+            value = text.strip()
+        scope = replace(scope, **{part: replace(getattr(scope, part), **{name: value})})
+        changed.add(name)
+    return scope, changed
+
+
+def _list(name: str, text: str | None, unit: str, count: int) -> Any:
+    """Numbers, one a file, or a word."""
+    if text is None or text in ("shared", "free"):
+        return text
+    option, allowed = f"--{name.replace('_', '-')}", f"a number, or {count} with commas between them, one a file"
+    values = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
+    if len(values) not in (1, count):
+        raise InputError(option, text, allowed)
+    return values * (count // len(values))
+
+
+def _labels(text: str | None, count: int) -> Any:
+    """Maps of regions."""
+    import numpy as np
+
+    from phasemap.io.netcdf import load
+
+    if text is None:
+        return None
+    maps = [load(part) for part in text.split(",")]
+    for one, part in zip(maps, text.split(","), strict=True):
+        if "labels" not in one:
+            raise InputError(f"what {part} holds", ", ".join(map(str, one.data_vars)), "a map labels")
+    if len(maps) not in (1, count):
+        raise InputError("--labels", text, f"one file, or {count}")
+    return [np.asarray(one["labels"].values) for one in maps * (count // len(maps))]

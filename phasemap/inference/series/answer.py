@@ -1,0 +1,220 @@
+"""What was found of a series, as a Dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.inference.images.identifiability import CODES, GIVEN, codes_of
+from phasemap.inference.images.model import PARAMETERS
+from phasemap.inference.images.verdict import UNITS
+from phasemap.inference.series.contrasts import Labels, Medians
+from phasemap.inference.series.problem import Problem, State
+from phasemap.inference.series.sampling import Draws
+from phasemap.inference.series.settings import SAME
+from phasemap.inference.series.words import tell
+from phasemap.results.variables import describe, provenance
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+ENDS = (2.5, 97.5)  # percentiles
+CURVE = np.linspace(0.2, 0.98, 53)  # setpoints of curves
+BAND = 60  # draws that have curves
+SMALL = 256  # pixels to a side of the pictures that are kept
+SIDES = ("attractive", "repulsive")
+DEGREE = {"units": "degree"}
+
+
+class _Fit(NamedTuple):
+    """Of n draws: recorded phases, shape (n, r, m), zeros, shape (n, m), and chances, shape (n, r, m)."""
+
+    phases: Array
+    zeros: Array
+    repulsive: Array
+
+
+def dataset_of(
+    problem: Problem, draws: Draws, seen: Medians, images: Sequence[xr.Dataset], labels: Sequence[Labels]
+) -> xr.Dataset:
+    """All variables and sentences.
+
+    Parameters
+    ----------
+    problem : Problem
+    draws : Draws
+    seen : Medians
+    images : sequence of xarray.Dataset
+    labels : sequence of ndarray
+    """
+    import xarray as xr
+
+    state = problem.state(draws.x)
+    fit = _fit(problem, draws, state)
+    regions = len(problem.values)
+    ds = xr.Dataset(
+        coords={
+            "file": ("file", list(problem.settings.names)), "region": np.arange(regions), "property": list(PARAMETERS),
+        }
+    )  # fmt: skip
+    _add_contrasts(ds, problem, seen, fit)
+    for name, values, unit, said in (
+        ("setpoint", state.ratios, "1", "setpoint"),
+        ("free_amplitude", state.amplitudes, "m", "free amplitude at the drive frequency"),
+        ("phase_zero", fit.zeros, "degree", "recorded phase of the free lever"),
+    ):
+        _add(ds, name, ("file",), values, unit, said)
+    ds["repulsive"] = (
+        ("region", "file"), fit.repulsive.mean(axis=0), {"long_name": "chance of the repulsive branch", "units": "1"}
+    )  # fmt: skip
+    _add_materials(ds, problem, state)
+    ds["sign_chance"] = ((), float((draws.sign > 0).mean()), {"long_name": "chance of sign 1", "units": "1"})
+    likeliest = int(np.argmax(draws.fit - 0.5 * (draws.x**2).sum(axis=1)))
+    ds["misfit"] = ((), _misfit(problem, fit, likeliest), {"long_name": "chi2 of the likeliest draw", "units": "1"})
+    about = {"long_name": "recorded phase of the free lever by the likeliest draw", **DEGREE}
+    ds["likeliest_zero"] = ("file", fit.zeros[likeliest], about)
+    _add_curves(ds, problem, draws, state, likeliest)
+    ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
+    ds = ds.assign_coords(unknown=problem.names)
+    _add_pictures(ds, images, labels)
+    configuration = {"microscope": describe(problem.lever.scope), "files": list(problem.settings.names)}
+    ds.attrs.update(provenance(configuration, "explained as a series"))
+    ds.attrs |= {
+        "amplitude": problem.settings.amplitude, "setpoints": problem.settings.setpoint, "zero": problem.settings.zero,
+        "sign": problem.settings.sign or 0,
+    }  # fmt: skip
+    tell(ds, problem, np.cov(state.logs[:, problem.unknown].reshape(len(draws.x), -1).T))
+    return ds
+
+
+def _fit(problem: Problem, draws: Draws, state: State) -> _Fit:
+    """What each draw says of the data."""
+    solved = problem.solved(state)
+    repulsive = problem.likelihood(solved, state.zeros, draws.sign)[1]
+    lower, upper = np.nan_to_num(solved)
+    phases = draws.sign[:, None, None] * np.where(repulsive > 0.5, upper, lower)
+    apart = (problem.values - phases - state.zeros[:, None] + 180.0) % 360.0 - 180.0
+    precision = 1.0 / problem.errors**2
+    total = precision.sum(axis=0)
+    mean = (apart * precision).sum(axis=1) / total
+    loose = problem.settings.loose
+    zeros = state.zeros + mean * loose * total / (1.0 + loose * total)
+    return _Fit(phases, zeros, repulsive)
+
+
+def _misfit(problem: Problem, fit: _Fit, k: int) -> float:
+    apart = (problem.values - fit.phases[k] - fit.zeros[k] + 180.0) % 360.0 - 180.0
+    return float(((apart / problem.errors) ** 2).sum())
+
+
+def _add(ds: xr.Dataset, name: str, dims: tuple[str, ...], values: Array, unit: str, said: str) -> None:
+    """Median and ends of the 95 % of draws."""
+    low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
+    for word, what, about in (("", middle, said), ("_low", low, f"{said}, lower end of 95 %"),
+                              ("_high", high, f"{said}, upper end of 95 %")):  # fmt: skip
+        ds[name + word] = (dims, what, {"long_name": about, "units": unit})
+
+
+def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: _Fit) -> None:
+    dims = ("region", "file")
+    measured = seen.values - seen.values[0]
+    measured = (measured + 180.0) % 360.0 - 180.0
+    error = np.hypot(problem.errors, problem.errors[0])
+    error[0] = 0.0
+    for name, values, said, unit in (
+        ("phase", seen.values, "median recorded phase", "degree"),
+        ("phase_error", np.where(np.isfinite(problem.errors), problem.errors, np.nan), "its standard error", "degree"),
+        ("share", seen.shares, "share of the pixels", "1"),
+        ("measured_contrast", measured, "recorded phase less that of region 0", "degree"),
+        ("contrast_error", np.where(np.isfinite(error), error, np.nan), "its standard error", "degree"),
+    ):
+        ds[name] = (dims, values, {"long_name": said, "units": unit})
+    fitted = fit.phases - fit.phases[:, :1]
+    low, middle, high = np.percentile(fitted, (ENDS[0], 50.0, ENDS[1]), axis=0)
+    for name, values in (("fitted_contrast", middle), ("contrast_low", low), ("contrast_high", high)):
+        ds[name] = (dims, values, {"long_name": f"{name.replace('_', ' ')}, as recorded", **DEGREE})
+
+
+def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
+    """Properties, and which of them the series determines."""
+    regions, unknown = len(problem.values), problem.unknown
+    reference = problem.lever.model.reference
+    for i, name in enumerate(PARAMETERS):
+        _add(ds, name, ("region",), reference[i] * np.exp(state.logs[:, :, i]), UNITS[name], name)
+    codes = np.full((regions, 3), GIVEN, np.int8)
+    logs = state.logs[:, unknown].reshape(len(state.logs), -1)
+    covariance = np.cov(logs.T)
+    held = 1 / np.sqrt(np.diag(np.linalg.inv(covariance)))
+    codes[unknown] = codes_of(np.sqrt(np.diag(covariance)), held).reshape(-1, 3)
+    meaning = {"flag_values": np.arange(len(CODES), dtype=np.int8), "flag_meanings": " ".join(CODES)}
+    said = {"long_name": "how far the series determines a property", **meaning}
+    ds["determination"] = (("region", "property"), codes, said)
+
+
+def _add_curves(ds: xr.Dataset, problem: Problem, draws: Draws, state: State, likeliest: int) -> None:
+    """Phases against the setpoint for each free amplitude: both branches of one draw, and contrasts of some."""
+    sizes = np.log(problem.settings.relative)
+    groups = [int(np.flatnonzero(np.abs(sizes - one) < SAME)[0]) for one in sizes]
+    firsts = sorted(set(groups))
+    curve = np.array([firsts.index(one) for one in groups])
+    some = np.linspace(0, len(draws.x) - 1, BAND).astype(int)
+    regions, points = len(problem.values), len(CURVE)
+    band = np.full((BAND, len(firsts), regions, points), np.nan)
+    lines = np.full((len(firsts), 2, regions, points), np.nan)
+    for g, first in enumerate(firsts):
+        lines[g] = _branches(problem, state, likeliest, state.amplitudes[likeliest, first])
+        for k, draw in enumerate(some):
+            both = _branches(problem, state, int(draw), state.amplitudes[draw, first])
+            band[k, g] = draws.sign[draw] * _engaged(both)
+    contrasts = band - band[:, :, :1]
+    known = np.isfinite(contrasts)
+    with np.errstate(all="ignore"):
+        enough = known.mean(axis=0) > 0.5
+        low, high = np.nanpercentile(np.where(enough, contrasts, 0.0), ENDS, axis=0)
+    own = draws.sign[likeliest] * _engaged(lines)
+    dims = ("curve", "region", "level")
+    ds["level"] = ("level", CURVE, {"long_name": "setpoint", "units": "1"})
+    ds["curve_of"] = ("file", curve, {"long_name": "number of the file's curve"})
+    about = {"long_name": "phase of the likeliest draw, 0 of the free lever, positive where repulsive", **DEGREE}
+    ds["branch_phase"] = (("curve", "branch_side", "region", "level"), lines, about)
+    ds["branch_side"] = ("branch_side", list(SIDES))
+    for name, values in (("curve_contrast", own - own[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
+                         ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
+        ds[name] = (dims, values, {"long_name": f"{name.replace('_', ' ')}, as recorded", **DEGREE})
+    ds["likeliest_sign"] = ((), int(draws.sign[likeliest]), {"long_name": "sign of the likeliest draw"})
+
+
+def _branches(problem: Problem, state: State, draw: int, amplitude: float) -> Array:
+    """Phases of both branches [degree], shape (2, r, k), against the setpoint."""
+    regions, points = len(problem.values), len(CURVE)
+    at = np.full((2, regions * points), np.nan)
+    logs = np.repeat(state.logs[draw], points, axis=0)
+    sizes = np.full(regions * points, amplitude)
+    levels: Any = np.tile(CURVE, regions)
+    found = problem.lever.phases(logs, sizes, levels, at, search=True)
+    return np.degrees(found).reshape(2, regions, points)
+
+
+def _engaged(both: Array) -> Array:
+    """The branch that the tip meets first, from far: the attractive one, as far as it goes without a gap."""
+    lower, upper = np.moveaxis(both, -3, 0)
+    whole = np.logical_and.accumulate(~np.isnan(lower)[..., ::-1], axis=-1)[..., ::-1]
+    engaged: Array = np.where(whole | np.isnan(upper), lower, upper)
+    return engaged
+
+
+def _add_pictures(ds: xr.Dataset, images: Sequence[xr.Dataset], labels: Sequence[Labels]) -> None:
+    """Recorded phases and regions, every so many pixels."""
+    for i, (image, mine) in enumerate(zip(images, labels, strict=True)):
+        step = -(-max(mine.shape) // SMALL)
+        dims = (f"y_{i}", f"x_{i}")
+        ds[f"image_{i}"] = (dims, image["phase"].values[::step, ::step], {"long_name": "recorded phase", **DEGREE})
+        ds[f"labels_{i}"] = (dims, mine[::step, ::step].astype(np.int8), {"long_name": "region, -1 where left out"})
+        for dim, name in zip(dims, ("y", "x"), strict=True):
+            if name in image.coords:
+                ds[dim] = (dim, image[name].values[::step], {"units": "m"})

@@ -1,0 +1,240 @@
+"""Regions of every file of a series, and how their phases differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.errors import InputError
+from phasemap.inference.images.regions import MEDIAN, SPREAD
+from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+Labels = NDArray[np.int64]
+
+WAYS = ("phase", "height", "both")
+BANDS = 16  # of rows, whose differences say how well a median is known
+PREFERRED = 1.5  # times as sharp has the height to be to tell regions apart instead of the phase
+FEWEST = 12  # pixels of a region in a band that count
+PASSES = 6
+ALIKE = 0.7  # correlation of heights above which two files are of one place
+CLOSE_SHARES = 0.1  # of the area, between regions that could be mistaken for each other
+LEFT_OUT = -1
+
+
+class Regions(NamedTuple):
+    """Labels of every file, from 0 and the largest region first, -1 where pixels are left out, and how they came."""
+
+    labels: list[Labels]
+    told: list[str]
+
+
+def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, by: str | None, count: int) -> Regions:
+    """Take the labels given, or find them.
+
+    Parameters
+    ----------
+    images : sequence of xarray.Dataset
+        Over ("y", "x").
+    names : sequence of str
+    labels : array_like of int, or a sequence of them, one a file; optional
+    by : {"phase", "height", "both"}, optional
+        What tells regions apart; by default the phase, or the height where it is much sharper.
+    count : int
+        How many regions.
+
+    Raises
+    ------
+    InputError
+        If labels do not fit, or there is nothing to find regions by.
+    """
+    if labels is not None:
+        return Regions(_given(labels, images), ["Regions as given."])
+    if by is not None and by not in WAYS:
+        raise InputError("by", by, ", ".join(map(repr, WAYS)))
+    if by in ("height", "both") and not all("height" in one for one in images):
+        raise InputError("by", by, "'phase', because a file has no height")
+    tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
+    found = {way: [_segment(one, way, count) for one in images] for way in tried}
+    sharp = {way: [_sharpness(one, mine, way) for one, mine in zip(images, found[way], strict=True)] for way in tried}
+    way = max(tried, key=lambda one: float(np.median(sharp[one])) * (PREFERRED if one == "phase" else 1.0))
+    best = int(np.argmax(sharp[way]))
+    told = [f"Regions by {'phase and height' if way == 'both' else way}; region 0 is the largest."]
+    laid = _laid(images, best, found[way][best])
+    if laid is not None:
+        told.append(f"All files are of one place: the regions of {names[best]} serve all.")
+        return Regions(_largest_first(laid, best), told)
+    if min(sharp[way]) == 0.0:
+        plain = names[int(np.argmin(sharp[way]))]
+        raise InputError("regions", f"one in {plain}", f"{count} in every file", "Give labels, or another way (by).")
+    if way == "height":
+        matched = _largest_first(found[way], best)
+    else:
+        ordered = _largest_first([found[way][best]], 0)[0]
+        matched = [ordered if i == best else _matched(one, ordered) for i, one in enumerate(found[way])]
+    how = "their order in height" if way == "height" else "their share of the area"
+    told.append(f"Files are of different places: regions of each are matched by {how}.")
+    shares = np.bincount(matched[best].ravel(), minlength=count) / matched[best].size
+    if way != "height" and np.diff(np.sort(shares)).min() < CLOSE_SHARES:
+        told.append("Regions have much the same share of the area: they may be mistaken for each other; give labels.")
+    return Regions(matched, told)
+
+
+class Medians(NamedTuple):
+    """Phases of regions in files, and standard errors from how they vary over the rows, shape (r, m) [degree]."""
+
+    values: Array
+    errors: Array
+    shares: Array
+
+
+def medians(images: Sequence[xr.Dataset], labels: Sequence[Labels]) -> Medians:
+    """Median phases of the regions, rows aligned; NaN where a file does not have the region."""
+    count = 1 + max(int(one.max()) for one in labels)
+    columns = [
+        _medians_of(on_one_turn(one["phase"].values), mine, count) for one, mine in zip(images, labels, strict=True)
+    ]
+    return Medians(*(np.stack(part, axis=1) for part in zip(*columns, strict=True)))
+
+
+def _given(labels: Any, images: Sequence[xr.Dataset]) -> list[Labels]:
+    shapes = [one["phase"].shape for one in images]
+    one_for_all = np.ndim(labels) == 2 or (not isinstance(labels, list | tuple) and np.ndim(labels) < 3)
+    each = [labels] * len(images) if one_for_all else list(labels)
+    if len(each) != len(images):
+        raise InputError("labels", f"{len(each)} maps", f"one, or {len(images)}, one a file")
+    found = []
+    for one, shape in zip(each, shapes, strict=True):
+        mine = np.asarray(one)
+        if mine.shape != shape or mine.dtype.kind not in "iub":
+            raise InputError("labels", f"{mine.dtype} of shape {mine.shape}", f"whole numbers of shape {shape}")
+        found.append(mine.astype(np.int64))
+    every = np.unique(np.concatenate([np.unique(one[one >= 0]) for one in found]))
+    if not 2 <= len(every) <= 5:
+        raise InputError("number of regions in labels", len(every), "2 to 5")
+    return [np.where(one >= 0, np.searchsorted(every, one), LEFT_OUT) for one in found]
+
+
+def _feature(image: xr.Dataset, way: str) -> Array:
+    """What regions are told apart by."""
+    if way == "phase":
+        return np.asarray(on_one_turn(image["phase"].values), np.float64)
+    return np.asarray(1e9 * level_height(image["height"].values), np.float64)
+
+
+def _segment(image: xr.Dataset, way: str, count: int) -> Labels:
+    """Regions of one file; one only where nothing tells them apart."""
+    if way != "both":
+        try:
+            if way == "height":
+                return segment_height(image["height"].values, count).astype(np.int64)
+            return segment_phase(_feature(image, way), count).astype(np.int64)
+        except InputError:
+            return np.zeros(image["phase"].shape, np.int64)
+    from scipy.cluster.vq import kmeans2
+    from scipy.ndimage import median_filter
+
+    maps = [median_filter(_feature(image, one), 3).ravel() for one in ("phase", "height")]
+    points = np.stack(
+        [(one - np.median(one)) / max(float(np.ptp(np.percentile(one, [16, 84]))), 1e-30) for one in maps]
+    )
+    start = np.percentile(points.sum(axis=0), np.linspace(10, 90, count))
+    nearest = [int(np.argmin(np.abs(points.sum(axis=0) - one))) for one in start]
+    found: Labels = kmeans2(points.T, points.T[nearest], minit="matrix")[1].reshape(image["phase"].shape)
+    return found.astype(np.int64)
+
+
+def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
+    """Distance of the populations over their spread."""
+    values = _feature(image, "phase" if way == "both" else way)
+    parts = [values[labels == k] for k in np.unique(labels[labels >= 0])]
+    if len(parts) < 2:
+        return 0.0
+    levels = np.array([np.median(one) for one in parts])
+    spread = float(np.median(np.concatenate([np.abs(one - level) for one, level in zip(parts, levels, strict=True)])))
+    return float(np.diff(np.sort(levels)).min(initial=np.inf)) / max(SPREAD * spread, 1e-12)
+
+
+def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Labels] | None:
+    """The regions of one file laid on all others, None if they are of other places."""
+    from phasemap.comparison.registration import register
+
+    fixed = images[best]
+    if not all("height" in one and one["phase"].shape == labels.shape for one in images):
+        return None
+    laid = []
+    for i, moving in enumerate(images):
+        if i == best:
+            laid.append(labels)
+            continue
+        try:
+            moved = register(fixed, moving)
+        except InputError:
+            return None  # of different sizes
+        shift = moved.shift if moved.accepted else (0.0, 0.0)
+        if (moved.after if moved.accepted else moved.before) < ALIKE:
+            return None
+        pitch = [float(fixed[dim][1] - fixed[dim][0]) for dim in ("y", "x")]
+        rows, columns = (np.arange(size) + round(s / p) for size, s, p in zip(labels.shape, shift, pitch, strict=True))
+        inside = np.ix_((rows >= 0) & (rows < labels.shape[0]), (columns >= 0) & (columns < labels.shape[1]))
+        mine = np.full(labels.shape, LEFT_OUT)
+        mine[inside] = labels[np.ix_(rows[(rows >= 0) & (rows < labels.shape[0])],
+                                     columns[(columns >= 0) & (columns < labels.shape[1])])]  # fmt: skip
+        laid.append(mine)
+    return laid
+
+
+def _largest_first(labels: list[Labels], best: int) -> list[Labels]:
+    order = np.argsort(-np.bincount(labels[best][labels[best] >= 0]), kind="stable")
+    rank = np.argsort(order)
+    return [np.where(one >= 0, rank[one], LEFT_OUT) for one in labels]
+
+
+def _matched(own: Labels, reference: Labels) -> Labels:
+    """Names of regions as of the reference, by their share."""
+    count = 1 + int(max(own.max(), reference.max()))
+    shares = [np.bincount(one[one >= 0], minlength=count) / max((one >= 0).sum(), 1) for one in (own, reference)]
+    best = min(permutations(range(count)), key=lambda order: float(np.abs(shares[0] - shares[1][list(order)]).sum()))
+    return np.argsort(best)[own]
+
+
+def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, Array]:
+    """Phases of the regions of one file, standard errors and shares."""
+    flat = np.where((labels >= 0) & np.isfinite(phase), phase, np.nan)
+    inside = [labels == k for k in range(count)]
+    levels = np.full(count, np.nan)
+    rows = np.zeros((len(phase), 1))
+    for _ in range(PASSES):
+        levels = np.array([_median(flat[one]) for one in inside])
+        expected = np.where(labels >= 0, np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
+        step = np.array([[_median(row)] for row in flat - expected])
+        step = np.nan_to_num(step)
+        rows, flat = rows + step, flat - step
+    offset = float(np.median(rows))
+    bands = np.array_split(np.arange(len(phase)), min(BANDS, len(phase)))
+    parts = np.array([
+        [_median(flat[band][one[band]]) if one[band].sum() >= FEWEST else np.nan for one in inside] for band in bands
+    ])  # fmt: skip
+    errors = np.full(count, np.nan)
+    for k, one in enumerate(inside):
+        own = parts[:, k][np.isfinite(parts[:, k])]
+        values = flat[one & np.isfinite(flat)]
+        if not len(values):
+            continue
+        white = MEDIAN * SPREAD * _median(np.abs(values - np.median(values))) / np.sqrt(len(values))
+        slow = MEDIAN * float(np.std(own, ddof=1)) / np.sqrt(len(own)) if len(own) > 2 else 0.0
+        errors[k] = max(white, slow)
+    shares = np.array([one.mean() for one in inside])
+    return levels + offset, errors, shares
+
+
+def _median(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan

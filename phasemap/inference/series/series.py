@@ -1,0 +1,218 @@
+"""Several measured files of one sample, explained together: what can be said of them, and what cannot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.checks import number, whole
+from phasemap._shared.errors import InputError
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import properties
+from phasemap.inference.images.images import PRIOR, check_prior
+from phasemap.inference.images.model import Model, make_model
+from phasemap.inference.images.stack import Stack
+from phasemap.inference.series.answer import dataset_of
+from phasemap.inference.series.contrasts import medians, regions_of
+from phasemap.inference.series.orbits import Lever, make_table
+from phasemap.inference.series.problem import REACH, Problem
+from phasemap.inference.series.sampling import sample
+from phasemap.inference.series.settings import scope_of, settings_of
+from phasemap.io.measured import one_scan
+from phasemap.solvers.problem import material_row
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["series"]
+
+Array = NDArray[np.float64]
+
+FACTORS = (10.0, 2.5, 5.0)  # within which modulus, adhesion and damping are known beforehand
+MOST = 64  # files
+
+
+def series(
+    files: Sequence[xr.Dataset | str | os.PathLike[str]],
+    scope: Microscope | None = None,
+    *,
+    regions: int = 2,
+    by: str | None = None,
+    labels: Any = None,
+    known: Mapping[int, Material] | None = None,
+    setpoints: Any = None,
+    free_amplitudes: Any = None,
+    phase_zero: Any = None,
+    phase_zero_error: float = 0.0,
+    sign: int | None = None,
+    phase_error: float = 1.0,
+    prior: Material = PRIOR,
+    prior_factor: Any = FACTORS,
+    direction: str | None = None,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Explain the phase contrast in several measured files of one sample, whatever they leave unsaid.
+
+    Regions are found in every file, and a material for each is sought that makes the contrasts between them at all
+    settings. Free amplitude, setpoint, zero and sign of the phase are unknowns beside the materials where files do not
+    say them. Files may be of different places. What is reported is what all unknowns together leave possible.
+
+    Parameters
+    ----------
+    files : sequence of path-like or xarray.Dataset
+        Two at least, as of `phasemap.read_image`, in any order.
+    scope : Microscope, optional
+        Its drive's amplitude is not used. By default lever and frequency of the files; what they do not say is
+        assumed, and said in the attribute ``notes``.
+    regions : int
+        How many to find, 2 to 4.
+    by : {"phase", "height", "both"}, optional
+        What tells regions apart; by default the phase, or the height where that does it much more sharply.
+    labels : array_like of int, or a sequence of them, one a file; optional
+        Regions (2 to 5) that are known, -1 where pixels are left out.
+    known : mapping of int to Material, optional
+        Materials that need not be sought, by the label of their region.
+    setpoints, free_amplitudes : float or sequence of float, optional
+        Of the files [1, m at the drive frequency], in their order. By default as recorded. Free amplitudes that are not
+        known in metres are "shared" (one unknown scale; what is recorded in volts, or of the drive, says how they
+        differ), or "free" (an unknown in each).
+    phase_zero : "shared", "free", float or sequence of float, optional
+        Recorded phase of the free lever [degree]. By default as recorded, else an unknown in each file: then only
+        contrasts count.
+    phase_zero_error : float
+        Standard error of a zero in each file by itself [degree].
+    sign : {1, -1}, optional
+        -1 if the instrument counts lag positive; by default both are tried.
+    phase_error : float
+        What the median of a region may be wrong by beside its own standard error [degree]: crosstalk, and what the
+        model leaves out.
+    prior : Material
+    prior_factor : float or three of them
+        Within which modulus, adhesion and damping are that of the prior, with a chance of 68 %.
+    direction : str, optional
+        "trace" or "retrace"; None takes the first there is.
+    seed : int
+        Of the draws.
+
+    Returns
+    -------
+    xarray.Dataset
+        Files in order from the gentlest tapping. Over ("region", "file"): `phase` (median as recorded),
+        `phase_error`, `measured_contrast` against region 0 and `contrast_error`, `fitted_contrast` with `contrast_low`
+        and `contrast_high` (95 %), as recorded [degree]; `repulsive`, the chance that the tip is on the repulsive
+        branch. Over "file": `setpoint`, `free_amplitude` [m], `phase_zero` [degree], each with ``_low`` and ``_high``.
+        Over "region": modulus [Pa], adhesion [J/m2], damping [1], each with ``_low`` and ``_high`` (95 %), and
+        `determination` over ("region", "property") as of `fit_regions`. `sign_chance`, of sign 1. Over
+        ("curve", "branch_side", "region", "level"): `branch_phase` [degree], both branches of the likeliest
+        combination against the setpoint; `draws` of every unknown. Pictures of every file: `image_0`, `labels_0` ...
+        Sentences in the attributes ``verdict``, ``notes``, ``advice``.
+
+    Raises
+    ------
+    InputError
+        If files do not belong together, or a choice is unknown.
+    FileError
+        If a file cannot be read.
+    SolveError
+        If no oscillation that the prior allows holds the setpoints.
+
+    Notes
+    -----
+    Orbits are averaged ones, which is exact enough where Q is above some 30. The tip is taken to be on the branch that
+    it meets first, coming from far, with a chance of 3 in 4 where there is another. A wrong lever, tip radius or
+    contact law is not in the errors. Order and sign of the contrast are what can be expected of a series; its magnitude
+    can mostly be fitted, and then says little.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
+    >>> labels = [[0, 0, 1]] * 20
+    >>> pair = {0: pm.Material(2e9, 0.05, 0.01), 1: pm.Material(0.2e9, 0.05, 0.03)}
+    >>> sample = pm.Surface.from_labels(labels, pair, pixel_size=4e-9)
+    >>> files = [pm.simulate(sample, scope, setpoint, "averaging") for setpoint in (0.5, 0.8)]
+    >>> found = pm.series(files, scope, labels=labels)
+    >>> found.setpoint.values.tolist(), bool((found.measured_contrast * found.fitted_contrast)[1].min() > 0)
+    ([0.8, 0.5], True)
+    """
+    images, names = _read(files, direction)
+    error = number("phase_error", phase_error, "degree", above=0)
+    whole("regions", regions, 2, 4)
+    widths = _widths(prior, prior_factor)
+    used, told = scope_of(images, scope)
+    given = {
+        "setpoints": setpoints, "free_amplitudes": free_amplitudes, "phase_zero": phase_zero,
+        "phase_zero_error": number("phase_zero_error", phase_zero_error, "degree", minimum=0), "sign": sign,
+    }  # fmt: skip
+    settings, order = settings_of(images, names, given).ordered()
+    images = [images[i] for i in order]
+    if labels is not None and np.ndim(labels[0]) == 2:
+        labels = [labels[i] for i in order]
+    found = regions_of(images, settings.names, labels, by, regions)
+    seen = medians(images, found.labels)
+    lever = _lever(used, prior)
+    fixed = _known(known or {}, lever.model, prior, len(seen.values))
+    limits, levels = settings.ranges(REACH)
+    table = make_table(lever, REACH * widths, limits, levels)
+    there = np.isfinite(seen.values)
+    errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
+    problem = Problem(lever, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
+    draws = sample(problem, seed)
+    ds = dataset_of(problem, draws, seen, images, found.labels)
+    ds.attrs["notes"] = "\n".join([*told, *settings.told, *found.told])
+    return ds
+
+
+def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:
+    """One scan of each file, and what they are called."""
+    from phasemap.io.read import read_image
+
+    if isinstance(files, str | os.PathLike) or not isinstance(files, Sequence) or not 2 <= len(files) <= MOST:
+        size = len(files) if isinstance(files, Sequence) and not isinstance(files, str) else files
+        raise InputError("files", size, f"2 to {MOST} files or images of one sample")
+    images, names = [], []
+    for i, one in enumerate(files):
+        path = isinstance(one, str | os.PathLike)
+        image: Any = read_image(one) if path else one
+        if not hasattr(image, "data_vars"):
+            raise InputError("a file", type(one).__name__, "a path, or an image as phasemap.read_image gives it")
+        name = Path(str(one)).name if path else str(image.attrs.get("title") or f"image {i}")
+        images.append(one_scan(image, ["phase"], direction))
+        names.append(name)
+    return images, names
+
+
+def _widths(prior: Material, factors: Any) -> Array:
+    """Standard deviations of the logarithms."""
+    given = np.atleast_1d(np.asarray(factors, dtype=object)).tolist()
+    if len(given) not in (1, 3):
+        raise InputError("prior_factor", factors, "a number above 1, or three")
+    return np.log([check_prior(prior, one) for one in given * (3 // len(given))])
+
+
+def _lever(scope: Microscope, prior: Material) -> Lever:
+    """The model of single materials under this lever."""
+    none = Stack(np.zeros((1, 1, 2)), np.ones((1, 1, 2)), (scope,), (0.5,))
+    return Lever(make_model(none, prior, np.e), scope)
+
+
+def _known(known: Mapping[int, Material], model: Model, prior: Material, count: int) -> Array:
+    """Logarithms of the materials that are given over those of the prior, NaN for others, shape (count, 3)."""
+    logs = np.full((count, 3), np.nan)
+    if len(known) >= count:
+        raise InputError("known", f"{len(known)} materials", f"fewer than the {count} regions")
+    for region, one in known.items():
+        if region not in range(count) or not isinstance(one, Material):
+            raise InputError("known", {region: one}, f"materials of regions 0 to {count - 1}")
+        row, viscous = material_row(one)
+        _, adhesion, damping = properties(row, viscous, model.scope)
+        plane = one.modulus * (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know
+        values = np.array([plane, float(adhesion[0]), float(damping[0])])
+        logs[region] = np.log(np.maximum(values, 1e-9 * model.reference) / model.reference)
+    return logs

@@ -1,0 +1,284 @@
+"""What the files of a series say of their settings, and what of them stays unknown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.presets import levers
+from phasemap.io.metadata import of_simulation
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+HELD, SHARED, FREE = "held", "shared", "free"
+RADIUS = 10e-9  # of a tip of which nothing is said [m]
+GUESS, GUESS_FACTOR = 30e-9, 2.0  # a free amplitude of which nothing is said [m]: its median, and standard deviation
+CALIBRATED = 1.05  # the same factor of one that is said
+OWN = 1.5  # the same of amplitudes that differ from file to file, about what they have in common
+HIGHEST = (0.4, 0.97)  # between which the highest setpoint of a series is, where no file says what it is of
+LOWEST = 0.05  # setpoint at which anybody taps
+STEP = 0.06  # of setpoints that are interpolated
+ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be anywhere on the circle [degree]
+SAME = 0.02  # by which free amplitudes are the same
+SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """Of m files.
+
+    Parameters
+    ----------
+    names : tuple of str
+    ratios : ndarray, shape (m,)
+        Setpoints; where they are not known, what is recorded of the setpoint over what is of the free amplitude.
+    relative : ndarray, shape (m,)
+        Free amplitudes over their common scale.
+    scale, factor : float
+        Of the free amplitude at the drive frequency [m]: median and standard deviation as a factor.
+    amplitude, setpoint, zero : str
+        "held", "shared" or "free".
+    metres : bool
+        Whether `ratios` are amplitudes [m], of which the free amplitude follows from the setpoint.
+    zeros, zero_errors : ndarray, shape (m,)
+        [degree]
+    sign : int or None
+        Of the recorded phase; None where it is not known.
+    told : tuple of str
+        Sentences on where all this comes from.
+    """
+
+    names: tuple[str, ...]
+    ratios: Array
+    relative: Array
+    scale: float
+    factor: float
+    amplitude: str
+    setpoint: str
+    zero: str
+    metres: bool
+    zeros: Array
+    zero_errors: Array
+    sign: int | None
+    told: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def above(self) -> Array:
+        """Which files (rows) have a larger setpoint than others (columns) at the same free amplitude, shape (m, m)."""
+        alike = np.abs(np.log(self.relative[:, np.newaxis] / self.relative)) < SAME
+        larger: Array = (alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
+        return larger
+
+    @property
+    def loose(self) -> Array:
+        """Variance of each zero about what is expected of it [degree^2]."""
+        variance: Array = self.zero_errors**2 + (ANYWHERE**2 if self.zero == FREE else 0.0)
+        return variance
+
+    def at(self, scale: Array, own: Array, share: Array) -> tuple[Array, Array]:
+        """Free amplitudes [m] and setpoints, shape (n, m), at standard normal numbers and a share of what is allowed.
+
+        Examples
+        --------
+        >>> one = np.ones(2)
+        >>> known = Settings(("a", "b"), 0.6 * one, one, 4e-8, 1.1, HELD, HELD, FREE, False, one, one, None)
+        >>> [values.tolist() for values in known.at(np.zeros((1, 1)), np.zeros((1, 2)), np.zeros((1, 1)))]
+        [[[4e-08, 4e-08]], [[0.6, 0.6]]]
+        """
+        amplitudes = self.relative * self.scale * self.factor**scale * OWN**own
+        if self.setpoint == HELD:
+            return amplitudes, np.broadcast_to(self.ratios, amplitudes.shape)
+        highest = HIGHEST[0] + (HIGHEST[1] - HIGHEST[0]) * share
+        ratios = highest * self.ratios / self.ratios.max()
+        if self.metres:
+            amplitudes = self.ratios / ratios * self.factor**scale
+        return amplitudes, ratios
+
+    def ranges(self, reach: float) -> tuple[tuple[float, float], Array]:
+        """Least and largest free amplitude [m], and setpoints between which others are interpolated."""
+        ends = np.array([[-reach], [reach]])
+        own = ends * (self.amplitude == FREE)
+        corners = [self.at(ends, np.broadcast_to(own, (2, len(self))), np.array([[share]])) for share in (0.0, 1.0)]
+        sizes, levels = (np.concatenate([corner[k] for corner in corners]) for k in (0, 1))
+        nodes = np.unique(levels)
+        if self.setpoint != HELD or len(nodes) == 1:
+            least, most = max(float(levels.min()), LOWEST) - 0.002, min(float(levels.max()) + 0.002, 0.995)
+            nodes = np.linspace(least, most, max(2, 1 + int(np.ceil((most - least) / STEP))))
+        return (float(sizes.min()) * 0.999, float(sizes.max()) * 1.001), nodes
+
+    def ordered(self) -> tuple[Settings, NDArray[np.intp]]:
+        """From the gentlest tapping to the hardest, and which file each is."""
+        drop = self.relative * (
+            1 - (self.ratios if self.setpoint == HELD else self.ratios / (1.05 * self.ratios.max()))
+        )
+        order = np.lexsort((-self.ratios, drop.round(9)))
+        some = {name: getattr(self, name)[order] for name in ("ratios", "relative", "zeros", "zero_errors")}
+        return replace(self, names=tuple(self.names[i] for i in order), **some), order
+
+
+def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Microscope, list[str]]:
+    """The microscope, of what the files say and what has to be assumed, which is told.
+
+    Raises
+    ------
+    InputError
+        If the files are of different drive frequencies.
+    """
+    known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
+    if frequencies and max(frequencies) > (1 + SAME_DRIVE) * min(frequencies):
+        listed = ", ".join(f"{one / 1e3:.4g} kHz" for one in frequencies)
+        raise InputError("drive frequencies", listed, "those of one lever", "A series is of one sample and one lever.")
+    if scope is not None:
+        return scope, []
+    said = next((one for one in known if {"stiffness", "quality_factor"} & set(one)), known[0])
+    told = []
+    drive = frequencies[0] if frequencies else None
+    resonance = float(said.get("resonance_frequency", drive or 300e3))
+    nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
+    values = {"resonance_frequency": resonance}
+    for name, unit in (("stiffness", " N/m"), ("quality_factor", "")):
+        values[name] = float(said.get(name, nearest.values[name]))
+        if name not in said:
+            what = name.replace("_", " ")
+            told.append(f"The {what} is not in the files: {values[name]:g}{unit} is assumed, as of {nearest.name}.")
+    told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
+    if "resonance_frequency" not in said:
+        told.append("The lever is taken to be driven at its resonance, which the files do not say.")
+        drive = None
+    return Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS, drive)), told
+
+
+def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
+    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`.
+
+    Raises
+    ------
+    InputError
+        If what is given does not fit.
+    """
+    count, told = len(images), list[str]()
+    known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)
+    setpoint, metres, ratios = _setpoints(known, relative, amplitude, scale, given["setpoints"], told)
+    if metres:
+        factor = CALIBRATED
+    zero, zeros, errors = _zeros(known, given["phase_zero"], given["phase_zero_error"], told)
+    sign = given["sign"]
+    if sign is None and all("configuration" in one for one in known):
+        sign = 1  # of phasemap's own images
+    if sign is None and len({one.get("phase_sign") for one in known}) == 1 and known[0].get("phase_sign") in (1, -1):
+        sign = int(known[0]["phase_sign"])
+        told.append(f"Phase is counted with sign {sign}, as this vendor documents.")
+    if sign not in (None, 1, -1):
+        raise InputError("sign", sign, "1, -1 or None")
+    if sign is None:
+        told.append("Which way the instrument counts phase is not known: both ways are tried.")
+    return Settings(
+        tuple(names), ratios, relative, scale, factor, amplitude, setpoint, zero, metres,
+        np.broadcast_to(zeros, (count,)).astype(float), np.broadcast_to(errors, (count,)).astype(float), sign,
+        tuple(told),
+    )  # fmt: skip
+
+
+def _all_of(known: list[dict[str, Any]], name: str) -> Array | None:
+    """A value of every file that is above 0, None where one does not say it."""
+    values = [one.get(name) for one in known]
+    if any(value is None or not float(value) > 0 for value in values):
+        return None
+    return np.array([float(value) for value in values if value is not None])
+
+
+def _given(name: str, value: Any, count: int, unit: str) -> Array:
+    values = np.atleast_1d(np.asarray(value, dtype=object)).tolist()
+    if len(values) not in (1, count):
+        raise InputError(name, value, f"a number or {count}, one a file")
+    return np.array([number(name, one, unit, above=0) for one in values] * (count // len(values)))
+
+
+def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tuple[str, float, float, Array]:
+    """Kind, scale [m], its factor, and free amplitudes over it."""
+    count = len(known)
+    if given is not None and not isinstance(given, str):
+        values = _given("free_amplitudes", given, count, "m")
+        scale = float(np.exp(np.log(values).mean()))
+        return HELD, scale, CALIBRATED, values / scale
+    if isinstance(given, str) and given not in (SHARED, FREE):
+        raise InputError("free_amplitudes", given, "'shared', 'free' or numbers [m]")
+    metres, volts, drive = (
+        _all_of(known, name) for name in ("free_amplitude", "free_amplitude_voltage", "drive_voltage")
+    )
+    if given is None and metres is not None:
+        scale = float(np.exp(np.log(metres).mean()))
+        told.append("Free amplitudes as recorded, and a calibration within 5 %.")
+        return HELD, scale, CALIBRATED, metres / scale
+    relative, words = np.ones(count), "taken to be the same in all files"
+    if given != FREE:
+        for recorded, said in ((metres, "recorded in metres"), (volts, "recorded in volts"), (drive, "of the drive")):
+            if recorded is not None:
+                relative, words = recorded / np.exp(np.log(recorded).mean()), f"with one unknown sensitivity, {said}"
+                break
+    else:
+        words = "unknown in each file"
+    told.append(f"Free amplitudes: {words}; {GUESS * 1e9:g} nm within a factor of {GUESS_FACTOR:g} beforehand.")
+    return (FREE if given == FREE else SHARED), GUESS, GUESS_FACTOR, relative
+
+
+def _setpoints(
+    known: list[dict[str, Any]], relative: Array, amplitude: str, scale: float, given: Any, told: list[str]
+) -> tuple[str, bool, Array]:
+    """Kind, whether in metres, and setpoints or what is recorded of them over the free amplitude."""
+    count = len(known)
+    if given is not None:
+        ratios = _given("setpoints", given, count, "1")
+        if ratios.max() >= 1:
+            raise InputError("setpoints", given, "below 1, of the free amplitude")
+        return HELD, False, ratios
+    recorded = _all_of(known, "setpoint")
+    if recorded is not None and recorded.max() < 1:
+        return HELD, False, recorded
+    metres, volts = _all_of(known, "setpoint_amplitude"), _all_of(known, "setpoint_voltage")
+    if metres is not None and amplitude == HELD and (metres / (relative * scale)).max() < 1:
+        return HELD, False, metres / (relative * scale)
+    values = metres if metres is not None else volts
+    if values is None:
+        raise InputError("setpoints", None, f"{count} numbers, because the files do not say them")
+    told.append(
+        "Setpoints are recorded without the free amplitude: the highest is taken to be anywhere from "
+        f"{HIGHEST[0]:g} to {HIGHEST[1]:g}."
+    )
+    same = bool(np.ptp(relative) == 0)
+    return SHARED, metres is not None and same and amplitude == SHARED, values / relative
+
+
+def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str]) -> tuple[str, Any, Any]:
+    """Kind, zeros and their errors [degree]."""
+    count = len(known)
+    if isinstance(given, str):
+        if given not in (SHARED, FREE):
+            raise InputError("phase_zero", given, "'shared', 'free' or numbers [degree]")
+        return given, np.zeros(count), error
+    if given is not None:
+        values = np.atleast_1d(np.asarray(given, dtype=object)).tolist()
+        if len(values) not in (1, count):
+            raise InputError("phase_zero", given, f"a number or {count} [degree], one a file")
+        return HELD, np.array([number("phase_zero", one, "degree") for one in values]), error
+    recorded = [one.get("phase_zero") for one in known]
+    if None in recorded:
+        told.append("The phase of the free lever is not recorded: the zero of the phase is unknown in each file.")
+        return FREE, np.zeros(count), error
+    return HELD, np.array(recorded, float), error

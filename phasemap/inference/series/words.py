@@ -1,0 +1,216 @@
+"""What was found of a series, in sentences: first what can be relied on."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap.inference.images.identifiability import say_regions
+from phasemap.inference.images.verdict import UNLIKELY
+from phasemap.inference.series.problem import Problem
+from phasemap.inference.series.settings import FREE, HELD, SHARED
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+CLEAR = 2.0  # standard errors above which a contrast has a sign
+SURE = 0.9  # chance above which a branch, or a sign, is said without a doubt
+NARROWED = 0.5  # width of an interval over that of the prior, below which data say something
+
+
+def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
+    """Write the verdict and the advice.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Everything else.
+    problem : Problem
+    covariance : ndarray
+        Of the logarithms sought.
+    """
+    poor = is_poor(ds, problem)
+    said = [*_of_order(ds), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
+    if not poor:
+        names = [int(one) for one in ds["region"].values]
+        said += say_regions(
+            names, ds["determination"].values, np.asarray(np.linalg.inv(covariance), np.float64), problem.unknown
+        )
+        said.append(_of_amplitude(ds, problem))
+    ds.attrs["verdict"] = "\n".join(filter(None, said))
+    ds.attrs["advice"] = "\n".join(_advice(ds, problem, poor))
+
+
+def is_poor(ds: xr.Dataset, problem: Problem) -> bool:
+    """Whether nothing within the prior describes the contrasts."""
+    from scipy.special import chdtrc
+
+    return bool(chdtrc(max(_contrasts(problem), 1), float(ds["misfit"])) < UNLIKELY)
+
+
+def agreement(ds: xr.Dataset) -> tuple[list[bool], list[bool], list[bool]]:
+    """Of every file: whether some contrast is clear, whether their signs, and the regions' order, are the fit's."""
+    clear, signs, order = [], [], []
+    for i in range(ds.sizes["file"]):
+        measured, fitted = (ds[name].values[:, i] for name in ("measured_contrast", "fitted_contrast"))
+        error = ds["contrast_error"].values[:, i]
+        pairs = [(a, b) for a in range(len(measured)) for b in range(a) if np.isfinite(measured[a] - measured[b])]
+        sure = [(a, b) for a, b in pairs if abs(measured[a] - measured[b]) > CLEAR * max(error[a], error[b])]
+        clear.append(bool(sure))
+        own = [(a, b) for a, b in sure if b == 0]
+        signs.append(all(measured[a] * fitted[a] > 0 for a, _ in own))
+        order.append(all((measured[a] - measured[b]) * (fitted[a] - fitted[b]) > 0 for a, b in sure))
+    return clear, signs, order
+
+
+def regimes(ds: xr.Dataset) -> list[str]:
+    """Which branch every region is on, a sentence each."""
+    said = []
+    for region in ds["region"].values:
+        chances = ds["repulsive"].sel(region=region).values
+        words = [_branch(one) for one in chances]
+        if len(set(words)) == 1:
+            said.append(f"Region {region} is {words[0]} in all files.")
+            continue
+        files = ds["file"].values
+        parts = {word: [str(f) for f, one in zip(files, words, strict=True) if one == word] for word in words}
+        listed = "; ".join(f"{word} in {', '.join(those)}" for word, those in parts.items())
+        said.append(f"Region {region} is {listed}.")
+    return said
+
+
+def turns(ds: xr.Dataset) -> list[str]:
+    """Where contrasts turn, and why."""
+    said = []
+    measured, error = ds["measured_contrast"].values, ds["contrast_error"].values
+    chances = ds["repulsive"].values
+    for region in range(1, ds.sizes["region"]):
+        clear = np.flatnonzero(np.abs(measured[region]) > CLEAR * error[region])
+        for one, two in pairwise(clear):
+            if measured[region, one] * measured[region, two] < 0:
+                between = f"between {ds['file'].values[one]} and {ds['file'].values[two]}"
+                why = _why(chances[:, one], chances[:, two], region)
+                said.append(f"The contrast of region {region} turns {between}: {why}.")
+        for curve in range(ds.sizes["curve"]):
+            at = _crossings(ds["level"].values, ds["curve_contrast"].values[curve, region])
+            if at:
+                places = ", ".join(f"{one:.2f}" for one in at)
+                many = f" at the free amplitude of {_files_of(ds, curve)}" if ds.sizes["curve"] > 1 else ""
+                said.append(
+                    f"The likeliest simulation turns the contrast of region {region} at setpoint {places}{many}."
+                )
+    return said
+
+
+def _contrasts(problem: Problem) -> int:
+    """Data less the zeros that they have to give."""
+    seen = np.isfinite(problem.errors)
+    taken = int(seen.any(axis=0).sum()) if problem.settings.zero == FREE else int(problem.settings.zero == SHARED)
+    return int(seen.sum()) - taken
+
+
+def _of_order(ds: xr.Dataset) -> list[str]:
+    clear, signs, order = agreement(ds)
+    count = sum(clear)
+    if not count:
+        return ["No file has a contrast beyond its error: there is nothing to explain."]
+    right = [sum(one and two for one, two in zip(clear, each, strict=True)) for each in (signs, order)]
+    said = f"The sign of the contrast is reproduced in {right[0]} of the {count} files in which it is clear"
+    if ds.sizes["region"] > 2:
+        said += f", the order of the regions in {right[1]}"
+    return [said + "."]
+
+
+def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
+    data, unknown = _contrasts(problem), len(problem.names) - (problem.settings.zero == SHARED)
+    if poor:
+        return (
+            f"The magnitude is not: chi2 is {float(ds['misfit']):.3g} for {data} contrasts. Lever, tip, settings, "
+            "regions or the contact law are not those of the sample, or their errors are too small."
+        )
+    if data <= unknown:
+        return (
+            f"The magnitude is fitted, which says little: {data} contrasts for {unknown} unknowns, so that the prior "
+            "says the rest."
+        )
+    return f"The magnitude is reproduced within its errors: {data} contrasts for {unknown} unknowns."
+
+
+def _of_sign(ds: xr.Dataset, problem: Problem) -> str:
+    if problem.settings.sign is not None:
+        return ""
+    chance = float(ds["sign_chance"])
+    if max(chance, 1 - chance) < SURE:
+        return (
+            f"The files do not tell which way the instrument counts phase (chance of positive where repulsive: "
+            f"{100 * chance:.0f} %): regimes and materials are of both ways together."
+        )
+    which = "positive" if chance > 0.5 else "negative"
+    return f"Phase is counted {which} where the tip is repulsive (chance {100 * max(chance, 1 - chance):.0f} %)."
+
+
+def _of_amplitude(ds: xr.Dataset, problem: Problem) -> str:
+    if problem.settings.amplitude == HELD:
+        return ""
+    low, middle, high = (1e9 * float(ds[f"free_amplitude{word}"][0]) for word in ("_low", "", "_high"))
+    prior = 2 * 1.96 * np.log(problem.settings.factor)
+    said = f"The free amplitude of {ds['file'].values[0]} is {middle:.3g} nm ({low:.3g} to {high:.3g})"
+    return said + (", which is what was supposed." if np.log(high / low) > NARROWED * prior else ".")
+
+
+def _advice(ds: xr.Dataset, problem: Problem, poor: bool) -> list[str]:
+    said = []
+    settings = problem.settings
+    if settings.sign is None:
+        said.append("Say which way the instrument counts phase (sign).")
+    if settings.zero == FREE:
+        said.append("Record the phase of the free lever with every file (phase_zero), or keep one zero for all.")
+    if settings.amplitude != HELD:
+        said.append("Calibrate the amplitude (free_amplitudes, in m).")
+    if settings.setpoint != HELD:
+        said.append("Record the free amplitude in the units of the setpoint (setpoints).")
+    if np.isin(ds["determination"].values, (1, 2)).any():
+        said.append("Add files at another free amplitude, and setpoints farther apart, or name a material (known).")
+    if poor:
+        said.insert(0, "Look at the regions first, then at lever and tip radius: the fit takes them as they are.")
+    return said
+
+
+def _branch(chance: float) -> str:
+    if chance > SURE:
+        return "repulsive"
+    return "attractive" if chance < 1 - SURE else "on either branch"
+
+
+def _why(before: Array, after: Array, region: int) -> str:
+    """Why a contrast turns between two files."""
+    moved = []
+    for r in (region, 0):
+        first, last = _branch(before[r]), _branch(after[r])
+        if first != last:
+            moved.append(f"region {r} goes from {first} to {last}")
+    if moved:
+        stays = [r for r in (region, 0) if _branch(before[r]) == _branch(after[r])]
+        rest = [f"region {r} stays {_branch(after[r])}" for r in stays]
+        return " while ".join([" and ".join(moved), *rest])
+    both = _branch(after[region])
+    if both == _branch(after[0]) and both != "on either branch":
+        return f"both stay {both}, and what they dissipate outweighs the other on either side"
+    return "no region changes its branch for certain"
+
+
+def _crossings(levels: Array, contrast: Array) -> list[float]:
+    """Where a curve goes through 0, or jumps over it."""
+    known = np.flatnonzero(np.isfinite(contrast) & (np.abs(contrast) > 1e-9))
+    pairs = [(a, b) for a, b in pairwise(known) if b == a + 1 and contrast[a] * contrast[b] < 0]
+    return [float(levels[a] - contrast[a] * (levels[b] - levels[a]) / (contrast[b] - contrast[a])) for a, b in pairs]
+
+
+def _files_of(ds: xr.Dataset, curve: int) -> str:
+    files = ds["file"].values[ds["curve_of"].values == curve]
+    return str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1]}"

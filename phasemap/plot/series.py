@@ -1,0 +1,206 @@
+"""A series on one page: contrast against setpoint, both branches of every region, and the images side by side."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._shared.errors import InputError
+from phasemap.plot.figure import RESOLUTION, check_format, draw_scale_bar
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["series"]
+
+COLORS = ("#3b6fb6", "#d9772b", "#4d9a57", "#a4508b", "#7a6a53")  # of regions
+MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
+SURE = 1.96
+MOST = 6  # files that are shown
+WIDTH, SIDE, TALL = 11.0, 3.0, 2.6  # of the page, of curves [inch]
+LETTERS = 165  # on a line
+LINE, TITLE, AXIS, GAP, LEFT, MARGIN = 0.165, 0.35, 0.55, 0.75, 0.65, 0.25
+BAR = 0.55  # of an image's width, beside its column of images
+
+
+def is_series(ds: xr.Dataset) -> bool:
+    """Whether a Dataset is what `phasemap.series` returned."""
+    return "branch_phase" in ds
+
+
+def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
+    """Draw a series: contrasts, branches, images as recorded and as fitted, and the verdict.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        What `phasemap.series` returned.
+    path : path-like, optional
+        Picture to write (.png, .pdf, .svg).
+    overwrite : bool
+        Whether it may be replaced.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If `ds` is no series, or the format is unknown.
+    FileError
+        If `path` cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not is_series(ds):
+        raise InputError("the series", sorted(map(str, ds.data_vars))[:3], "what phasemap.series returned")
+    lines = [
+        piece for line in str(ds.attrs["verdict"]).splitlines()
+        for piece in textwrap.wrap(line, LETTERS, subsequent_indent="    ")
+    ]  # fmt: skip
+    shown = _shown(ds)
+    columns = len(shown)
+    wide = min((WIDTH - LEFT - MARGIN - BAR - 0.1 * columns) / columns, 2.2)
+    tall = wide * max(_shape(ds, i) for i in shown)
+    height = TITLE + TALL + AXIS + TITLE + 2 * tall + 0.1 + 0.25 + 0.8 * LINE * len(lines) + 0.12
+    figure = Figure(figsize=(WIDTH, height))
+    canvas = FigureCanvasAgg(figure)
+
+    def axes_at(left: float, top: float, width: float, depth: float) -> Axes:
+        return figure.add_axes((left / WIDTH, 1 - (top + depth) / height, width / WIDTH, depth / height))
+
+    half = (WIDTH - LEFT - MARGIN - GAP) / 2
+    _draw_contrasts(axes_at(LEFT, TITLE, half, TALL), ds)
+    _draw_branches(axes_at(LEFT + half + GAP, TITLE, half, TALL), ds)
+    top = TITLE + TALL + AXIS + TITLE
+    for column, i in enumerate(shown):
+        left = LEFT + column * (wide + 0.1)
+        panels = [axes_at(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
+        drawn = _draw_pair(panels, ds, i)
+        panels[0].set_title(_title(ds, i, wide), fontsize=8, loc="left")
+        if column == 0:
+            for panel, said in zip(panels, ("measured", "simulated"), strict=True):
+                panel.set_ylabel(said, fontsize=9)
+    bar = figure.colorbar(drawn, cax=axes_at(left + wide + 0.1, top, 0.1, 2 * tall + 0.1))
+    bar.set_label("phase less that of region 0 (degrees)", fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    figure.text(LEFT / WIDTH, 0.12 / height, "\n".join(lines), fontsize=7.5, va="bottom", linespacing=1.35)
+    if path is not None:
+        from phasemap.io.netcdf import replacing
+
+        check_format(path)
+        with replacing(path, overwrite) as temporary:
+            canvas.print_figure(temporary, dpi=RESOLUTION)
+    return figure
+
+
+def _shown(ds: xr.Dataset) -> list[int]:
+    """Files that are shown: all, or some from the first to the last."""
+    count = ds.sizes["file"]
+    return sorted(set(np.linspace(0, count - 1, min(count, MOST)).round().astype(int).tolist()))
+
+
+def _shape(ds: xr.Dataset, i: int) -> float:
+    """Height over width of a file."""
+    sides = [float(np.ptp(ds[f"{dim}_{i}"].values)) if f"{dim}_{i}" in ds.coords or f"{dim}_{i}" in ds else 0.0
+             for dim in ("y", "x")]  # fmt: skip
+    rows, columns = ds[f"image_{i}"].shape
+    return min(max(sides[0] / sides[1] if all(sides) else rows / columns, 0.25), 1.5)
+
+
+def _title(ds: xr.Dataset, i: int, wide: float) -> str:
+    name = str(ds["file"].values[i])
+    most = int(14 * wide)
+    short = name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}"
+    size = 1e9 * float(ds["free_amplitude"][i])
+    return f"{short}\nsetpoint {float(ds['setpoint'][i]):.2f}, A₀ {size:.3g} nm"
+
+
+def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
+    """Contrast against setpoint: measured with its error, fitted, and what the fit says between."""
+    level, curve_of = ds["level"].values, ds["curve_of"].values
+    for region in range(1, ds.sizes["region"]):
+        color = COLORS[region % len(COLORS)]
+        for curve in range(ds.sizes["curve"]):
+            low, high = (ds[name].values[curve, region] for name in ("curve_low", "curve_high"))
+            axes.fill_between(level, low, high, color=color, alpha=0.12, linewidth=0)
+            own = ds["curve_contrast"].values[curve, region]
+            axes.plot(level, own, color=color, linewidth=1.2, linestyle=("-", "--", ":", "-.")[curve % 4])
+            some = np.flatnonzero(curve_of == curve)
+            at = ds["setpoint"].values[some]
+            measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))
+            ends = np.abs(np.stack([ds["setpoint_low"].values[some], ds["setpoint_high"].values[some]]) - at)
+            size = 1e9 * float(ds["free_amplitude"].values[some[0]])
+            said = f"region {region}" + (f", {size:.3g} nm" if ds.sizes["curve"] > 1 else "")
+            axes.errorbar(
+                at, measured, SURE * error, ends, fmt=MARKERS[curve % len(MARKERS)], color=color, markersize=5,
+                capsize=2, linewidth=1, label=f"{said}, measured",
+            )  # fmt: skip
+            axes.plot(at, ds["fitted_contrast"].values[region, some], "_", color="0.2", markersize=13)
+    axes.axhline(0, color="0.6", linewidth=0.8)
+    axes.plot([], [], "_", color="0.2", markersize=11, label="simulated, median of the draws")
+    axes.plot([], [], color="0.5", linewidth=1.2, label="likeliest; shade: 95 % of the draws")
+    axes.set_title("contrast against region 0 (degrees)", fontsize=10, loc="left")
+    _finish(axes, ds)
+
+
+def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
+    """Both branches of every region, and where each file is."""
+    level, sign = ds["level"].values, int(ds["likeliest_sign"])
+    for region in range(ds.sizes["region"]):
+        color = COLORS[region % len(COLORS)]
+        for curve in range(ds.sizes["curve"]):
+            style = ("-", "--", ":", "-.")[curve % 4]
+            for branch in range(2):
+                phase = ds["branch_phase"].values[curve, branch, region]
+                said = f"region {region}" if branch == 1 and curve == 0 else None
+                axes.plot(level, phase, style, color=color, linewidth=1.6 if branch else 0.9, label=said)
+        zeroed = sign * ((ds["phase"].values[region] - ds["likeliest_zero"].values + 180) % 360 - 180)
+        axes.plot(ds["setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
+    axes.axhline(0, color="0.6", linewidth=0.8)
+    axes.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="files, with the fitted zero")
+    axes.set_title("likeliest phases: repulsive bold, attractive thin (degrees)", fontsize=10, loc="left")
+    _finish(axes, ds)
+
+
+def _finish(axes: Axes, ds: xr.Dataset) -> None:
+    axes.set_xlabel("setpoint", fontsize=9)
+    axes.set_xlim(max(0.15, float(ds["setpoint_low"].min()) - 0.1), 1.0)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=7, frameon=False)
+
+
+def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int) -> Any:
+    """A file as recorded, rows aligned by their regions, and its regions with the fitted contrast."""
+    image, labels = ds[f"image_{i}"].values, ds[f"labels_{i}"].values
+    levels = ds["phase"].values[:, i]
+    inside = (labels >= 0) & np.isfinite(image)
+    apart = np.where(inside, image - np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
+    rows = np.array([np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in apart])
+    recorded = (image - rows[:, None] - levels[0] + 180.0) % 360.0 - 180.0
+    fitted = np.where(labels >= 0, ds["fitted_contrast"].values[np.maximum(labels, 0), i], np.nan)
+    contrasts = ds["measured_contrast"].values
+    most = 1.15 * max(float(np.nanmax(np.abs(contrasts))), 2.0)
+    low, high = min(0.0, float(np.nanmin(contrasts))) - 0.15 * most, max(0.0, float(np.nanmax(contrasts))) + 0.15 * most
+    tall = _shape(ds, i)
+    drawn: Any = None
+    known = f"x_{i}" in ds.variables
+    width = float(np.ptp(ds[f"x_{i}"].values)) * image.shape[1] / (image.shape[1] - 1) if known else 1.0
+    for panel, values in zip(panels, (recorded, fitted), strict=True):
+        drawn = panel.imshow(
+            values, cmap="cividis", vmin=low, vmax=high, extent=(0, width, tall * width, 0), interpolation="nearest",
+            aspect="auto",
+        )  # fmt: skip
+        panel.set(xticks=[], yticks=[])
+        panel.set_facecolor("0.85")
+    if known:
+        draw_scale_bar(panels[0], width)
+    return drawn
