@@ -15,8 +15,8 @@ kernel, however deep in the chain of calls.
 from __future__ import annotations
 
 import gc
+import sys
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numba
@@ -139,7 +139,10 @@ class _Shared(_Plain):
 
 @dataclass(frozen=True)
 class _Needed:
-    """A shared function that code on disk calls: it is loaded, or compiled, before that code is loaded."""
+    """A shared function that code on disk calls: it is loaded, or compiled, before that code is loaded.
+
+    Its module is imported by then, for the function that Python calls names it.
+    """
 
     module: str
     name: str
@@ -147,7 +150,7 @@ class _Needed:
 
     def __call__(self) -> None:
         """Have its address known."""
-        getattr(import_module(self.module), self.name).linked.compile(self.arguments)
+        getattr(sys.modules[self.module], self.name).linked.compile(self.arguments)
 
 
 class _Linked(_Plain):

@@ -40,26 +40,32 @@ class Law(NamedTuple):
         Force [N] and its derivative [N/m] for d >= 0, and in the neck; 0 for Hertzian contact.
     longrange_force, longrange_slope : int
         The same for d <= 0; 0 for the inverse-square attraction.
+    damping, damping_slope : int
+        alpha_s [1] and its derivative [1/m] for d >= 0; 0 for the power law.
     """
 
     contact_force: int
     contact_slope: int
     longrange_force: int
     longrange_slope: int
+    damping: int
+    damping_slope: int
 
 
-def law_of(contact_force: Formula, contact_slope: Formula, longrange_force: Formula, longrange_slope: Formula) -> Law:
-    """Compile what kernels do not know; a formula that was compiled before, by any process, is found.
+def law_of(*formulas: Formula) -> Law:
+    """Compile what kernels do not know of the formulas that a law has, in its order, and find what was compiled before.
 
     Raises
     ------
     TypeError
         With the reason, where numba refuses a formula.
     """
-    known = (forces.hertzian, forces.hertzian_slope, forces.inverse_square, forces.inverse_square_slope)
-    given = (contact_force, contact_slope, longrange_force, longrange_slope)
+    known = (
+        forces.hertzian, forces.hertzian_slope, forces.inverse_square, forces.inverse_square_slope, forces.power_law,
+        forces.power_law_slope,
+    )  # fmt: skip
     found = []
-    for role, formula, own in zip(Law._fields, given, known, strict=True):
+    for role, formula, own in zip(Law._fields, formulas, known, strict=True):
         try:
             found.append(0 if formula is own else _address(formula))
         except Exception as error:  # numba's errors have no common base
@@ -158,13 +164,13 @@ def longrange_slope(law: Law, d: float, p: np.ndarray) -> float:
 @kernel(inline=True)
 def damping(law: Law, d: float, p: np.ndarray) -> float:
     """alpha_s in contact [1]."""
-    return _power_law(d, p)
+    return _power_law(d, p) if law.damping == 0 else _called(law.damping, d, p)
 
 
 @kernel(inline=True)
 def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
     """d alpha_s / dd in contact [1/m]."""
-    return _power_law_slope(d, p)
+    return _power_law_slope(d, p) if law.damping_slope == 0 else _called(law.damping_slope, d, p)
 
 
 @kernel(light=True)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,7 +47,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4)
+    materials : ndarray, shape (n, 4) or (n, 5)
         As for `phasemap.experiment.properties.properties`.
     viscous : bool
     scope : Microscope
@@ -79,12 +80,16 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
 
 def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array | None) -> Surface:
     """See `phasemap.Surface.seen_by`."""
+    law = scope.interaction.law
     if depth is None:
+        if law.spread != 0.5:
+            allowed = f"a map of depths in m where the contact is {law.name!r}"
+            raise InputError("depth", None, allowed, "That may be the indentation of an image.")
         materials, inverse = surface.unique()
         depth = typical_depth(materials, surface.viscosity is not None, scope, setpoint)[inverse]
     elif np.shape(depth) not in ((), surface.shape):
         raise InputError("shape of depth", np.shape(depth), f"{surface.shape}, or one number")
-    radius = np.sqrt(scope.tip.radius * np.maximum(np.broadcast_to(depth, surface.shape), 0.0))
+    radius = law.radius_at(np.maximum(np.broadcast_to(depth, surface.shape), 0.0), scope.tip.radius)
     seen = _Seen(np.nan_to_num(radius), surface.pixel_size)
     reach = scope.interaction.decay_length
     far = 0.0 if reach is None else 2 * scope.tip.radius * reach
@@ -106,9 +111,20 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array |
     same = (stiff == plane) & (poisson_ratio == surface.poisson_ratio)
     changed: dict[str, Any] = {
         "modulus": np.where(same, surface.modulus, stiff * (1 - poisson_ratio**2)), "poisson_ratio": poisson_ratio,
+        "thickness": _seen_film(surface.thickness, partial(seen, weight=pressure)),
         "adhesion": seen(surface.adhesion, attraction, float(beyond)), loss: seen(getattr(surface, loss), disc),
     }  # fmt: skip
     return replace(surface, **changed)
+
+
+def _seen_film(thickness: Array | None, seen: Callable[[Array], Array]) -> Array | None:
+    """Thicknesses whose inverse is a mean, since that is what stiffens the contact, and 0 for no film."""
+    if thickness is None:
+        return None
+    with np.errstate(divide="ignore"):
+        inverse = 1 / thickness
+        mean = seen(inverse)
+        return np.where(mean == inverse, thickness, 1 / mean)
 
 
 class _Seen:

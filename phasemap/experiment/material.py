@@ -10,9 +10,10 @@ from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what anybody works with [Pa, J/m2, Pa s]
+THICKNESS = (0.2e-9, 1e-4)  # [m]
 
 
-@known_as(E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio")
+@known_as(E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio", h="thickness")
 @dataclass(frozen=True, repr=False)
 class Material(Shown):
     """One homogeneous material.
@@ -31,6 +32,8 @@ class Material(Shown):
         Kelvin-Voigt viscosity eta [Pa s] in place of `damping`; alpha1 = eta R omega_c / (2 k).
     poisson_ratio : float
         Poisson's ratio [1], between -1 and 0.5.
+    thickness : float, optional
+        Of a film on a rigid base [m], > 0, for the contact "film"; None is a material without a bottom.
 
     Raises
     ------
@@ -48,6 +51,7 @@ class Material(Shown):
     damping: Number[float] = Number("1", 0.0, minimum=0)
     viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)
     poisson_ratio: Number[float] = Number("1", 0.35, above=-1, maximum=0.5)
+    thickness: Number[float | None] = Number("m", None, above=0, usual=THICKNESS)
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Material:

@@ -25,17 +25,24 @@ def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
 
 
 def damping_of(viscosity: Array, scope: Microscope) -> Array:
-    """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta R omega_c / (2 k).
+    """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta a omega_c / (2 k).
+
+    a is the contact's radius at d = R, that is R for a sphere: theory, Eq. (model-16).
 
     Raises
     ------
     InputError
-        If the damping exponent is not 1/2, the one of Kelvin-Voigt Hertz contact.
+        If the damping exponent is not that with which the contact's radius grows, 1/2 for a sphere.
     """
-    if scope.interaction.damping_exponent != 0.5:
-        raise InputError("damping_exponent", scope.interaction.damping_exponent, "0.5 where materials have a viscosity")
+    law, radius = scope.interaction.law, scope.tip.radius
+    if scope.interaction.damping_exponent != law.spread:
+        allowed = f"{law.spread:g} where materials have a viscosity" + (
+            "" if law.spread == 0.5 else f" and the contact is {law.name!r}"
+        )
+        raise InputError("damping_exponent", scope.interaction.damping_exponent, allowed)
     omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
-    return np.asarray(viscosity * (scope.tip.radius * omega_c / (2 * scope.cantilever.stiffness)))
+    contact = float(law.radius_at(np.array(radius), radius))
+    return np.asarray(viscosity * (contact * omega_c / (2 * scope.cantilever.stiffness)))
 
 
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
@@ -43,11 +50,17 @@ def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Arra
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4)
-        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1].
+    materials : ndarray, shape (n, 4) or (n, 5)
+        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1], and of films
+        the thickness [m].
     viscous : bool
     scope : Microscope
     """
-    modulus, adhesion, loss, poisson_ratio = materials.T
+    modulus, adhesion, loss, poisson_ratio = materials.T[:4]
     stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
     return stiffness, adhesion, damping_of(loss, scope) if viscous else loss
+
+
+def film_of(materials: Array) -> Array | None:
+    """Poisson's ratio [1] and thickness [m] of materials that are films on a rigid base, shape (n, 2); else None."""
+    return materials[:, 3:] if materials.shape[1] > 4 else None

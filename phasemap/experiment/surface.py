@@ -65,6 +65,8 @@ class Surface:
         Poisson's ratio [1], above -1 and at most 0.5.
     topography : float or array_like, shape (ny, nx), optional
         Height of the undeformed surface [m]; None is flat.
+    thickness : float or array_like, shape (ny, nx), optional
+        Of a film on a rigid base [m], > 0, for the contact "film"; infinite where the material has no bottom.
     pixel_size : float or (float, float)
         Side of a square pixel [m], or its (dy, dx); kept as (dy, dx).
     shape : (int, int), optional
@@ -98,6 +100,7 @@ class Surface:
     viscosity: FloatArray | None
     poisson_ratio: FloatArray
     topography: FloatArray | None
+    thickness: FloatArray | None
     pixel_size: tuple[float, float]
     shape: tuple[int, int]
     allow_nan: bool
@@ -111,6 +114,7 @@ class Surface:
         viscosity: ArrayLike | None = None,
         poisson_ratio: ArrayLike = 0.35,
         topography: ArrayLike | None = None,
+        thickness: ArrayLike | None = None,
         *,
         pixel_size: float | Sequence[float],
         shape: Sequence[int] | None = None,
@@ -129,6 +133,7 @@ class Surface:
             "viscosity": viscosity,
             "poisson_ratio": poisson_ratio,
             "topography": topography,
+            "thickness": thickness,
         }
         maps = {
             name: found
@@ -193,6 +198,7 @@ class Surface:
         label_map = as_array("labels", labels, "a 2-D map of whole numbers")
         if label_map.ndim != 2 or not label_map.size:
             raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
+        _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
             label_map = label_map.astype(np.int64)
         if label_map.dtype.kind not in "iub":
@@ -201,7 +207,6 @@ class Surface:
                 hint = "Number the names: names, numbers = numpy.unique(labels, return_inverse=True)."
             raise InputError("type of labels", label_map.dtype.name, "whole numbers", hint)
         names, table, viscous = _material_table(materials)
-        _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
         index = _positions(label_map, names)
         used = np.bincount(index.reshape(-1), minlength=len(names)) > 0
         first, merged = _factorise(list(table[used].T))
@@ -213,7 +218,8 @@ class Surface:
         sides, relief = _pixels(pixel_size), _made("topography", topography, False)
         with unquestioned():  # each Material was looked at when it was made
             surface = cls(
-                columns[0], columns[1], damping, viscosity, columns[3], relief, pixel_size=sides, shape=label_map.shape
+                columns[0], columns[1], damping, viscosity, columns[3], relief, *columns[4:], pixel_size=sides,
+                shape=label_map.shape,
             )  # fmt: skip
         object.__setattr__(surface, "_unique", (rows, inverse))
         return surface
@@ -225,7 +231,8 @@ class Surface:
         Parameters
         ----------
         dataset : xarray.Dataset
-            Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography; each
+            Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography,
+            thickness; each
             with dims ("y", "x") or none. Coordinates y and x, increasing, evenly spaced. A units attribute with a
             metric prefix (GPa, mJ/m2, nm) is converted, a missing one is SI.
         allow_nan : bool
@@ -346,8 +353,9 @@ class Surface:
 
         Returns
         -------
-        rows : ndarray, shape (n, 4)
-            Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, and Poisson's ratio [1].
+        rows : ndarray, shape (n, 4) or (n, 5)
+            Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1], and
+            thickness [m] if there is one.
         inverse : ndarray of int32, shape (ny, nx)
             Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
             read-only.
@@ -362,8 +370,7 @@ class Surface:
         self._refuse_lazy()
         found = self._unique
         if found is None:
-            fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
-            columns = [column for column in fields if column is not None]
+            columns = self.columns
             varying = [column.reshape(-1) for column in columns if not _is_uniform(column)]
             if varying:
                 first, flat = _factorise(varying)
@@ -382,7 +389,7 @@ class Surface:
         return self._unique
 
     def materials(self, pixels: slice | NDArray[np.intp]) -> FloatArray:
-        """Rows as `unique` gives them, shape (n, 4), of some pixels.
+        """Rows as `unique` gives them, of some pixels.
 
         Parameters
         ----------
@@ -395,9 +402,13 @@ class Surface:
         [[3000000000.0, 0.05, 0.0, 0.35]]
         """
         self._refuse_lazy()
-        fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio)
-        columns = [column.reshape(-1)[pixels] for column in fields if column is not None]
-        return np.column_stack(columns)
+        return np.column_stack([column.reshape(-1)[pixels] for column in self.columns])
+
+    @property
+    def columns(self) -> list[FloatArray]:
+        """The maps that make up a material."""
+        fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness)
+        return [column for column in fields if column is not None]
 
     def rows(self, rows: slice) -> Surface:
         """Some rows of it, as a surface that shares its maps.
@@ -514,7 +525,7 @@ class Surface:
         rows, columns = self.shape
         tall, wide = (say(side, "m") for side in self.pixel_size)
         found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
-        for name in ("modulus", "adhesion", "damping", "viscosity", "topography"):
+        for name in ("modulus", "adhesion", "damping", "viscosity", "topography", "thickness"):
             value = getattr(self, name)
             if is_lazy(value):
                 blocks = chunks_of(value)
@@ -534,8 +545,9 @@ def _from_lazy_labels(labels: Any, materials: Any, pixel_size: Any, topography: 
     ]
     damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
     return Surface(
-        columns[0], columns[1], damping, viscosity, columns[3], topography, pixel_size=pixel_size, shape=labels.shape
-    )
+        columns[0], columns[1], damping, viscosity, columns[3], topography, *columns[4:], pixel_size=pixel_size,
+        shape=labels.shape,
+    )  # fmt: skip
 
 
 def _looked_up(labels: NDArray[Any], names: list[int], column: FloatArray) -> FloatArray:
@@ -578,6 +590,8 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
     if isinstance(value, np.ma.MaskedArray):
         value = _unmasked(name, value)
     given = as_array(name, value, "one number or a 2-D map")
+    if given.ndim == 0 and quantity.endless and given == math.inf:
+        return _read_only(np.array(math.inf))
     if given.ndim == 0:
         one = number(name, given.item(), quantity.unit, **quantity.bounds)
         question(name, one, quantity.unit, quantity.usual)
@@ -599,7 +613,8 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
         if bad.any():
             _raise_for_pixel(name, full, bad)
     ends = (low, high) if low <= high else (np.fmin.reduce(full, None), np.fmax.reduce(full, None))
-    question(name, float(max(ends, key=abs)), quantity.unit, quantity.usual)
+    if math.isfinite(most := float(max(ends, key=abs))):
+        question(name, most, quantity.unit, quantity.usual)
     bits = full.view(np.int64)
     if not low < high and (bits == bits[0, 0]).all():
         return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)
@@ -639,7 +654,8 @@ def _check_map(name: str, given: NDArray[Any], per_pixel: int) -> None:
 def _inside(value: Any, quantity: Quantity) -> Any:
     """Whether each of `value` is finite and within the bounds."""
     least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
-    return np.isfinite(value) & (value >= least) & (value > above) & (value <= most)
+    there = ~np.isnan(value) if quantity.endless else np.isfinite(value)
+    return there & (value >= least) & (value > above) & (value <= most)
 
 
 def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
@@ -677,7 +693,7 @@ def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> t
 
 
 def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
-    """Return the labels in order, one row a material, and whether its third column is the viscosity."""
+    """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
     if isinstance(materials, Sequence) and not isinstance(materials, str):
         materials = dict(enumerate(materials))
     if not isinstance(materials, Mapping) or not materials:
@@ -699,7 +715,11 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
             "The two are compared only once the lever and the tip are known.",
         )
     rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
-    return names, np.array(rows, dtype=np.float64), viscous
+    table = np.array(rows, dtype=np.float64)
+    if any(m.thickness is not None for m in chosen):
+        endless = [math.inf if m.thickness is None else m.thickness for m in chosen]
+        table = np.column_stack([table, endless])
+    return names, table, viscous
 
 
 def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:

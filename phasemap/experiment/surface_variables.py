@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import NotThatUnit, scaled
-from phasemap.experiment.material import ADHESION, MODULUS, VISCOSITY
+from phasemap.experiment.material import ADHESION, MODULUS, THICKNESS, VISCOSITY
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,6 +26,7 @@ class Quantity(NamedTuple):
     unit: str  # as UDUNITS writes it
     bounds: dict[str, float]
     usual: tuple[float, float] = (0.0, math.inf)
+    endless: bool = False  # whether infinity is a value
 
 
 QUANTITIES = {
@@ -34,6 +35,7 @@ QUANTITIES = {
     "damping": Quantity("damping coefficient alpha1", "1", {"minimum": 0}),
     "viscosity": Quantity("Kelvin-Voigt viscosity", "Pa s", {"minimum": 0}, VISCOSITY),
     "poisson_ratio": Quantity("Poisson's ratio", "1", {"above": -1, "maximum": 0.5}),
+    "thickness": Quantity("thickness of the film on a rigid base", "m", {"above": 0}, THICKNESS, endless=True),
     "topography": Quantity("topography", "m", {}, (0.0, 1e-4)),
 }
 

@@ -27,7 +27,7 @@ from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
 from phasemap.solvers.pixel import solve_pixel
-from phasemap.solvers.problem import make_work
+from phasemap.solvers.problem import make_work, material_rows
 from phasemap.sweeps.contrasts.contrast_map import contrast
 from phasemap.sweeps.contrasts.pair import BISTABLE, regimes
 from phasemap.sweeps.sweep import sweep_distance
@@ -205,22 +205,12 @@ def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> d
     """What each material does, read off one pixel of it; None for one that is in no pixel."""
     used, first = np.unique(labels, return_index=True)
     at = dict(zip(used.tolist(), first.tolist(), strict=True))
-    rows, viscous = _rows(setting)
+    rows, viscous = material_rows(setting.materials.values())
     codes = regimes(make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude))
     return {
         name: _found(setting, name, ds, at[i], bool(codes[i] == BISTABLE)) if i in at else None
         for i, name in enumerate(setting.materials)
     }
-
-
-def _rows(setting: Setting) -> tuple[NDArray[np.float64], bool]:
-    """The materials as solvers take them, and whether they are viscous."""
-    viscous = setting.subject.viscous
-    rows = [
-        (one.modulus, one.adhesion, (one.viscosity or 0.0) if viscous else one.damping, one.poisson_ratio)
-        for one in setting.materials.values()
-    ]
-    return np.array(rows), viscous
 
 
 def _found(setting: Setting, name: str, ds: xr.Dataset, pixel: int, bistable: bool) -> Found:

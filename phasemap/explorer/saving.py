@@ -153,7 +153,7 @@ def _python_of_surface(setting: Setting) -> str:
     scope, subject = setting.scope, setting.subject
     materials = "\n".join(
         f"    {i}: pm.Material(modulus={one.modulus!r}, adhesion={one.adhesion!r}, {loss}={getattr(one, loss)!r}, "
-        f"poisson_ratio={one.poisson_ratio!r}),"
+        f"poisson_ratio={one.poisson_ratio!r}{'' if one.thickness is None else f', thickness={one.thickness!r}'}),"
         for i, one in enumerate(setting.materials.values())
         for loss in ["viscosity" if subject.viscous else "damping"]
     )

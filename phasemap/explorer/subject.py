@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, NamedTuple
@@ -192,8 +193,10 @@ def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any])
         raise InputError("surface", Word("without a material in some pixels"), "a material in every pixel")
     loss = "viscosity" if surface.viscosity is not None else "damping"
     materials = {
-        f"material {ascii_uppercase[i]}": Material(modulus, adhesion, **{loss: value}, poisson_ratio=ratio)
-        for i, (modulus, adhesion, value, ratio) in enumerate(rows.tolist())
+        f"material {ascii_uppercase[i]}": Material(
+            modulus, adhesion, **{loss: value}, poisson_ratio=ratio, thickness=next(filter(math.isfinite, film), None)
+        )
+        for i, (modulus, adhesion, value, ratio, *film) in enumerate(rows.tolist())
     }
     sample = Sample(labels, surface.topography)
     return Subject("surface", scope, materials, surface.pixel_size, options, sample)
@@ -209,14 +212,8 @@ def _check_count(count: int) -> None:
 def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
     """The materials with a viscosity each where one of them has one, since a surface cannot have both losses."""
     if not any(material.viscosity for material in materials.values()):
-        return {
-            name: Material(one.modulus, one.adhesion, one.damping, poisson_ratio=one.poisson_ratio)
-            for name, one in materials.items()
-        }
-    return {
-        name: Material(one.modulus, one.adhesion, viscosity=one.viscosity or 0.0, poisson_ratio=one.poisson_ratio)
-        for name, one in materials.items()
-    }
+        return {name: replace(one, viscosity=None) for name, one in materials.items()}
+    return {name: replace(one, damping=0.0, viscosity=one.viscosity or 0.0) for name, one in materials.items()}
 
 
 @unquestioned()

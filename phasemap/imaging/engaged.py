@@ -43,7 +43,7 @@ class Plan:
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4), or None
+    materials : ndarray, shape (n, 4) or (n, 5), or None
         All that the image has.
     values : dict of str to ndarray of shape (n,)
         Their variables.
@@ -62,9 +62,10 @@ def _check(_job: Job) -> None:
 
 
 def _interpolates(job: Job) -> bool:
-    """An atlas holds the amplitude of the tip, and knows folds and grazing as borders, not the ends of necks."""
+    """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks, and no films."""
     direct = job.scope.drive.excitation == "direct"
-    return job.solver.name == "auto" and not job.scope.interaction.law.hysteretic and direct
+    plain = not job.scope.interaction.law.hysteretic and job.surface.thickness is None
+    return job.solver.name == "auto" and plain and direct
 
 
 def _most(job: Job) -> int:

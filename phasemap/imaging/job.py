@@ -14,7 +14,7 @@ from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import properties
+from phasemap.experiment.properties import film_of, properties
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
@@ -113,7 +113,7 @@ class Job:
 
     def work(self, materials: Array) -> Work:
         """Work of these materials."""
-        return work_of(*self.properties(materials), self.scope, self.amplitude)
+        return work_of(*self.properties(materials), self.scope, self.amplitude, film_of(materials))
 
     def solve(self, materials: Array, progress: Progress | None = None) -> Values:
         """Variables of distinct materials, one entry a material."""
@@ -135,7 +135,7 @@ class Job:
         work = self.work(materials) if work is None else work
         if set(OF_ADHESION) & set(self.names):
             stiffness = self.properties(materials)[0]
-            rows = with_adhesion(rows, work, bare_rows(stiffness, self.scope))
+            rows = with_adhesion(rows, work, bare_rows(stiffness, self.scope, film_of(materials)))
         if set(OF_FORCES) & set(self.names):
             rows = with_forces(rows, work, used, self.scope)
         return rows

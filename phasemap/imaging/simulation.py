@@ -108,7 +108,7 @@ def simulate(
         error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
         leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
         amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
-        attributes.
+        attributes. An image of films has their thickness [m] as a coordinate of its pixels.
 
     Raises
     ------
@@ -163,6 +163,9 @@ def simulate(
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     stay, derived = split(variables, control, scope.drive.second is not None)
     names = inputs_of(stay, derived, control)
+    if scope.interaction.law.takes_film and surface.thickness is None:
+        allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
+        raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)
     else:
@@ -195,6 +198,8 @@ def simulate(
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     image = with_channels(finish(image, realism), stay, derived, control, scope)
+    if surface.thickness is not None:
+        image = image.assign_coords(thickness=surface.to_dataset()["thickness"])
     if not surface.lazy:
         tell(line for describe in (describe_failures, describe_validity) for line in describe(image))
     return image
@@ -241,7 +246,7 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     rows = work.rows
     names = [f"{scope.interaction.law.name} contact"]
     if np.any(rows[:, col.LONGRANGE] > rows[:, col.BIAS]):
-        names.append("inverse-square attraction")
+        names.append(f"{scope.interaction.law.attraction.name.replace(' ', '-')} attraction")
     if np.any(rows[:, col.BIAS] != 0):
         names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):
@@ -255,9 +260,8 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
 
 def _largest_material(surface: Surface) -> Array:
     """One row, with the largest of every property; a term is zero there if no pixel has it."""
-    maps = (surface.modulus, surface.adhesion, surface.damping, surface.viscosity, surface.poisson_ratio)
-    largest = np.array([[np.fmax.reduce(values, None) for values in maps if values is not None]])
-    return np.asarray(np.nan_to_num(largest))
+    largest = np.array([[np.fmax.reduce(values, None) for values in surface.columns]])
+    return np.asarray(np.nan_to_num(largest, posinf=np.inf))
 
 
 def _largest(surface: Surface, scope: Microscope) -> Work:

@@ -1,7 +1,7 @@
 """Results outside what the model describes: counted, with what cures them.
 
-The model is a rigid sphere on a half-space and the first eigenmode of the lever. It solves what lies outside too, and
-such an image looks like any other.
+The model is a rigid tip on a half-space, or on a film on a rigid base, and the first eigenmode of the lever. It solves
+what lies outside too, and such an image looks like any other.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ FORCES = ("adhesion_force", "lever_force")
 """Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""
 LOW_Q = 20.0  # below this, first-order averaging is off by degrees
 FREE = 1.2  # times the adhesion: force at which a lever comes free; 1.1 did wherever it was tried
+WIDE, DEEP = 2.0, 0.3  # contact radius, and depth, over a film's thickness that its law is good for
 AVERAGING = 0  # among the flags of `solver`
 
 
@@ -68,6 +69,7 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
                 f"{_of(deep, what)}: the tip sinks in deeper than its radius ({most}), where it is no longer a sphere. "
                 "Raise the setpoint, lower the free amplitude, or give a larger radius."
             )
+    yield from _of_films(ds, configuration, what)
     if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):
         inside = ds["tip_offset"].values < ds["mean_deflection"].values
         if inside.any():
@@ -91,6 +93,28 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
                 f"{_of(averaged, what)}: first-order averaging is off by degrees at Q = {lever['quality_factor']:g}. "
                 "Take the solver 'auto' or 'orbit'."
             )
+
+
+def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+    """Lines for films that are too thin for their law."""
+    material = configuration.get("material", {})
+    thickness = ds["thickness"] if "thickness" in ds.variables else material.get("thickness")
+    if thickness is None or "indentation" not in ds:
+        return
+    depth = ds["indentation"].clip(min=0)
+    width = (np.sqrt(configuration["microscope"]["tip"]["radius"] * depth) / thickness).values
+    share = (depth / thickness).values
+    cure = "Raise the setpoint or lower the free amplitude"
+    if (wide := width > WIDE).any():
+        yield (
+            f"{_of(wide, what)}: the contact's radius is up to {np.nanmax(width):.3g} times the film's thickness; the "
+            f"law of the film is good to 1 % up to {WIDE:g} times. {cure}, or take a smaller tip radius."
+        )
+    if (deep := share > DEEP).any():
+        yield (
+            f"{_of(deep, what)}: the tip sinks in by up to {np.nanmax(share):.2g} of the film's thickness; above "
+            f"{DEEP:g} of it strains are too large for linear elasticity. {cure}."
+        )
 
 
 def _of(which: np.ndarray, what: str) -> str:

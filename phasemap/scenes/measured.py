@@ -277,10 +277,10 @@ def _material(preset: str, given: Any) -> Any:
     """The placeholder with the values that the user gives; a viscosity takes the place of its damping."""
     if not isinstance(given, dict):
         return given  # what is wrong is said when the scene is checked
-    other = ("viscosity", "damping" if "viscosity" in given else "")
-    return {
-        name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if name not in other
-    } | given
+    own = {name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if value is not None}
+    if "viscosity" in given:
+        del own["damping"]
+    return own | given
 
 
 def _heading(scan: xr.Dataset, path: Path) -> list[str]:

@@ -5,7 +5,8 @@ The tables are ``[scan]`` (setpoint, solver, strict_units), ``[surface]`` (see `
 ``[accuracy]``, ``[realism]`` and ``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one
 (`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units or as text
 with a unit ("40 nm"); nothing unknown is passed over. ``preset = "PS"`` in a material or the lever stands for its
-numbers, beside which others may be given.
+numbers, beside which others may be given. A contact law with parameters is a table:
+``contact = { law = "cone", half_angle = 30 }``, of "cone", "film", "punch", "maugis" or "neck".
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from phasemap._shared.fields import Number
 from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
-from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, read_tables
+from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing, read_tables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,6 +47,7 @@ TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
     "output",
 )  # fmt: skip
+LAWS: dict[str, type[ContactLaw]] = {law.name: law for law in (Cone, Film, FlatPunch, MaugisDugdale, Neck)}
 LOW_Q = 50.0  # below this it matters what the detector sees
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
@@ -252,6 +254,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         "surface": tables["surface"],
         "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
         **dataclasses.asdict(microscope),
+        "interaction": _config_of(microscope.interaction),
         "control": describe(control),
         "accuracy": dataclasses.asdict(accuracy),
         "realism": dataclasses.asdict(realism),
@@ -333,7 +336,7 @@ def _microscope(tables: Table) -> Microscope:
     """The microscope of the tables for its parts."""
     complaints = Complaints()
     lever, tip = (complaints.of(_object, tables, name, cls) for name, cls in (("cantilever", Cantilever), ("tip", Tip)))
-    drive, interaction = complaints.of(_drive, tables), complaints.of(_object, tables, "interaction", Interaction)
+    drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables)
     complaints.make()
     assert isinstance(lever, Cantilever) and isinstance(tip, Tip)
     assert isinstance(drive, Drive) and isinstance(interaction, Interaction)
@@ -353,6 +356,28 @@ def _drive(tables: Table) -> Drive:
         table = {**table, "second": _from_table("[drive.second]", table["second"], Mode)}
     drive: Drive = _from_table("[drive]", table, Drive)
     return drive
+
+
+def _interaction(tables: Table) -> Interaction:
+    """The interaction, whose contact may be a law with parameters."""
+    table = _table(tables, "interaction")
+    if isinstance(contact := table.get("contact"), dict):
+        name = "[interaction.contact]"
+        if "law" not in contact:
+            raise missing(name, "law")
+        check_choice(f"{name} law", contact["law"], LAWS)
+        parameters = {key: value for key, value in contact.items() if key != "law"}
+        table = {**table, "contact": _from_table(name, parameters, LAWS[contact["law"]])}
+    interaction: Interaction = _from_table("[interaction]", table, Interaction)
+    return interaction
+
+
+def _config_of(interaction: Interaction) -> Table:
+    """The table of which `_interaction` makes the same."""
+    table = dataclasses.asdict(interaction)
+    if isinstance(interaction.contact, ContactLaw):
+        table["contact"] = {"law": interaction.contact.name, **table["contact"]}
+    return table
 
 
 def _under_tip(table: Table, surface: Surface, scope: Microscope, setpoint: float) -> Surface:

@@ -5,8 +5,9 @@
 * ``"labels"``: ``labels`` (a map of whole numbers), ``materials`` (names, one for each label from 0, or a table
   ``{ 7 = "soft" }``), ``pixel_size``; a relief from ``topography``, and from ``heights`` [m], one for each label
 * the name of a generator of labels in `phasemap.generate`: its arguments, and all the above but ``labels``
-* ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``topography`` (numbers or
-  maps), ``pixel_size``, and ``shape`` where no map has one; or ``file``, a netCDF file that has them all
+* ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``thickness``,
+  ``topography`` (numbers or maps), ``pixel_size``, and ``shape`` where no map has one; or ``file``, a netCDF file that
+  has them all
 * ``"measured"``: ``file`` of a measured image, ``materials`` (names, from the lowest phase to the highest), and where
   the file has several ``height`` and ``phase`` channels their names
 
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 __all__ = ["build_surface", "dilate", "seen"]
 
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
-QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "topography")
+QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "topography")
 SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over

@@ -16,7 +16,7 @@ from phasemap.solvers.problem import Work
 Array = NDArray[np.float64]
 
 
-def bare_rows(stiffness: Array, scope: Microscope) -> Array:
+def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
     """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 12).
 
     Parameters
@@ -24,9 +24,11 @@ def bare_rows(stiffness: Array, scope: Microscope) -> Array:
     stiffness : ndarray, shape (n,)
         K [Pa].
     scope : Microscope
+    film : ndarray, shape (n, 2), optional
+        Of `phasemap.experiment.properties.film_of`.
     """
     none = np.zeros_like(stiffness)
-    return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius)
+    return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
 
 
 def with_adhesion(rows: Array, work: Work, bare: Array) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +16,7 @@ from phasemap._shared.plausible import question
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import properties
+from phasemap.experiment.properties import film_of, properties
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -78,9 +80,16 @@ def check_setpoint(setpoint: object) -> float:
     return found
 
 
-def work_of(stiffness: Array, adhesion: Array, damping: Array, scope: Microscope, amplitude: float | Array) -> Work:
-    """Work of what `properties` gives, at setpoint amplitudes [m]."""
-    rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius)
+def work_of(
+    stiffness: Array,
+    adhesion: Array,
+    damping: Array,
+    scope: Microscope,
+    amplitude: float | Array,
+    film: Array | None = None,
+) -> Work:
+    """Work of what `properties` and `film_of` give, at setpoint amplitudes [m]."""
+    rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     return Work(scope.interaction.token(), rows, lever_of(scope), amplitudes)
 
@@ -90,14 +99,14 @@ def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: fl
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4)
+    materials : ndarray, shape (n, 4) or (n, 5)
         As for `properties`.
     viscous : bool
     scope : Microscope
     amplitudes : float or ndarray, shape (n,)
         Setpoint amplitudes [m].
     """
-    return work_of(*properties(materials, viscous, scope), scope, amplitudes)
+    return work_of(*properties(materials, viscous, scope), scope, amplitudes, film_of(materials))
 
 
 def work_of_material(material: Material, scope: Microscope, amplitude: float) -> Work:
@@ -109,13 +118,22 @@ def work_of_material(material: Material, scope: Microscope, amplitude: float) ->
         If the laws of interaction cannot have this material.
     """
     row, viscous = material_row(material)
-    stiffness, adhesion, damping = properties(row, viscous, scope)
-    scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius)
-    return work_of(stiffness, adhesion, damping, scope, amplitude)
+    stiffness, adhesion, _ = properties(row, viscous, scope)
+    scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius, film_of(row))
+    return make_work(row, viscous, scope, amplitude)
 
 
 def material_row(material: Material) -> tuple[Array, bool]:
     """The row of one material for `make_work`, and whether it is viscous."""
-    viscous = material.viscosity is not None
-    loss = material.viscosity if material.viscosity is not None else material.damping
-    return np.array([[material.modulus, material.adhesion, loss, material.poisson_ratio]], dtype=np.float64), viscous
+    return material_rows([material])
+
+
+def material_rows(materials: Iterable[Material]) -> tuple[Array, bool]:
+    """The rows of materials that are all viscous or none, for `make_work`, and whether they are."""
+    every = list(materials)
+    viscous = any(one.viscosity is not None for one in every)
+    rows = [[one.modulus, one.adhesion, one.viscosity if viscous else one.damping, one.poisson_ratio] for one in every]
+    if any(one.thickness is not None for one in every):
+        for row, one in zip(rows, every, strict=True):
+            row.append(math.inf if one.thickness is None else one.thickness)
+    return np.array(rows, dtype=np.float64), viscous

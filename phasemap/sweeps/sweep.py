@@ -158,8 +158,8 @@ def sweep_parameter(
     material : Material
     scope : Microscope
     name : str
-        "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "stiffness", "quality_factor", "radius",
-        "free_amplitude", "frequency", "decay_length" or "bias".
+        "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "stiffness", "quality_factor",
+        "radius", "free_amplitude", "frequency", "decay_length" or "bias".
     values : array_like
         In the parameter's SI unit, rising or falling.
     setpoint : float

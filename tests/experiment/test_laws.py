@@ -17,13 +17,21 @@ from scipy.optimize import brentq
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
-from phasemap._kernels.law import contact_force, contact_slope, longrange_force, longrange_slope
+from phasemap._kernels.law import (
+    contact_force,
+    contact_slope,
+    damping,
+    damping_slope,
+    longrange_force,
+    longrange_slope,
+)
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
 from phasemap._kernels.orbits.time import march
+from phasemap.experiment import interaction as laws
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
-from phasemap.experiment.interaction.longrange import Biased, InverseSquare
+from phasemap.experiment.interaction.longrange import Biased
 from phasemap.results.variables import describe
 from phasemap.solvers.problem import make_work
 
@@ -54,12 +62,16 @@ LAWS: dict[str, Callable[[float], Any]] = {
     "spring, own radius": lambda scale: LinearSpring(5e-9 * scale),
     "neck": lambda scale: Neck(0.8e-9 * scale),
     "own": lambda scale: Own(),
+    "punch": lambda scale: laws.FlatPunch(5e-9 * scale),
+    "cone": lambda scale: laws.Cone(30.0),
+    "film": lambda scale: laws.Film(),
+    "slipping film": lambda scale: "slipping film",
 }
 NECKS = {"jkr", "maugis", "maugis, own range", "neck"}
 CONTRACT = [
     (name, decay, bias)
     for name, decay, bias in itertools.product(LAWS, (None, 0.3e-9), (0.0, 0.5))
-    if not (name == "maugis" and decay is None)
+    if not (name in ("maugis", "cone") and decay is None) and not (name == "cone" and bias)
 ]
 
 
@@ -67,9 +79,10 @@ def row_of(
     interaction: Interaction, modulus: float = MODULUS, adhesion: float = ADHESION, radius: float = RADIUS,
     damping: float = 0.0,
 ) -> np.ndarray:  # fmt: skip
-    """Parameters of one material on a rigid tip, with Poisson's ratio 0."""
+    """Parameters of one material on a rigid tip, with Poisson's ratio 0; films of half its radius."""
     values = [np.array([x]) for x in (4 / 3 * modulus, adhesion, damping)]
-    return interaction.columns(*values, radius)[0]
+    film = np.array([[0.4, 0.5 * radius]]) if interaction.law.takes_film else None
+    return interaction.columns(*values, radius, film)[0]
 
 
 @pytest.mark.parametrize(("name", "decay", "bias"), CONTRACT)
@@ -95,6 +108,13 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
         near, far = (law.force(d + n * h, p) - law.force(d - n * h, p) for n in (1, 2))
         rounding = 4e-16 * abs(law.force(d, p)) / h
         assert slope(d, p) == pytest.approx((8 * near - far) / (12 * h), rel=1e-8, abs=10 * rounding)
+
+    if release == 0:
+        lossy, alpha = row_of(interaction, damping=0.01), partial(damping, token)
+        for d in depths:
+            assert alpha(d, lossy) == pytest.approx(law.damping(d, lossy), rel=1e-12)
+            near, far = (alpha(d * (1 + 1e-3 * n), lossy) - alpha(d * (1 - 1e-3 * n), lossy) for n in (1, 2))
+            assert damping_slope(token, d, lossy) == pytest.approx((8 * near - far) / (12e-3 * d), rel=1e-8)
 
     # The force is continuous in contact and through the neck, and joins the long-range force where the law says so.
     assert force(0.0, p) == pytest.approx(force(1e-20, p), rel=1e-9, abs=1e-9 * PI_W_R)
@@ -127,7 +147,7 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
 
 
 def outside_of(interaction: Interaction) -> Callable[[float, np.ndarray], float]:
-    return Biased.force if interaction.bias else InverseSquare.force
+    return Biased.force if interaction.bias else interaction.law.attraction.force
 
 
 @pytest.mark.parametrize(("name", "decay", "bias"), CONTRACT)
@@ -309,7 +329,7 @@ def test_a_law_that_cannot_work_is_refused_before_work_starts() -> None:
         Interaction(Raising(), None).columns(*soft)
     with pytest.raises(pm.InputError, match=r"contact is .*; allowed: one of hertz, .* Give an object, Own\(\)"):
         Interaction(Own)  # type: ignore[arg-type]
-    with pytest.raises(pm.InputError, match=r"contact is 'jrk'; allowed: one of hertz, dmt, jkr, maugis, spring, or a"):
+    with pytest.raises(pm.InputError, match=r"contact is 'jrk'; allowed: one of hertz, dmt, jkr, maugis, punch, cone,"):
         Interaction("jrk")
     with pytest.raises(
         pm.InputError, match=r"decay_length is None; allowed: a length in m where the contact is 'maugis'"
@@ -359,6 +379,10 @@ def test_provenance_describes_laws_with_their_parameters() -> None:
         {"kind": "linearspring", "contact_radius": 5e-9},
         {"kind": "neck", "length": 0.8e-9},
         "Own",
+        {"kind": "flatpunch", "contact_radius": 5e-9},
+        {"kind": "cone", "half_angle": 30.0},
+        {"kind": "film", "base": "bonded"},
+        "slipping film",
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from cases import Case, load
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT
+from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
@@ -270,3 +272,72 @@ def test_higher_harmonics_are_images_where_asked() -> None:
     assert averaged.amplitude_2.values[0, 0] == pytest.approx(abs(wave), rel=0.02)
     with pytest.raises(pm.InputError, match="variables is 'amplitude_2'"):
         pm.simulate(SURFACE, SCOPE, 0.6, control=pm.Feedback(line_rate=1.0), variables=names)
+
+
+class Own(ContactLaw):
+    """A law of one's own, with adhesion."""
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return p[0] * math.sqrt(p[2] * d) * d - 3.0 * p[1] * p[2]
+
+
+LAWS: dict[str, Any] = {
+    "hertz": "hertz", "dmt": "dmt", "jkr": "jkr", "maugis": "maugis", "neck": Neck(0.8e-9), "punch": FlatPunch(4e-9),
+    "cone": Cone(40.0), "film": "film", "slipping film": "slipping film", "own": Own(),
+}  # fmt: skip
+VISCOUS = {"modulus": 1e9, "adhesion": 0.06, "viscosity": 20.0, "poisson_ratio": 0.4}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_identities_between_channels_hold_on_every_law(name: str) -> None:
+    law = Interaction(LAWS[name]).law
+    scope = replace(SCOPE, interaction=Interaction(LAWS[name], damping_exponent=law.spread))
+    material = pm.Material(**VISCOUS, thickness=8e-9 if law.takes_film else None)
+    names = [
+        "amplitude", "phase", "indentation", "mean_deflection", "dissipation", "virial", "adhesion_virial",
+        "adhesion_loss", "loss_tangent", "loss_tangent_corrected",
+    ]  # fmt: skip
+    surface = pm.Surface.from_labels([[0]], [material], pixel_size=1e-9)
+    image = pm.simulate(surface, scope, 0.6, "averaging", variables=names).isel(y=0, x=0)
+    amplitude, p = image.amplitude.item(), work_of_material(material, scope, 1e-9).rows[0]
+
+    # The harmonic orbit again, in plain Python: what force and damping do on the way in and on the way out.
+    theta = (np.arange(20_000) + 0.5) * np.pi / 20_000
+    depth = image.indentation.item() - amplitude * (1 - np.cos(theta))
+    outside = np.array([law.attraction.force(min(d, 0.0), p) for d in depth])
+    inwards = np.array([law.force(d, p) if d > 0 else f for d, f in zip(depth, outside, strict=True)])
+    outwards = np.array([law.force(d, p) if d > p[10] else f for d, f in zip(depth, outside, strict=True)])
+    drag = np.array([law.damping(d, p) if d > 0 else 0.0 for d in depth])
+    necks = amplitude * np.pi * np.mean((inwards - outwards) * np.sin(theta))
+    damped = 4 * np.pi * scope.cantilever.stiffness * amplitude**2 * np.mean(drag * np.sin(theta) ** 2)
+    virial = -amplitude * np.mean(0.5 * (inwards + outwards) * np.cos(theta))
+    mean = scope.cantilever.stiffness * image.mean_deflection.item() ** 2  # -<F> times the mean deflection
+
+    step = 1e-24 + amplitude * np.pi / 20_000 * np.abs(inwards - outwards).max()  # of the sum, where a neck breaks
+
+    seen = pm.channels(image[["amplitude", "phase", "status"]].assign_attrs(image.attrs))
+    assert image.adhesion_loss.item() == pytest.approx(necks, rel=1e-3, abs=step)
+    assert image.dissipation.item() == pytest.approx(damped + necks, rel=5e-4, abs=step)
+    assert seen.dissipation.item() == pytest.approx(image.dissipation.item(), rel=1e-5)
+    assert image.virial.item() == pytest.approx(virial + mean, rel=5e-4)
+    assert seen.virial.item() == pytest.approx(virial, rel=5e-4)
+    assert seen.loss_tangent.item() == image.loss_tangent.item()
+    assert image.loss_tangent.item() == pytest.approx(-image.dissipation.item() / (2 * np.pi * virial), rel=1e-3)
+    omega = 2 * np.pi * scope.cantilever.resonance_frequency
+    of_material = omega * VISCOUS["viscosity"] * (1 - VISCOUS["poisson_ratio"] ** 2) / (2 * VISCOUS["modulus"])
+    # Whatever the shape of the tip, on a film or not: a Kelvin-Voigt solid loses omega eta / (2 E*) of what it stores.
+    assert image.loss_tangent_corrected.item() == pytest.approx(of_material, rel=0.01)
+
+
+def test_a_check_computes_the_channels_of_a_file_again() -> None:
+    names = ["phase", "indentation", "loss_tangent", "loss_tangent_corrected", "dissipation_ev"]
+    image = pm.simulate(SURFACE, SCOPE, 0.6, variables=names)
+    found = pm.check(image, SURFACE)
+    assert found.holds and sum("loss tangent" in claim.about for claim in found.claims) == 2
+    image.loss_tangent_corrected[0, 1] *= 1.05
+    wrong = [claim for claim in pm.check(image, SURFACE).claims if claim.result == "FAILS"]
+    assert {claim.about for claim in wrong} >= {"solved again: loss tangent corrected within its error"}
+    image.loss_tangent[0, 2] *= 1.0001
+    wrong = [claim for claim in pm.check(image, SURFACE).claims if claim.result == "FAILS"]
+    assert [claim.worst for claim in wrong if "follow from" in claim.about] == [((0, 0, 2),)]

@@ -14,16 +14,24 @@ from phasemap._kernels.columns import BIAS, RELEASE
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.shown import Shown
-from phasemap.experiment.interaction.contact import DMT, JKR, LAWS, ContactLaw, Hertz, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.cone import Cone
+from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz, LinearSpring, Neck
 from phasemap.experiment.interaction.damping import PowerLawDamping
+from phasemap.experiment.interaction.film import Film
+from phasemap.experiment.interaction.jkr import JKR
 from phasemap.experiment.interaction.longrange import Biased, InverseSquare
+from phasemap.experiment.interaction.maugis import MaugisDugdale
 
 if TYPE_CHECKING:
     import numpy as np
 
     from phasemap._kernels.law import Law
 
-__all__ = ["DMT", "JKR", "ContactLaw", "Hertz", "Interaction", "LinearSpring", "MaugisDugdale", "Neck"]
+__all__ = [
+    "DMT", "JKR", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Interaction", "LinearSpring", "MaugisDugdale",
+    "Neck",
+]  # fmt: skip
 
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of one's own law is tried before work starts
 
@@ -35,9 +43,10 @@ class Interaction(Shown):
     Parameters
     ----------
     contact : str or ContactLaw
-        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length) or "spring" (linear),
-        in capitals or not; or a law object: `LinearSpring`, `MaugisDugdale` and `Neck` take parameters, and one's own
-        law is a class derived from `ContactLaw`.
+        "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length), "punch" (flat),
+        "cone", "film" (on a rigid base, which it sticks to) or "slipping film", in capitals or not; or a law object:
+        `FlatPunch`, `Cone`, `MaugisDugdale` and `Neck` take parameters, and one's own law is a class derived from
+        `ContactLaw`. "spring" is the old name of "punch".
     decay_length : float, optional
         d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no such force.
     damping_exponent : float
@@ -73,7 +82,11 @@ class Interaction(Shown):
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)
-        self.law.beside(self.decay_length)
+        law = self.law
+        if self.bias and law.attraction is not InverseSquare:
+            raise InputError(
+                "bias", self.bias, f"0 where the contact is {law.name!r}, for its force is that of a sphere"
+            )
 
     @property
     def law(self) -> ContactLaw:
@@ -82,7 +95,12 @@ class Interaction(Shown):
         return law.beside(self.decay_length)
 
     def columns(
-        self, contact_stiffness: np.ndarray, adhesion: np.ndarray, damping: np.ndarray, radius: float
+        self,
+        contact_stiffness: np.ndarray,
+        adhesion: np.ndarray,
+        damping: np.ndarray,
+        radius: float,
+        film: np.ndarray | None = None,
     ) -> np.ndarray:
         """Parameter rows of the kernels, one a material.
 
@@ -96,6 +114,8 @@ class Interaction(Shown):
             alpha1 [1].
         radius : float
             Tip radius [m].
+        film : ndarray, shape (n, 2), optional
+            Poisson's ratio [1] and thickness [m] where materials are films on a rigid base.
 
         Returns
         -------
@@ -108,11 +128,11 @@ class Interaction(Shown):
         Raises
         ------
         InputError
-            If the formulas of one's own law fail.
+            If the formulas of one's own law fail, or the law does not go together with a film.
         """
         import numpy as np
 
-        rows = self._rows(contact_stiffness, adhesion, damping, radius)
+        rows = self._rows(contact_stiffness, adhesion, damping, radius, film)
         creates = self._loop_energies(rows) < 0
         if self.law.may_do_without_neck:
             rows[creates, RELEASE] = 0.0
@@ -122,7 +142,7 @@ class Interaction(Shown):
         rows[~np.isfinite(rows).all(axis=1) & ~creates] = np.nan
         return rows
 
-    def check(self, contact_stiffness: float, adhesion: float, radius: float) -> None:
+    def check(self, contact_stiffness: float, adhesion: float, radius: float, film: np.ndarray | None = None) -> None:
         """Refuse one material that the laws cannot have.
 
         Raises
@@ -132,7 +152,7 @@ class Interaction(Shown):
         """
         import numpy as np
 
-        rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius)
+        rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film)
         name, depth, energy = self.law.name, float(rows[0, RELEASE]), float(self._loop_energies(rows)[0])
         if not np.isfinite(rows).all():
             raise InputError(
@@ -156,9 +176,9 @@ class Interaction(Shown):
         """
         from phasemap._kernels.law import law_of
 
-        law, longrange = self.law, Biased if self.bias else InverseSquare
+        law, longrange = self.law, Biased if self.bias else self.law.attraction
         try:
-            return law_of(law.force, law.slope, longrange.force, longrange.slope)
+            return law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
 
@@ -168,7 +188,12 @@ class Interaction(Shown):
         return not type(self.law).__module__.startswith("phasemap.")
 
     def _rows(
-        self, contact_stiffness: np.ndarray, adhesion: np.ndarray, damping: np.ndarray, radius: float
+        self,
+        contact_stiffness: np.ndarray,
+        adhesion: np.ndarray,
+        damping: np.ndarray,
+        radius: float,
+        film: np.ndarray | None,
     ) -> np.ndarray:
         """`columns` without marks."""
         import numpy as np
@@ -177,7 +202,7 @@ class Interaction(Shown):
         law = self.law
         with np.errstate(all="ignore"):  # a material that the law cannot have ends as NaN
             try:
-                for j, column in enumerate(law.columns(contact_stiffness, adhesion, radius)):
+                for j, column in enumerate(law.columns_on(contact_stiffness, adhesion, radius, film)):
                     rows[:, j] = column
                 rows[:, RELEASE] = law.release(contact_stiffness, adhesion, radius) + 0.0  # no -0
                 self._try(rows)

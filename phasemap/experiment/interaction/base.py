@@ -6,6 +6,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from phasemap._kernels.forces import power_law, power_law_slope
+from phasemap._shared.errors import InputError, Word
+from phasemap.experiment.interaction.longrange import InverseSquare
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -44,6 +48,15 @@ class ContactLaw(ABC):
     Elsewhere such a material is refused, because the loop of approach and retraction would create energy.
     """
 
+    takes_film: ClassVar[bool] = False
+    """Whether the material may be a film on a rigid base."""
+
+    attraction: ClassVar[Any] = InverseSquare
+    """Formulas of the long-range force, for columns 4 and 5 of a row: f0 [N] and 1/d0 [1/m]."""
+
+    spread: ClassVar[float] = 0.5
+    """n of the contact's radius ~ d^n, and so of the damping by a viscosity."""
+
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         if "name" not in cls.__dict__:
@@ -61,9 +74,36 @@ class ContactLaw(ABC):
         """dF/dd [N/m]; by default a difference quotient of fourth order, good to 1e-10 of it for powers of d."""
         raise NotImplementedError
 
+    damping = staticmethod(power_law)
+    """alpha_s [1] at indentation d >= 0, of p[8] and p[9]: the power law of the interaction."""
+
+    damping_slope = staticmethod(power_law_slope)
+    """Its derivative [1/m]."""
+
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
         """At most four parameters p[0] ... p[3] of the formulas; by default K [Pa], w [J/m2] and R [m]."""
         return contact_stiffness, adhesion, radius
+
+    def columns_on(
+        self, contact_stiffness: Array, adhesion: Array, radius: float, film: Array | None
+    ) -> tuple[Array | float, ...]:
+        """The same on films, of Poisson's ratio [1] and thickness [m], shape (n, 2); by default these are refused.
+
+        Raises
+        ------
+        InputError
+            If there is a film, and the law does not know it.
+        """
+        if film is not None:
+            allowed = f"nothing where the contact is {self.name!r}, which is that of a half-space"
+            raise InputError("thickness", Word("given"), allowed, "The contact 'film' takes it.")
+        return self.columns(contact_stiffness, adhesion, radius)
+
+    def radius_at(self, depth: Array, radius: float) -> Array:
+        """Radius of the contact [m] at a depth [m]; by default sqrt(R d), that of a sphere."""
+        import numpy as np
+
+        return np.sqrt(radius * depth)
 
     @property
     def hysteretic(self) -> bool:

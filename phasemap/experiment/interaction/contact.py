@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.cone import Cone
+from phasemap.experiment.interaction.film import Film
 from phasemap.experiment.interaction.jkr import JKR
 from phasemap.experiment.interaction.maugis import MaugisDugdale
 
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 
     Array = np.ndarray
 
-__all__ = ["DMT", "JKR", "LAWS", "ContactLaw", "Hertz", "LinearSpring", "MaugisDugdale", "Neck"]
+__all__ = [
+    "DMT", "JKR", "LAWS", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "LinearSpring", "MaugisDugdale", "Neck",
+]  # fmt: skip
 
 
 class DMT(ContactLaw):
@@ -46,8 +50,10 @@ class Hertz(DMT):
 
 
 @dataclass(frozen=True)
-class LinearSpring(ContactLaw):
+class FlatPunch(ContactLaw):
     """F = 2 E* R_c d - 2 pi w R, E* = 3 K / 4: a flat punch (Sneddon 1965), for a worn tip or a thin stiff layer.
+
+    Its attraction is that of a sphere of the tip's radius R, as of a tip with a small flat at its end.
 
     Parameters
     ----------
@@ -56,7 +62,8 @@ class LinearSpring(ContactLaw):
     """
 
     contact_radius: Number[float | None] = Number("m", None, above=0, usual=(1e-12, 10e-6))
-    name: ClassVar[str] = "spring"
+    name: ClassVar[str] = "punch"
+    spread: ClassVar[float] = 0.0
 
     @staticmethod
     def force(d: float, p: Array) -> float:
@@ -68,11 +75,26 @@ class LinearSpring(ContactLaw):
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
         """p[0] = 2 E* R_c [N/m], p[1] = the attraction [N]."""
-        contact_radius = radius if self.contact_radius is None else self.contact_radius
-        return 1.5 * contact_stiffness * contact_radius, self.pull(contact_stiffness, adhesion, radius)
+        flat = radius if self.contact_radius is None else self.contact_radius
+        return 1.5 * contact_stiffness * flat, self.pull(contact_stiffness, adhesion, radius)
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         return 2 * math.pi * radius * adhesion
+
+    def radius_at(self, depth: Array, radius: float) -> Array:
+        """R_c [m], at any depth."""
+        return 0.0 * depth + (radius if self.contact_radius is None else self.contact_radius)
+
+
+@dataclass(frozen=True)
+class LinearSpring(FlatPunch):
+    """`FlatPunch` under its old name, with the damping of a sphere where a material has a viscosity."""
+
+    name: ClassVar[str] = "spring"
+    spread: ClassVar[float] = 0.5
+
+    def radius_at(self, depth: Array, radius: float) -> Array:
+        return ContactLaw.radius_at(self, depth, radius)
 
 
 @dataclass(frozen=True)
@@ -110,4 +132,7 @@ class Neck(ContactLaw):
         return -self.length * (adhesion > 0.0)
 
 
-LAWS: dict[str, ContactLaw] = {law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), LinearSpring())}
+LAWS: dict[str, ContactLaw] = {
+    **{law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), FlatPunch(), Cone(), Film())},
+    "slipping film": Film("slipping"), "spring": LinearSpring(),
+}  # fmt: skip

@@ -31,6 +31,24 @@ class InverseSquare:
     slope = staticmethod(inverse_square_slope)
 
 
+class Inverse:
+    """F = -f0 / (1 - d/d0): the van der Waals attraction of a cone and a plane, whose gap is measured from d0.
+
+    See theory, Eq. (model-20).
+    """
+
+    name = "inverse"
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return -p[4] / (1.0 - d * p[5])
+
+    @staticmethod
+    def slope(d: float, p: np.ndarray) -> float:
+        s = 1.0 - d * p[5]
+        return -p[4] * p[5] / (s * s)
+
+
 class Biased:
     """`InverseSquare` and F = -pi eps0 V^2 R^2 / (g (g + R)), the force of a voltage between sphere and plane.
 

@@ -131,8 +131,9 @@ def _one(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
 
 def _placeholder(surface: Surface) -> Surface:
     """One pixel of the same kind."""
-    loss = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
-    return Surface(1e9, **loss, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
+    more = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
+    more |= {} if surface.thickness is None else {"thickness": 1e-8}
+    return Surface(1e9, **more, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
 
 
 def _planned(job: Job, tiny: Any, maps: Maps) -> Any:

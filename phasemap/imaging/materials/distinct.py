@@ -26,7 +26,7 @@ class Distinct:
 
     def __init__(self, most: int) -> None:
         self._table = np.full(1 << (2 * most - 1).bit_length(), -1, np.int32)
-        self._known = np.empty((most, 4), np.uint64)
+        self._known = np.empty((most, 0), np.uint64)
         self._count = 0
 
     def __len__(self) -> int:
@@ -34,13 +34,15 @@ class Distinct:
 
     @property
     def materials(self) -> Array:
-        """The members, in the order in which they came; shape (n, 4)."""
+        """The members, in the order in which they came; shape (n, 4) or (n, 5)."""
         return self._known[: self._count].view(np.float64)
 
     def add(self, materials: Array) -> int:
         """Take in materials, and return how many there was room for."""
         from phasemap._kernels.materials.distinct import gather
 
+        if not self._count:
+            self._known = np.empty((len(self._known), materials.shape[1]), np.uint64)
         self._count, taken = gather(_bits(materials), self._table, self._known, self._count)
         return int(taken)
 

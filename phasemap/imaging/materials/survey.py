@@ -60,9 +60,9 @@ class Survey:
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4), or None
+    materials : ndarray, shape (n, 4) or (n, 5), or None
         The distinct ones, as `Surface.unique` gives them; None if there are more than were asked for.
-    sample : ndarray, shape (m, 4)
+    sample : ndarray, shape (m, 4) or (m, 5)
         Those of the drawn pixels that have one, each once and in order; of no interest where the whole has few.
     smallest : ndarray of uint64
         The smallest digests of the distinct materials, in order, at most KEPT; of no interest where `materials` are
@@ -119,7 +119,7 @@ def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
     materials = _all_of_few(surface, most)
     smallest = _smallest_of(surface) if materials is None else np.empty(0, np.uint64)
     if place is None and materials is not None:
-        return Survey(materials, np.empty((0, 4)), smallest)
+        return Survey(materials, np.empty((0, materials.shape[1])), smallest)
     where = place or Place(0, 0, surface.shape)
     return Survey(materials, _each_once(surface.materials(where.drawn(surface.shape))), smallest)
 

@@ -159,6 +159,8 @@ def check_prior(prior: object, factor: object) -> float:
     """
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")
+    if prior.thickness is not None:
+        raise InputError("thickness of the prior", prior.thickness, "None, for images of films are not inverted")
     for name in ("modulus", "adhesion"):
         number(f"{name} of the prior", getattr(prior, name), "", above=0)
     number("damping of the prior", prior.damping if prior.viscosity is None else prior.viscosity, "1", above=0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
     from phasemap._kernels.law import Law
 
-MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio")
+MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness")
 PARTS = {
     "stiffness": "cantilever", "quality_factor": "cantilever", "radius": "tip", "free_amplitude": "drive",
     "frequency": "drive", "decay_length": "interaction", "bias": "interaction",

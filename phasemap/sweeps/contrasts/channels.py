@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import Material
-from phasemap.experiment.properties import properties
+from phasemap.experiment.properties import film_of, properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
 from phasemap.solvers.integrals import bare_rows, with_adhesion
@@ -44,8 +44,8 @@ def derived(
     """
     import xarray as xr
 
-    stiffness = np.concatenate([properties(*material_row(one), pair.scope)[0] for one in materials])
-    bare = bare_rows(stiffness, pair.scope)
+    given = [material_row(one) for one in materials]
+    bare = np.concatenate([bare_rows(properties(*one, pair.scope)[0], pair.scope, film_of(one[0])) for one in given])
     values = {name: np.full(engaged.rows.shape[:-1], np.nan) for name in names}
     for i, frequency in enumerate(axes[0]):
         for k, free in enumerate(axes[1]):

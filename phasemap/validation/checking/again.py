@@ -15,7 +15,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import properties
+from phasemap.experiment.properties import film_of, properties
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.solvers.both_branches import stable_branches
@@ -143,7 +143,7 @@ def _work(
     """Work of the distinct materials of pixels, the same contacts without adhesion, and which each pixel has."""
     materials, numbers = np.unique(surface.materials(pixels), axis=0, return_inverse=True)
     viscous = surface.viscosity is not None
-    bare = bare_rows(properties(materials, viscous, scope)[0], scope)
+    bare = bare_rows(properties(materials, viscous, scope)[0], scope, film_of(materials))
     return make_work(materials, viscous, scope, amplitude), bare, numbers.reshape(-1)
 
 

@@ -15,7 +15,7 @@ from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.interaction import Interaction, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction import Cone, Film, FlatPunch, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
@@ -34,8 +34,8 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        Accuracy, Cantilever, Drive, Engage, Feedback, Interaction, LinearSpring, MaugisDugdale, Microscope, Mode, Neck,
-        Raster, Realism, Tip, TipChange,
+        Accuracy, Cantilever, Cone, Drive, Engage, Feedback, Film, FlatPunch, Interaction, LinearSpring, MaugisDugdale,
+        Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
 """What `phasemap.results.variables.describe` describes."""

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.surface import Surface
-from phasemap.results.variables import FLOATS, flag_attributes
+from phasemap.results.quantities import CHANNELS, Channel
+from phasemap.results.variables import FLOATS, Variable, flag_attributes
 from phasemap.validation.checking.again import Again
+from phasemap.validation.checking.channels import solved_again
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import OPEN, Claim, in_words, judged
 from phasemap.validation.checking.tolerance import (
@@ -36,7 +38,7 @@ Mask = NDArray[np.bool_]
 UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_AVERAGED_ORBIT, col.UNSTABLE)
 """Status codes by which a solver gives up, or says that the tip comes to no rest: it may then end on any orbit."""
 DEEPEST = -15.0  # tip offset, over u0 / alpha0, below which engaging in time does not lower the tip (`march.approach`)
-UNITS = {"degree": ("degree", 1.0), "m": ("pm", 1e12), "J": ("aJ", 1e18)}
+UNITS = {"degree": (" degree", 1.0), "m": (" pm", 1e12), "J": (" aJ", 1e18), "W": (" pW", 1e12), "eV": (" eV", 1.0)}
 
 
 class _Quantity(NamedTuple):
@@ -116,20 +118,25 @@ def _branch(picture: Picture, again: Again, both: Mask, same: Mask) -> Claim:
 
 def _agreement(picture: Picture, again: Again, name: str, quantity: _Quantity, both: Mask) -> Claim:
     """The image is as near to the other solution as it says."""
-    unit, scale = UNITS[FLOATS[name].units]
+    unit, scale = UNITS.get(_about(name).units, ("", 1.0))
     whose = "estimated" if name in Errors._fields else "its"  # which follows from those that are estimated
     about = f"solved again: {name.replace('_', ' ')} within {whose} error"
     apart, largest = quantity.apart, quantity.allowed
     known = both & ~np.isnan(largest)
     if not known.any():
         why = "first-order averaging states no error" if both.any() else "there is no pixel to compare"
-        found = f"apart by up to {scale * apart[both].max():.2g} {unit}; " if both.any() else ""
+        found = f"apart by up to {scale * apart[both].max():.2g}{unit}; " if both.any() else ""
         return Claim(about, OPEN, int(both.sum()), found + why)
     share = np.where(known, np.nan_to_num(apart / largest, nan=np.inf), -1.0)
     worst = int(np.argmax(share))
-    found = f"apart by up to {scale * apart[known].max():.2g} {unit}"
+    found = f"apart by up to {scale * apart[known].max():.2g}{unit}"
     found += f"; worst {scale * apart[worst]:.2g} of {scale * largest[worst]:.2g} allowed"
     return _judged(about, picture, again, ~(apart <= largest), share, known, found)
+
+
+def _about(name: str) -> Variable | Channel:
+    """What a variable of an image is."""
+    return FLOATS.get(name) or CHANNELS[name]
 
 
 def _judged(about: str, picture: Picture, again: Again, bad: Mask, by: Array | Mask, at: Mask, found: str) -> Claim:
@@ -149,11 +156,13 @@ def _quantities(picture: Picture, again: Again, values: Values) -> dict[str, _Qu
     approximate = np.isin(made, (col.AVERAGING, col.INTERPOLATED)) & np.ones(len(again.pixels), bool)
     errors = Errors(said.phase + own.phase, said.height + own.height)
     largest = allowed(picture, again.pixels, values, errors, approximate)
-    return {
+    found = {
         name: _Quantity(picture[name].reshape(-1)[again.pixels], values[name], largest[name])
         for name in QUANTITIES
         if name in picture
     }
+    derived = solved_again(picture, again, values, largest)
+    return found | {name: _Quantity(*three) for name, three in derived.items()}
 
 
 def _dataset(picture: Picture, again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
@@ -169,7 +178,7 @@ def _dataset(picture: Picture, again: Again, quantities: dict[str, _Quantity]) -
     data["status"] = "pixel", picture.raw("status").reshape(-1)[again.pixels], flags
     data["status_again"] = "pixel", again.status, {**flags, "long_name": "status of the other solution"}
     for name, (claimed, found, largest) in quantities.items():
-        units = {"units": FLOATS[name].units}
+        units = {"units": _about(name).units}
         data[name] = "pixel", claimed, {"long_name": f"{name} of the image", **units}
         data[f"{name}_again"] = "pixel", found, {"long_name": f"{name} by another solver", **units}
         data[f"{name}_allowed"] = "pixel", largest, {"long_name": "largest difference that was allowed", **units}

@@ -23,6 +23,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.imaging.engaged import stiffening
 from phasemap.imaging.feedback.program import mean_ground
 from phasemap.results.variables import FLAGS
+from phasemap.validation.checking.channels import follows
 from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import Claim, in_words, judged
 
@@ -62,6 +63,8 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
             yield _closure(picture)
         if picture.claims.solver != "averaging" and picture.has("error_phase", "error_height", "solver"):
             yield _errors(picture)
+    if (claim := follows(picture)) is not None:
+        yield claim
     if picture.has("motion", "amplitude_spread", "phase_spread"):
         yield _motion(picture)
     if picture.has("branch", "phase", "amplitude"):
