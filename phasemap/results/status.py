@@ -46,9 +46,12 @@ class Status(Enum):
     @property
     def code(self) -> int:
         """The integer kept in a Dataset."""
-        return list(Status).index(self)
+        return _CODES[self]
 
     @classmethod
     def of(cls, code: int) -> Status:
         """Return the status with this code."""
         return list(cls)[code]
+
+
+_CODES = {status: code for code, status in enumerate(Status)}

@@ -25,6 +25,7 @@ from phasemap.io.netcdf import save
 from phasemap.validation.bench import cases
 from phasemap.validation.bench import measure as measuring
 from phasemap.validation.bench.compiling import of_solvers
+from phasemap.validation.bench.curves import measure_curves
 from phasemap.validation.bench.equation import Case, Equation
 from phasemap.validation.bench.measure import Plan, measure
 from phasemap.validation.bench.methods import methods_of
@@ -278,6 +279,26 @@ def test_the_table_says_times_errors_failures_and_what_was_left_out() -> None:
     assert "| fast | 1.0e-5 / 44 / 45 |" in said
     assert "not installed: heyoka." in said
     assert "it bounds the true one on 1 of 2 pixels" in said
+
+
+def test_the_table_has_images_on_one_core_and_on_all_and_curves() -> None:
+    image = {
+        "time": 0.5,
+        "time_alone": 0.9,
+        "interpolated": 0.25,
+        "phase_error": 2e-4,
+        "height_error": 1e-14,
+        "bounded": 1,
+    }
+    images = xr.Dataset(
+        {f"image_{name}": ("image", [value]) for name, value in image.items()},
+        {"image": ["one"]}, {"image_size": 64, "image_checked": 9},
+    )  # fmt: skip
+    curves = measure_curves(lambda text: None)
+    said = table(made_up().merge(images).merge(curves).assign_attrs(made_up().attrs | images.attrs | curves.attrs))
+    assert "| one | 0.5 | 0.9 | 25 % | 0.0002 | 0.01 | 100 % |" in said
+    assert re.search(r"^\| distance \| \S+ \| \d+ \| 2 \|$", said, re.MULTILINE)
+    assert (curves.curve_orbits >= curves.attrs["curve_points"]).all() and (curves.curve_time > 0).all()
 
 
 def test_failures_are_listed_with_all_that_reproduces_them() -> None:

@@ -18,8 +18,10 @@ from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.newton import newton, newton_swept
 from phasemap._kernels.orbits.collocation.system import (
+    COUNT,
     HOLD_ARC,
     HOLD_PLANE,
+    LINEAR,
     SMALL,
     STANDING,
     VALUE,
@@ -219,7 +221,7 @@ def tangent_on(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, row: tupl
     m = orbit.head[VALUE, M]
     p, lever = standing_at(path, m)
     drift = drift_at(path, m)
-    if not linearise(law, p, lever, tables, orbit, drift):
+    if orbit.head[COUNT, LINEAR] == 0.0 and not linearise(law, p, lever, tables, orbit, drift):
         return False
     if path.kind == FIXED:
         return along(lever, orbit, row[0], row[1])

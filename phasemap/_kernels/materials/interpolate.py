@@ -16,7 +16,7 @@ from phasemap._kernels.compilation import kernel
 CUT, BORDER, LEAF = 0, 1, 2  # kinds of tree nodes
 PLAIN, ROOT_LOW, ROOT_HIGH, ROOT_BOTH = 0, 1, 2, 3  # how u goes with the place rho between the ends
 LOW, HIGH = 0, 1
-LANES = 32  # points whose sums are taken together
+LANES = 64  # points whose sums are taken together
 MOST = 33  # coefficients along one coordinate
 OUTSIDE = -1
 SLACK = 1e-9  # of the width of a piece by which rounding may lead a point out of it
@@ -143,15 +143,15 @@ def locate(
 
 
 @kernel(fastmath=_SIGNS)
-def polynomials(t: np.ndarray, count: int, out: np.ndarray) -> None:
-    """Chebyshev polynomials 0 ... count - 1 of LANES points."""
-    for lane in range(LANES):
+def polynomials(t: np.ndarray, width: int, count: int, out: np.ndarray) -> None:
+    """Chebyshev polynomials 0 ... count - 1 of so many points."""
+    for lane in range(width):
         out[0, lane] = 1.0
     if count > 1:
-        for lane in range(LANES):
+        for lane in range(width):
             out[1, lane] = t[lane]
     for k in range(2, count):
-        for lane in range(LANES):
+        for lane in range(width):
             out[k, lane] = 2.0 * t[lane] * out[k - 1, lane] - out[k - 2, lane]
 
 
@@ -205,32 +205,32 @@ def evaluate(
             for lane in range(width):
                 t[0, lane], t[1, lane] = inside[0, order[begin + lane]], inside[1, order[begin + lane]]
                 t[2, lane] = inside[2, order[begin + lane]]
-            polynomials(t[0], piece_sizes[which, 0], p0)
-            polynomials(t[1], piece_sizes[which, 1], p1)
-            polynomials(t[2], piece_sizes[which, 2], p2)
+            polynomials(t[0], width, piece_sizes[which, 0], p0)
+            polynomials(t[1], width, piece_sizes[which, 1], p1)
+            polynomials(t[2], width, piece_sizes[which, 2], p2)
             for f in range(len(wanted)):
                 at_length = length_starts[which, wanted[f]]
                 at_coefficient = coefficient_starts[which, wanted[f]]
-                for lane in range(LANES):
+                for lane in range(width):
                     total[lane] = 0.0
                 for i in range(piece_sizes[which, 0]):
-                    for lane in range(LANES):
+                    for lane in range(width):
                         middle[lane] = 0.0
                     for j in range(piece_sizes[which, 1]):
                         length = lengths[at_length]
                         at_length += 1
                         if length == 0:
                             continue
-                        for lane in range(LANES):
+                        for lane in range(width):
                             inner[lane] = 0.0
                         for k in range(length):
                             factor = coefficients[at_coefficient + k]
-                            for lane in range(LANES):
+                            for lane in range(width):
                                 inner[lane] += factor * p2[k, lane]
                         at_coefficient += length
-                        for lane in range(LANES):
+                        for lane in range(width):
                             middle[lane] += inner[lane] * p1[j, lane]
-                    for lane in range(LANES):
+                    for lane in range(width):
                         total[lane] += middle[lane] * p0[i, lane]
                 for lane in range(width):
                     out[f, order[begin + lane]] = total[lane]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["invert"]
 
-BLOCK = 512  # pixels that are solved together
+BLOCKS = (512, 2048)  # least and most pixels that are solved together: small parts cost time, but threads want some
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 
 
@@ -124,9 +124,11 @@ def _solve(stack: Stack, prior: Material, factor: float, threads: int | None, pr
     model = make_model(stack, prior, factor)
     grid = make_grid(model)
     answer = Answer.empty(len(stack), len(stack.scopes))
+    workers = workers_of(threads)
+    size = min(max(-(-len(stack) // (4 * workers)), BLOCKS[0]), BLOCKS[1])
     spread(
         lambda first, last: solve_part(model, grid, stack, slice(first, last), answer),
-        [*range(0, len(stack), BLOCK), len(stack)], workers_of(threads), progress,
+        [*range(0, len(stack), size), len(stack)], workers, progress,
     )  # fmt: skip
     return answer
 

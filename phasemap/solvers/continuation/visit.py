@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,6 +37,12 @@ class Segment:
     rows: np.ndarray
     traces: np.ndarray
     x: np.ndarray
+
+    @cached_property
+    def at_wanted(self) -> dict[int, int]:
+        """Row at each of the values wanted, by the number of the value; the first of several."""
+        places = np.flatnonzero(self.rows[:, col.KIND] == col.WANTED)[::-1]
+        return dict(zip(self.rows[places, col.INDEX].astype(int).tolist(), places.tolist(), strict=True))
 
     def row_at(self, x: float) -> np.ndarray | None:
         """The row at this control, linear between rows; None where the segment does not reach."""
@@ -158,10 +165,10 @@ def walk(
                 status[k] = Status.not_settled.code
         if here is None:
             continue
-        found = np.flatnonzero((here.rows[:, col.KIND] == col.WANTED) & (here.rows[:, col.INDEX] == k))
-        status[k] = Status.good.code if len(found) else Status.not_converged.code
-        if len(found):
-            rows[k], traces[k] = here.rows[found[0]], here.traces[found[0]]
+        found = here.at_wanted.get(k)
+        status[k] = Status.not_converged.code if found is None else Status.good.code
+        if found is not None:
+            rows[k], traces[k] = here.rows[found], here.traces[found]
     return Visit(rows, traces, status, jumps, here)
 
 

@@ -46,8 +46,8 @@ def bench(
     -------
     xarray.Dataset
         Dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time, period_time,
-        compile_time [s], the parameters of the cases and the references; and ("image",): whole images in which every
-        pixel differs. `phasemap.validation.bench.report.table` and
+        compile_time [s], the parameters of the cases and the references; ("image",): whole images in which every
+        pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
         `phasemap.validation.bench.picture.draw` show it.
 
     Raises
@@ -57,6 +57,7 @@ def bench(
     """
     whole("pixels", pixels, 1)
     whole("seed", seed, 0)
+    from phasemap.validation.bench.curves import measure_curves
     from phasemap.validation.bench.images import measure_images
     from phasemap.validation.bench.measure import Plan, measure
     from phasemap.validation.bench.peers import installed
@@ -65,5 +66,5 @@ def bench(
     present, absent = installed() if peers else ([], [])
     say = progress or (lambda text: None)
     measured = to_dataset(measure(Plan.of(pixels, seed, quick), present, absent, say))
-    images = measure_images(quick, seed, say)
-    return measured.merge(images).assign_attrs(measured.attrs | images.attrs)
+    images, curves = measure_images(quick, seed, say), measure_curves(say)
+    return measured.merge(images).merge(curves).assign_attrs(measured.attrs | images.attrs | curves.attrs)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from phasemap.imaging.simulation import simulate
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import make_work
 from phasemap.solvers.run import run
+from phasemap.validation.bench.timing import best_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,7 +93,7 @@ def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> x
     Returns
     -------
     xarray.Dataset
-        Dim "image": image_time [s], image_pixels, image_interpolated [1], image_phase_error [degree] and
+        Dim "image": image_time and image_time_alone [s], image_interpolated [1], image_phase_error [degree] and
         image_height_error [m] (largest), image_bounded [1] and image_failed [1].
     """
     import xarray as xr
@@ -103,16 +104,17 @@ def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> x
         progress(f"image, {one.name}")
         surface = surface_of(one, size, seed)
         simulate(surface_of(one, 128, seed), one.scope, one.setpoint)  # compiles
-        started = time.perf_counter()
-        image = simulate(surface, one.scope, one.setpoint)
-        rows.append((time.perf_counter() - started, *_compare(one, surface, image, checked, seed)))
-    names = ("time", "interpolated", "phase_error", "height_error", "bounded", "failed")
+        alone, _ = best_of(partial(simulate, surface, one.scope, one.setpoint, threads=1), 0.0)
+        seconds, image = best_of(partial(simulate, surface, one.scope, one.setpoint), 0.0)
+        rows.append((seconds, alone, *_compare(one, surface, image, checked, seed)))
+    names = ("time", "time_alone", "interpolated", "phase_error", "height_error", "bounded", "failed")
     long_names = (
-        "time of the whole image on all cores, after compilation", "part of the pixels that were interpolated",
+        "time of the whole image on all cores, after compilation", "the same on one core",
+        "part of the pixels that were interpolated",
         "largest error of the phase on the pixels checked", "largest error of the height on the pixels checked",
         "part of the pixels checked on which the estimated errors bound the true ones", "part without an orbit",
     )  # fmt: skip
-    units = ("s", "1", "degree", "m", "1", "1")
+    units = ("s", "s", "1", "degree", "m", "1", "1")
     columns = {
         f"image_{name}": ("image", values, {"long_name": long_name, "units": unit})
         for name, values, long_name, unit in zip(names, np.array(rows).T, long_names, units, strict=True)

@@ -80,11 +80,13 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
     start = max(far_start(law, p, lever, reach, free, amplitude), 1.5)
     zeta, end, samples = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon), 400
     at = np.empty(2 * samples + 2)
+    above = np.empty(len(at), np.bool_)  # whether an orbit there needs more drive than there is
     count = 0
     x_before = 0.0
     for i in range(samples + 1):
         c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
-        x = in_phase(law, p, lever, reach, amplitude, c)
+        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+        x = push + amplitude * (1.0 - lever[col.OMEGA] ** 2)
         if i > 0 and (x > 0.0) != (x_before > 0.0):
             near, far = c, at[count - 1]
             for _ in range(60):
@@ -94,13 +96,17 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
                 else:
                     far = middle
             at[count] = 0.5 * (near + far)
+            between, lag, _ = harmonics(law, p, lever, reach, amplitude, at[count])
+            above[count] = math.log(1.0 + mismatch(lever, amplitude, between, lag)) > 0.0
             count += 1
-        at[count] = c
+        at[count], above[count] = c, math.log(1.0 + mismatch(lever, amplitude, push, drag)) > 0.0
         count += 1
         x_before = x
     rows = np.zeros((32, 5))
     found = 0
     for i in range(1, count):
+        if above[i] == above[i - 1]:
+            continue
         root = crossing(law, p, lever, reach, amplitude, at[i], at[i - 1])
         if not math.isnan(root) and found < len(rows):
             push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)

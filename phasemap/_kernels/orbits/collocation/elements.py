@@ -22,6 +22,7 @@ from phasemap._kernels.orbits.collocation.system import (
     ELEMENTS,
     INSIDE,
     LEVEL,
+    LINEAR,
     MOST_CONTACTS,
     NECK,
     ORIGIN,
@@ -383,7 +384,7 @@ def lay(
     copy_rows(source.head[CONTACT : CONTACT + MOST_CONTACTS + 1], head[CONTACT:])
     contacts = int(head[COUNT, CONTACTS])
     head[COUNT, LEVEL] = level
-    head[COUNT, ELEMENTS] = 0
+    head[COUNT, ELEMENTS], head[COUNT, LINEAR] = 0, 0.0
     reach = reach_of(law, p)
     if contacts <= 0:
         theta, nearest = head[CONTACT, 0], head[CONTACT, 1]

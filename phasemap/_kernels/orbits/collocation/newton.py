@@ -20,6 +20,7 @@ from phasemap._kernels.orbits.collocation.system import (
     EDGE_W,
     ELEMENTS,
     HOLD_ARC,
+    LINEAR,
     PLACE,
     RA,
     RIGHT,
@@ -146,7 +147,8 @@ def newton(
     """
     reach, still = reach_of(law, p), stillness(law, p, lever, level)
     for step in range(most):
-        if not linearise(law, p, lever, tables, orbit, no_drift()) or not close(lever, orbit, hold, target):
+        linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, no_drift())
+        if not linear or not close(lever, orbit, hold, target):
             return col.NOT_CONVERGED, step, orbit, spare
         status, change = take(tables, lever, orbit, tolerance, hold == HOLD_ARC)
         if status != col.PENDING:
@@ -175,7 +177,8 @@ def newton_swept(
     coarse: bool,
 ) -> tuple[int, Orbit, Orbit]:
     """One step of Newton's method where m may move; PENDING if another is needed, with law and lever at the new m."""
-    if not linearise(law, p, lever, tables, orbit, drift) or not close_swept(lever, orbit, drift, holds):
+    linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, drift)
+    if not linear or not close_swept(lever, orbit, drift, holds):
         return col.NOT_CONVERGED, orbit, spare
     status, _ = take(tables, lever, orbit, tolerance, coarse)
     if status != col.PENDING:

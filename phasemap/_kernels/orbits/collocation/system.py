@@ -52,12 +52,13 @@ OUTSIDE, INSIDE, NECK = 0.0, 1.0, 2.0
 # affine function of the same seven at the start of the period.
 THETA, COS, SIN, W, U, PLACE, LOCAL, CHAIN, FIELDS = 0, 1, 2, 3, 4, 5, 6, 13, 15
 TABLE, SIDE, ORIGIN, SCALE, EDGE, EDGE_W, EDGE_U = 0, 1, 2, 3, 4, 5, 6
-# Rows of Orbit.head. VALUE: P, S, z0, A, m. COUNT: elements, contacts, level of refinement. TRANSFER: monodromy matrix.
+# Rows of Orbit.head. VALUE: P, S, z0, A, m. COUNT: elements, contacts, level of refinement, and whether OPEN and
+# what it was chained from are of the orbit as it stands. TRANSFER: monodromy matrix.
 # CONTACT: first and last angle of each contact, and the end of its neck. OPEN: the chained equations, four rows of
 # eight. SYSTEM: the same, solved with the drive's equation and what is held.
 VALUE, COUNT, TRANSFER, CONTACT, OPEN, SYSTEM, HEAD = 0, 1, 2, 3, 12, 16, 23
 P, S, Z0, A, M = 0, 1, 2, 3, 4
-ELEMENTS, CONTACTS, LEVEL = 0, 1, 2
+ELEMENTS, CONTACTS, LEVEL, LINEAR = 0, 1, 2, 3
 # Columns of OPEN and SYSTEM, and the order of the seven: w and w' at the start, P, S, z0; then the change of A in the
 # equations, one in an affine function; the change of m; the right-hand side.
 W0, U0, RP, RS, RZ, ONE, RA, RM, RIGHT = 0, 1, 2, 3, 4, 5, 5, 6, 7
@@ -305,6 +306,7 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
     head[OPEN + 2, RA] += math.pi
     head[OPEN, W0] -= 1.0
     head[OPEN + 1, U0] -= 1.0
+    head[COUNT, LINEAR] = 1.0
     return True
 
 
@@ -438,6 +440,7 @@ def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) ->
         one[PLACE, EDGE_U] += share * (start_u + gain * s - one[PLACE, EDGE_U])
     elements[count, PLACE, EDGE_W] = elements[0, PLACE, EDGE_W]
     elements[count, PLACE, EDGE_U] = elements[0, PLACE, EDGE_U]
+    head[COUNT, LINEAR] = 0.0
     head[VALUE, P] += share * (x[RP] - head[VALUE, P])
     head[VALUE, S] += share * (x[RS] - head[VALUE, S])
     head[VALUE, Z0] += share * shift
