@@ -129,7 +129,7 @@ def test_contact_over_more_than_half_of_the_period_is_counted() -> None:
 def test_a_setpoint_that_is_an_amplitude_is_questioned() -> None:
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
     with pytest.warns(
-        pm.PlausibilityWarning, match=r"^setpoint, a share of the free amplitude, = 1\.4e-08; usual 0\.01"
+        pm.PlausibilityWarning, match=r"^setpoint, a share of the free amplitude, = 1\.4e-08; usual 0\.001"
     ):
         pm.solve_pixel(pm.Material(1e9), scope, 14e-9)
 
