@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -199,7 +200,7 @@ def _widths(prior: Material, factors: Any) -> Array:
 def _lever(scope: Microscope, prior: Material) -> Lever:
     """The model of single materials under this lever."""
     none = Stack(np.zeros((1, 1, 2)), np.ones((1, 1, 2)), (scope,), (0.5,))
-    return Lever(make_model(none, prior, np.e), scope)
+    return Lever(make_model(none, prior, math.e), scope)
 
 
 def _known(known: Mapping[int, Material], model: Model, prior: Material, count: int) -> Array:
