@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.figure import RESOLUTION, check_format, draw_scale_bar
+from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,8 +22,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
 SURE = 1.96
 MOST = 6  # files that are shown
 WIDTH, SIDE, TALL = 11.0, 3.0, 2.6  # of the page, of curves [inch]
-LETTERS = 165  # on a line
-LINE, TITLE, AXIS, GAP, LEFT, MARGIN = 0.165, 0.35, 0.55, 0.75, 0.65, 0.25
+TITLE, AXIS, GAP, LEFT, MARGIN = 0.35, 0.55, 0.75, 0.65, 0.25
 BAR = 0.55  # of an image's width, beside its column of images
 
 
@@ -56,49 +54,32 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     FileError
         If `path` cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from phasemap.plot.page import Page
 
     if not is_series(ds):
         raise InputError("the series", sorted(map(str, ds.data_vars))[:3], "what phasemap.series returned")
-    lines = [
-        piece for line in str(ds.attrs["verdict"]).splitlines()
-        for piece in textwrap.wrap(line, LETTERS, subsequent_indent="    ")
-    ]  # fmt: skip
     shown = _shown(ds)
     columns = len(shown)
     wide = min((WIDTH - LEFT - MARGIN - BAR - 0.1 * columns) / columns, 2.2)
     tall = wide * max(_shape(ds, i) for i in shown)
-    height = TITLE + TALL + AXIS + TITLE + 2 * tall + 0.1 + 0.25 + 0.8 * LINE * len(lines) + 0.12
-    figure = Figure(figsize=(WIDTH, height))
-    canvas = FigureCanvasAgg(figure)
-
-    def axes_at(left: float, top: float, width: float, depth: float) -> Axes:
-        return figure.add_axes((left / WIDTH, 1 - (top + depth) / height, width / WIDTH, depth / height))
-
+    body = TITLE + TALL + AXIS + TITLE + 2 * tall + 0.1 + 0.1
+    page = Page(WIDTH, body, notes=str(ds.attrs["verdict"]).splitlines(), left=LEFT)
     half = (WIDTH - LEFT - MARGIN - GAP) / 2
-    _draw_contrasts(axes_at(LEFT, TITLE, half, TALL), ds)
-    _draw_branches(axes_at(LEFT + half + GAP, TITLE, half, TALL), ds)
+    _draw_contrasts(page.place(LEFT, TITLE, half, TALL), ds)
+    _draw_branches(page.place(LEFT + half + GAP, TITLE, half, TALL), ds)
     top = TITLE + TALL + AXIS + TITLE
     for column, i in enumerate(shown):
         left = LEFT + column * (wide + 0.1)
-        panels = [axes_at(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
+        panels = [page.place(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
         drawn = _draw_pair(panels, ds, i)
         panels[0].set_title(_title(ds, i, wide), fontsize=8, loc="left")
         if column == 0:
             for panel, said in zip(panels, ("measured", "simulated"), strict=True):
                 panel.set_ylabel(said, fontsize=9)
-    bar = figure.colorbar(drawn, cax=axes_at(left + wide + 0.1, top, 0.1, 2 * tall + 0.1))
+    bar = page.colorbar(drawn, cax=page.place(left + wide + 0.1, top, 0.1, 2 * tall + 0.1))
     bar.set_label("phase less that of region 0 (degrees)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
-    figure.text(LEFT / WIDTH, 0.12 / height, "\n".join(lines), fontsize=7.5, va="bottom", linespacing=1.35)
-    if path is not None:
-        from phasemap.io.netcdf import replacing
-
-        check_format(path)
-        with replacing(path, overwrite) as temporary:
-            canvas.print_figure(temporary, dpi=RESOLUTION)
-    return figure
+    return page.finished(path, overwrite)
 
 
 def _shown(ds: xr.Dataset) -> list[int]:
