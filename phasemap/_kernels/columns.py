@@ -9,6 +9,8 @@ if TYPE_CHECKING:
 
 # Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11.
 CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
+INVERSE_REACH = 5  # 1/d0 [1/m] of the built-in long-range law, whose strength [N] stands at LONGRANGE
+EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from phasemap._kernels.columns import DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE
+
 
 def hertzian(d: float, p: Any) -> float:
     """K sqrt(R) d^(3/2) less a constant attraction [N] (Wang 1999, Eq. 2), d >= 0."""
@@ -21,27 +23,27 @@ def hertzian_slope(d: float, p: Any) -> float:
 
 def inverse_square(d: float, p: Any) -> float:
     """-f0 / (1 - d/d0)^2 [N] (Wang 1999, Eq. 3), d <= 0."""
-    s = 1.0 - d * p[5]
-    return float(-p[4] / (s * s))
+    s = 1.0 - d * p[INVERSE_REACH]
+    return float(-p[LONGRANGE] / (s * s))
 
 
 def inverse_square_slope(d: float, p: Any) -> float:
     """Its derivative [N/m]."""
-    s = 1.0 - d * p[5]
-    return float(-2.0 * p[4] * p[5] / (s * s * s))
+    s = 1.0 - d * p[INVERSE_REACH]
+    return float(-2.0 * p[LONGRANGE] * p[INVERSE_REACH] / (s * s * s))
 
 
 def power_law(d: float, p: Any) -> float:
     """alpha1 (d/R)^n [1] (Wang 1999, Eq. 4), d >= 0."""
-    if p[9] == 0.5:
-        return float(p[8] * math.sqrt(d))
-    return float(p[8] * d ** p[9])
+    if p[EXPONENT] == 0.5:
+        return float(p[DAMPING] * math.sqrt(d))
+    return float(p[DAMPING] * d ** p[EXPONENT])
 
 
 def power_law_slope(d: float, p: Any) -> float:
     """Its derivative [1/m]; 0 at d = 0, where it may have none."""
-    if d <= 0.0 or p[9] == 0.0:
+    if d <= 0.0 or p[EXPONENT] == 0.0:
         return 0.0
-    if p[9] == 0.5:
-        return float(0.5 * p[8] / math.sqrt(d))
-    return float(p[9] * p[8] * d ** (p[9] - 1.0))
+    if p[EXPONENT] == 0.5:
+        return float(0.5 * p[DAMPING] / math.sqrt(d))
+    return float(p[EXPONENT] * p[DAMPING] * d ** (p[EXPONENT] - 1.0))

@@ -138,7 +138,7 @@ _power_law_slope = kernel(forces.power_law_slope, inline=True)
 
 @kernel(inline=True)
 def contact_force(law: Law, d: float, p: np.ndarray) -> float:
-    """Force in contact [N], d >= p[10] [m]: the law's, and the attraction p[11] that is there whatever the law."""
+    """Force in contact [N], d >= p[RELEASE] [m]: the law's, less the attraction p[BIAS] that any law has."""
     force = _hertzian(d, p) if law.contact_force == 0 else _called(law.contact_force, d, p)
     return force - p[BIAS]
 

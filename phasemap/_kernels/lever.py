@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA
+from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
 
@@ -25,7 +25,7 @@ def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
 
     Without one, the indentation at which a force that sets in with contact takes up a third of the drive.
     """
-    if p[4] != 0.0:
+    if p[LONGRANGE] != 0.0:
         return max(reach_of(law, p), 1e-3 * free)
     pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
     if not pull > 0.0:
@@ -55,6 +55,6 @@ def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
 @kernel
 def reach_of(law: Law, p: np.ndarray) -> float:
     """Distance [m] over which the long-range force falls, theory, Eq. (model-13): 0 without such a force."""
-    if p[4] == 0.0:
+    if p[LONGRANGE] == 0.0:
         return 0.0
     return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))

@@ -1,4 +1,4 @@
-"""The neck: contact that lasts while the tip is pulled out, down to the depth of release p[10] < 0."""
+"""The neck: contact that lasts while the tip is pulled out, down to the depth of release p[RELEASE] < 0."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels.columns import LONGRANGE, RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope, parameters
 from phasemap._kernels.quadrature import gauss
@@ -21,12 +22,12 @@ def loop_energy(law: Law, p: np.ndarray) -> float:
     In x, with d = d_r (1 - x^2), the root of a contact force at release is smooth; the long-range force is, over reach,
     a power of exp(x) where the gap is reach (exp(x) - 1).
     """
-    depth = -p[10]
+    depth = -p[RELEASE]
     energy = 0.0
     for i in range(len(_X)):
         x = _X[i]
-        energy -= _W[i] * 2.0 * depth * x * contact_force(law, p[10] + depth * x * x, p)
-    if p[4] != 0.0:
+        energy -= _W[i] * 2.0 * depth * x * contact_force(law, p[RELEASE] + depth * x * x, p)
+    if p[LONGRANGE] != 0.0:
         reach = abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
         span = math.log1p(depth / reach)
         for i in range(len(_X)):

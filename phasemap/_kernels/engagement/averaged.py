@@ -142,7 +142,7 @@ def engage(
     free, reach = free_amplitude(lever), reach_of(law, p)
     if near_resonance(lever):
         side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
-        if side == UNCLEAR and p[4] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
+        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
             return col.GOOD, OPEN
         if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
@@ -163,7 +163,7 @@ def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: 
     """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
     if not near_resonance(lever):
         return DOUBTFUL
-    if p[4] == 0.0:
+    if p[col.LONGRANGE] == 0.0:
         return OPEN if approach(law, p, lever, 0.0, amplitude, free_amplitude(lever), 1.0, top) != UNCLEAR else DOUBTFUL
     strongest(law, p, lever, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
     return OPEN
@@ -176,7 +176,7 @@ def settle_side(
 ) -> bool:  # fmt: skip
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
     free = free_amplitude(lever)
-    if p[4] != 0.0 and amplitude < narrowest(lever) * free:
+    if p[col.LONGRANGE] != 0.0 and amplitude < narrowest(lever) * free:
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
         strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top[HEIGHT] > 0.0:

@@ -120,7 +120,7 @@ def retract(
             return col.NO_STABLE_ORBIT, orbit, spare, found
         if not point[FP] < 1.0:
             # A multiplier past one is a fold, past minus one it doubles the period.
-            gone = point[DET] < 0.0 or point[FP] > LINGERING or p[4] == 0.0
+            gone = point[DET] < 0.0 or point[FP] > LINGERING or p[col.LONGRANGE] == 0.0
             return col.NO_STABLE_ORBIT if gone else col.UNSTABLE, orbit, spare, found
     return col.NOT_CONVERGED, orbit, spare, found
 
@@ -273,7 +273,7 @@ def engage(
         law, path, tables, amplitude, tolerance, lingering, point, orbit, spare, saved, found
     )
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
-    grazing = p[col.RELEASE] != 0.0 or (p[4] == 0.0 and pulled(law, p, lever) > 0.0)
+    grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and pulled(law, p, lever) > 0.0)
     if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
         done, orbit, spare, found = engage_landed(
             law, path, tables, amplitude, left, level, tolerance, orbit, spare, saved, found
@@ -301,7 +301,7 @@ def engage_near(
     held. NOT_CONVERGED leaves the question to `engage`.
     """
     p, lever = path.p, path.lever
-    if p[4] == 0.0 or p[col.RELEASE] != 0.0:
+    if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
     free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False

@@ -238,7 +238,7 @@ def decide(
 ) -> int:  # fmt: skip
     """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
     top[:] = 0.0
-    if p[4] == 0.0:
+    if p[col.LONGRANGE] == 0.0:
         # Without attraction there is one branch; with adhesion alone its onset jumps.
         top[BEHIND] = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
@@ -264,7 +264,7 @@ def approach(
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
     worst = narrowest(lever) * free
     side = decide(law, p, lever, reach, max(amplitude, min(worst, free)), free, margin, top)
-    if side == REPULSIVE or worst <= free or p[4] == 0.0:
+    if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
         return side
     return ATTRACTIVE if decide(law, p, lever, reach, worst, free, margin, top) == ATTRACTIVE else UNCLEAR
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, GOOD, RELEASE
+from phasemap._kernels.columns import ALPHA0, GOOD, LONGRANGE, RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
@@ -95,7 +95,7 @@ def cheap_orbit(
     if surety != OPEN:
         return False
     side = REPULSIVE
-    if p[4] != 0.0:
+    if p[LONGRANGE] != 0.0:
         worst = worst_amplitude(lever, amplitude)
         side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
         if side == ATTRACTIVE and (narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever))):

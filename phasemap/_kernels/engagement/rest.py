@@ -76,7 +76,7 @@ def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float
 @kernel
 def lets_go(law: Law, p: np.ndarray, lever: np.ndarray) -> bool:
     """Whether a tip that loses contact is gone: adhesion ends there, or falls more steeply than the lever is stiff."""
-    if p[4] == 0.0:
+    if p[col.LONGRANGE] == 0.0:
         return pulled(law, p, lever) > 0.0
     return lever[col.STIFFNESS] + longrange_slope(law, 0.0, p) < 0.0
 
@@ -86,7 +86,7 @@ def swing(law: Law, p: np.ndarray, lever: np.ndarray, d: float) -> float:
     """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
     omega = lever[col.OMEGA]
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
-    alpha = damping(law, d, p) if p[8] != 0.0 else 0.0
+    alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
     return lever[col.BASE] / math.hypot(1.0 + slope - omega * omega, 2.0 * (lever[col.ALPHA0] + alpha) * omega)
 
 
@@ -116,7 +116,7 @@ def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.nda
     if math.isnan(d):
         return False
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
-    alpha = damping(law, d, p) if p[8] != 0.0 else 0.0
+    alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
     amplitude = swing(law, p, lever, d)
     guess[0], guess[1], guess[2] = z0, z0 + d, amplitude
     guess[3], guess[4] = slope * amplitude, -2.0 * alpha * omega * amplitude

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0
+from phasemap._kernels.columns import ALPHA0, LONGRANGE, RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
@@ -32,10 +32,10 @@ def along(
 
     `f` and `state` are the scratch arrays of `response`.
     """
-    touching, longrange, reach = e < amplitude, p[4] != 0.0, reach_of(law, p)
+    touching, longrange, reach = e < amplitude, p[LONGRANGE] != 0.0, reach_of(law, p)
     state[:] = 0.0
     state[AMP], state[E] = amplitude, e
-    if p[10] < 0.0 or not start(law, p, lever, reach, f, state):
+    if p[RELEASE] < 0.0 or not start(law, p, lever, reach, f, state):
         return 0
     middle, allowed = free.TOUCH + free.N // 2 if touching else free.OUT, SETTLED * max(amplitude - e, reach)
     if lever[ALPHA0] > SLOWEST:

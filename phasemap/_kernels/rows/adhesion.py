@@ -35,4 +35,4 @@ def adhesion_rows(law: Law, rows: np.ndarray, bare: np.ndarray, out: np.ndarray)
             virial -= at[WEIGHT, j] * f * at[COS, j]
             loss += at[WEIGHT, j] * f * at[RATE, j]
         row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-        row[ADHESION_LOSS] = loss if p[10] < 0.0 else 0.0
+        row[ADHESION_LOSS] = loss if p[col.RELEASE] < 0.0 else 0.0

@@ -29,11 +29,11 @@ TURNS = 20  # harmonics of the force's slope that are looked at
 @kernel
 def _jumps(law: Law, p: np.ndarray, amplitude: float, depth: float) -> float:
     """What jumps of the force at contact and release add to the integral of dF/dd over theta [N/m]: each over d'."""
-    c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[10]) / amplitude
+    c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
     if c >= 1.0 or last <= -1.0:
         return 0.0
     made = contact_force(law, 0.0, p) - longrange_force(law, 0.0, p)
-    broken = contact_force(law, p[10], p) - longrange_force(law, p[10], p)
+    broken = contact_force(law, p[col.RELEASE], p) - longrange_force(law, p[col.RELEASE], p)
     return (made / math.sqrt(1.0 - c * c) + broken / math.sqrt(1.0 - last * last)) / amplitude
 
 
@@ -103,7 +103,7 @@ def force_rows(
                 g = inverse_k * longrange_force(law, min(d, 0.0), p)
                 slope = longrange_slope(law, min(d, 0.0), p)
             else:
-                d = d if p[10] < 0.0 else max(d, 0.0)
+                d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
                 g = inverse_k * contact_force(law, d, p)
                 slope = contact_slope(law, d, p)
                 if d > 0.0:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
+from phasemap._kernels.columns import ATTRACTING, ENGAGED, LONGRANGE, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import caution
 from phasemap._kernels.engagement.resonance import (
@@ -92,7 +92,7 @@ def averaged_on(
     guess[:] = 0.0
     if p[col.RELEASE] != 0.0:
         return col.PENDING
-    if p[4] == 0.0:
+    if p[LONGRANGE] == 0.0:
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
     reach, free, top = reach_of(law, p), free_amplitude(lever), room.top

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from phasemap._kernels.columns import RELEASE
 from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction.longrange import InverseSquare
@@ -132,9 +133,9 @@ def _difference(force: Callable[[float, Array], float]) -> Callable[[float, Arra
     """Derivative of a formula: the central difference of order 4, on the side of d = release where the law holds."""
 
     def slope(d: float, p: Array) -> float:
-        x = max(d - p[10], LEAST)
+        x = max(d - p[RELEASE], LEAST)
         h = STEP * x
-        middle = p[10] + x
+        middle = p[RELEASE] + x
         near = force(middle + h, p) - force(middle - h, p)
         far = force(middle + 2.0 * h, p) - force(middle - 2.0 * h, p)
         return (8.0 * near - far) / (12.0 * h)

@@ -21,7 +21,7 @@ class PowerLawDamping:
 
     @staticmethod
     def columns(damping: np.ndarray, radius: float, exponent: float) -> tuple[np.ndarray | float, ...]:
-        """p[8] = alpha1 / R^n [m^-n], p[9] = n [1]."""
+        """p[DAMPING] = alpha1 / R^n [m^-n], p[EXPONENT] = n [1]."""
         return damping / radius**exponent, exponent
 
     damping = staticmethod(power_law)

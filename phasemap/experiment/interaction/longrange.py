@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from phasemap._kernels.columns import BIAS, INVERSE_REACH, LONGRANGE
 from phasemap._kernels.forces import inverse_square, inverse_square_slope
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ class InverseSquare:
 
     @staticmethod
     def columns(pull: np.ndarray, decay_length: float) -> tuple[np.ndarray | float, ...]:
-        """p[4] = f0 [N], p[5] = 1/d0 [1/m]."""
+        """p[LONGRANGE] = f0 [N], p[INVERSE_REACH] = 1/d0 [1/m]."""
         return pull, 1 / decay_length
 
     force = staticmethod(inverse_square)
@@ -41,19 +42,19 @@ class Inverse:
 
     @staticmethod
     def force(d: float, p: np.ndarray) -> float:
-        return -p[4] / (1.0 - d * p[5])
+        return -p[LONGRANGE] / (1.0 - d * p[INVERSE_REACH])
 
     @staticmethod
     def slope(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        return -p[4] * p[5] / (s * s)
+        s = 1.0 - d * p[INVERSE_REACH]
+        return -p[LONGRANGE] * p[INVERSE_REACH] / (s * s)
 
 
 class Biased:
     """`InverseSquare` and F = -pi eps0 V^2 R^2 / (g (g + R)), the force of a voltage between sphere and plane.
 
     The second is Hudlet et al. 1998, Eur. Phys. J. B 2, 5, Eq. 15 without the cone. See theory, Eq. (model-14). The gap
-    g = d0 - d is cut off in contact, where the force stays what it is at d = 0 (p[11], which `phasemap._kernels.law`
+    g = d0 - d is cut off in contact, where the force stays what it is at d = 0 (p[BIAS], which `phasemap._kernels.law`
     takes off the contact's).
     """
 
@@ -63,7 +64,10 @@ class Biased:
     def columns(
         pull: np.ndarray, decay_length: float | None, bias: float, radius: float
     ) -> tuple[np.ndarray | float, ...]:
-        """p[4] = whole attraction at d = 0 [N], p[5] = 1/d0 [1/m], p[6] = pi eps0 V^2 [N], p[7] = 1/R [1/m]."""
+        """p[LONGRANGE] = whole attraction at d = 0 [N], p[INVERSE_REACH] = 1/d0 [1/m].
+
+        And p[6] = pi eps0 V^2 [N], p[7] = 1/R [1/m].
+        """
         at_contact = Biased.at_contact(decay_length, bias, radius)
         own = pull if decay_length is not None else 0.0 * pull
         return own + at_contact, 1 / (decay_length or CLOSEST), math.pi * VACUUM_PERMITTIVITY * bias**2, 1 / radius
@@ -76,13 +80,15 @@ class Biased:
 
     @staticmethod
     def force(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        x = (1.0 / p[5] - d) * p[7]
-        return -(p[4] - p[11]) / (s * s) - p[6] / (x * (1.0 + x))
+        s = 1.0 - d * p[INVERSE_REACH]
+        x = (1.0 / p[INVERSE_REACH] - d) * p[7]
+        return -(p[LONGRANGE] - p[BIAS]) / (s * s) - p[6] / (x * (1.0 + x))
 
     @staticmethod
     def slope(d: float, p: np.ndarray) -> float:
-        s = 1.0 - d * p[5]
-        x = (1.0 / p[5] - d) * p[7]
+        s = 1.0 - d * p[INVERSE_REACH]
+        x = (1.0 / p[INVERSE_REACH] - d) * p[7]
         y = x * (1.0 + x)
-        return -2.0 * (p[4] - p[11]) * p[5] / (s * s * s) - p[6] * p[7] * (1.0 + 2.0 * x) / (y * y)
+        return -2.0 * (p[LONGRANGE] - p[BIAS]) * p[INVERSE_REACH] / (s * s * s) - p[6] * p[7] * (1.0 + 2.0 * x) / (
+            y * y
+        )

@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import OMEGA, STIFFNESS
+from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss
@@ -48,7 +48,7 @@ def _neck(
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
     See theory, Eq. (averaging-9). A tip that hangs is never released, and has no way in.
     """
-    length = -p[10] / amplitude
+    length = -p[RELEASE] / amplitude
     start = math.sqrt((1.0 - c) / (1.0 + c)) if c > -1.0 else math.inf
     x_end = -1.0 if hanging else c - length
     if hanging:
@@ -59,7 +59,7 @@ def _neck(
         width = 2.0 * math.atan(2.0 * length / ((1.0 + c) * (1.0 + x_end) * (far + start) * (1.0 + far * start)))
         end = 2.0 * math.atan(far)
     share = 1.0 if hanging else 0.5
-    bottom = amplitude * (x_end - c) if hanging else p[10]
+    bottom = amplitude * (x_end - c) if hanging else p[RELEASE]
     mean, push, loss = 0.0, 0.0, 0.0
     for i in range(len(_NECK_X)):
         x = _NECK_X[i]
@@ -72,7 +72,7 @@ def _neck(
         loss += f * math.sin(theta)
     if hanging:
         return mean, push, 0.0
-    if p[4] != 0.0:
+    if p[LONGRANGE] != 0.0:
         ratio = 0.5 * reach / amplitude * (1.0 + start * start) ** 2
         delta = math.sqrt(start * start + ratio) - start
         if delta < 1e-4 * start:
@@ -99,7 +99,7 @@ def _even(
     """P, S and A0 [m] without a neck: the same way in and out; without the long-range force unless `outside`."""
     inverse_k = 1.0 / lever[STIFFNESS]
     mean, push, loss = 0.0, 0.0, 0.0  # integrals of F, F cos and alpha_s sin^2 over 0 ... pi
-    damped = p[8] != 0.0
+    damped = p[DAMPING] != 0.0
     if c < 1.0:
         if c <= -1.0:
             share = math.pi / len(_ROUND)
@@ -125,7 +125,7 @@ def _even(
                 push += share * f * x
                 if damped:
                     loss += share * damping(law, d, p) * (1.0 - x * x)
-    if outside and p[4] != 0.0 and c > -1.0:
+    if outside and p[LONGRANGE] != 0.0 and c > -1.0:
         least = max(c - 1.0, 0.0)  # smallest gap over A
         start2 = (1.0 - c) / (1.0 + c) if c < 1.0 else 0.0
         start = math.sqrt(start2)
@@ -154,9 +154,9 @@ def harmonics(
 
     A neck that is longer than the tip withdraws is never released.
     """
-    if p[10] == 0.0 or abs(c) >= 1.0:
+    if p[RELEASE] == 0.0 or abs(c) >= 1.0:
         return _even(law, p, lever, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
-    hanging = amplitude * (c + 1.0) < -p[10]
+    hanging = amplitude * (c + 1.0) < -p[RELEASE]
     push, drag, mean = _even(law, p, lever, reach, amplitude, c, not hanging)
     more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, hanging)
     share = 2.0 / (math.pi * lever[STIFFNESS])

@@ -47,7 +47,7 @@ def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: fl
     allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.BASE]
     away = scale_of(law, p, lever, free) / free
     for _ in range(60):
-        if p[4] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:
+        if p[col.LONGRANGE] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:
             break
         away *= 1.5
     return 1.0 + away

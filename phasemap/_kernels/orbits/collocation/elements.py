@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.arrays import copy, copy_rows
-from phasemap._kernels.columns import RELEASE, STIFFNESS
+from phasemap._kernels.columns import DAMPING, LONGRANGE, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_slope, damping
 from phasemap._kernels.lever import reach_of
@@ -342,7 +342,7 @@ def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float,
     """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
     rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
-    if p[8] != 0.0:
+    if p[DAMPING] != 0.0:
         rate += damping(law, deepest, p)
     return _pick((2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
 
@@ -390,7 +390,7 @@ def lay(
         theta, nearest = head[CONTACT, 0], head[CONTACT, 1]
         side = OUTSIDE if contacts != PERMANENT else INSIDE if nearest > 0.0 else NECK
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUTSIDE else 0.0)) / amplitude)
-        if side == OUTSIDE and p[4] == 0.0:
+        if side == OUTSIDE and p[LONGRANGE] == 0.0:
             scale = 0.0
         return _half(tables, orbit, side, theta, math.pi, scale, 0) and _half(
             tables, orbit, side, theta + TWO_PI, math.pi, scale, 1
@@ -410,7 +410,8 @@ def lay(
         for incoming in range(2):
             at = broken if incoming == 0 else following
             slope = amplitude * abs(math.sin(at))
-            scale = 0.0 if p[4] == 0.0 else 2.0 * reach / (slope + math.sqrt(slope * slope + 2.0 * amplitude * reach))
+            root = math.sqrt(slope * slope + 2.0 * amplitude * reach)
+            scale = 0.0 if p[LONGRANGE] == 0.0 else 2.0 * reach / (slope + root)
             ok = _half(tables, orbit, OUTSIDE, at, gap, scale, incoming) and ok
     return ok
 

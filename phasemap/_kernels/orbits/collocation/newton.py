@@ -105,7 +105,7 @@ def contact_size(head: np.ndarray, reach: float) -> float:
 @kernel
 def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
     """How much of a contact the elements may lie beside it: a millionth, unless the force itself jumps there."""
-    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[4] != 0.0 else 0.0)
+    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[col.LONGRANGE] != 0.0 else 0.0)
     if p[col.RELEASE] != 0.0 or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.BASE]:
         return 0.0
     return 2e-6 if level == 0 else 0.0

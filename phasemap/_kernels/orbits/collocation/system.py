@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.arrays import copy_rows
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, RELEASE, ROW, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, RELEASE, ROW, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import (
     Law,
@@ -143,11 +143,11 @@ def surface_force(
     if side == INSIDE:
         g = inverse_k * contact_force(law, d, p)
         slope = inverse_k * contact_slope(law, d, p)
-        if p[8] == 0.0:
+        if p[DAMPING] == 0.0:
             return g, slope, 0.0
         alpha = damping(law, d, p)
         return g + 2.0 * alpha * v, slope + 2.0 * damping_slope(law, d, p) * v, 2.0 * alpha
-    if p[4] == 0.0:
+    if p[LONGRANGE] == 0.0:
         return 0.0, 0.0, 0.0
     return inverse_k * longrange_force(law, d, p), inverse_k * longrange_slope(law, d, p), 0.0
 

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import ALPHA0, OMEGA, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss, integration_matrix
@@ -123,7 +123,7 @@ def force(
     """Fill g at the nodes; mean, P, S of g, the work of its conservative part, that of damping, and the virial sum."""
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    damped = p[8] != 0.0
+    damped = p[DAMPING] != 0.0
     if touching:
         for j in range(TOUCH, TOUCH + N):
             d = max(amplitude * f[COS, j] + f[W, j] - e, 0.0)
@@ -140,7 +140,7 @@ def force(
             push += weight * g * f[COS, j]
             drag += weight * g * f[SIN, j]
             virial += weight * g * (amplitude * f[COS, j] + f[W, j])
-    if p[4] != 0.0:
+    if p[LONGRANGE] != 0.0:
         for side in range(2):
             first = IN if side == 0 else OUT
             for j in range(N):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import OMEGA
+from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
 from phasemap._kernels.law import Law
@@ -64,7 +64,7 @@ def refine(
     amplitude, e = guess[2], guess[0] - guess[1]
     if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
         return True
-    if p[4] == 0.0 or abs(e - amplitude) > GRAZING * reach:
+    if p[LONGRANGE] == 0.0 or abs(e - amplitude) > GRAZING * reach:
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import mismatch
@@ -88,12 +88,12 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
     amplitude, e = state[AMP], state[E]
     c = e / amplitude
-    if c < DEEPEST or (c >= 1.0 and p[4] == 0.0):
+    if c < DEEPEST or (c >= 1.0 and p[LONGRANGE] == 0.0):
         return False
     edge = math.acos(c) if c < 1.0 else 0.0
-    if p[4] != 0.0:
+    if p[LONGRANGE] != 0.0:
         grade(f, amplitude, e, reach, edge)
-    lay(f, lever, -edge, edge, p[4] != 0.0)
+    lay(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
     f[W] = 0.0
     f[U] = 0.0
     _evaluate(law, p, lever, f, state, c < 1.0)
@@ -105,7 +105,7 @@ def balance(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool, hold: bool
 ) -> float:
     """Move e to where the drive is the one given, w as it is; returns the mismatch left. With `hold`, e stays."""
-    amplitude, longrange = state[AMP], p[4] != 0.0
+    amplitude, longrange = state[AMP], p[LONGRANGE] != 0.0
     if hold:
         relay(f, lever, amplitude, state[E], touching, longrange)
     # Where e moves next, nodes that are slightly beside the contact will do to say by how much.
@@ -134,7 +134,7 @@ def converge(
     theory, Eq. (errors-1).
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
     """
-    amplitude, omega, longrange = state[AMP], lever[OMEGA], p[4] != 0.0
+    amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
     touching = state[E] < amplitude
     nearest = TOUCH + N // 2 if touching else OUT
     phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
@@ -184,7 +184,7 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
-    touching, longrange = e < amplitude, p[4] != 0.0
+    touching, longrange = e < amplitude, p[LONGRANGE] != 0.0
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
@@ -199,7 +199,7 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
         if d < -little if in_contact else d > little:
             return False
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
-        if in_contact and p[8] != 0.0:
+        if in_contact and p[DAMPING] != 0.0:
             decay += 2.0 / omega * WEIGHTS[j % N] * f[WEIGHT, j] * damping(law, max(d, 0.0), p)
         kick = WEIGHTS[j % N] * f[WEIGHT, j] * inverse_k * slope / (omega * omega * nu)
         c, s = f[TURN_COS, j], f[TURN_SIN, j]

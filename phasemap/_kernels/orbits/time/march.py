@@ -45,7 +45,7 @@ REACH, HARD = 0.4, 0.75
 def _flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
     rate = 1.0
-    if p[4] != 0.0:
+    if p[col.LONGRANGE] != 0.0:
         force = longrange_force(law, d, p) * fixed[2]
         slope = longrange_slope(law, d, p) * fixed[2]
         # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
@@ -58,7 +58,7 @@ def _contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
     d = fixed[7] + q * q
     rate = 4 * q * q * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[2])
-    if p[8] != 0.0 and fixed[7] == 0.0:
+    if p[col.DAMPING] != 0.0 and fixed[7] == 0.0:
         rate += (4 * q * damping(law, d, p)) ** 2
     return rate
 
@@ -186,7 +186,7 @@ def march_period(
     row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
     omega, compliance = lever[col.OMEGA], 1 / lever[col.STIFFNESS]
     edge_force = edge_slope = 0.0
-    if p[4] != 0.0:
+    if p[col.LONGRANGE] != 0.0:
         edge_force = longrange_force(law, 0.0, row) * compliance
         edge_slope = longrange_slope(law, 0.0, row) * compliance
     alpha0, base = lever[col.ALPHA0], lever[col.BASE]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from phasemap._kernels.columns import DAMPING, LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force, damping, longrange_force
 
@@ -140,12 +141,12 @@ def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: f
         d = bottom + x * x
         w = 2 * x
         force = contact_force(law, d, p) * compliance
-        if p[8] != 0.0 and bottom == 0.0:
+        if p[DAMPING] != 0.0 and bottom == 0.0:
             drag = 2 * damping(law, d, p)
     else:
         d = x
         w = 1.0
-        if p[4] != 0.0:
+        if p[LONGRANGE] != 0.0:
             # Stages of the step that ends at contact stray past d = 0, where the law does not hold: its tangent there
             # is off by the square of a distance that is itself O(h^5), so order 8 stands.
             force = longrange_force(law, d, p) * compliance if d <= 0.0 else edge_force + edge_slope * d
