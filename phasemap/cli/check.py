@@ -82,12 +82,14 @@ def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Nam
 
 def _header(image: xr.Dataset) -> list[str]:
     """What is checked."""
+    from phasemap._shared.units import readable
     from phasemap.validation.checking.claims import claims_of
 
     claims = claims_of(image)
     (ny, nx), (dy, dx) = claims.shape, claims.pixel_size
+    unit = readable(max(nx * dx, ny * dy), "m")
     control = " ".join(filter(None, (str(claims.control), str(claims.realism) and f"with {claims.realism}")))
     return [
-        f"image    {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm",
+        f"image    {nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}",
         f"made by  phasemap {str(image.attrs.get('phasemap_version', ''))[:20]}, solver {claims.solver}, {control}",
     ]

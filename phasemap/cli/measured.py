@@ -58,6 +58,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def scene(arguments: argparse.Namespace) -> None:
     """Write the scene of a measured image."""
+    from phasemap._shared.units import readable
     from phasemap.io.netcdf import check_target
     from phasemap.io.read import read_image
     from phasemap.scenes.measured import scene_from
@@ -65,6 +66,7 @@ def scene(arguments: argparse.Namespace) -> None:
     output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)
     with untold():  # it is printed below
         image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)
+    _print_warnings(image)  # what is missing may stand there
     made = scene_from(
         image,
         output,
@@ -74,9 +76,9 @@ def scene(arguments: argparse.Namespace) -> None:
         by=arguments.by,
         overwrite=arguments.overwrite,
     )
-    _print_warnings(image)
     (ny, nx), (dy, dx) = made.surface.shape, made.surface.pixel_size
-    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    unit = readable(max(nx * dx, ny * dy), "m")
+    print(f"image       {nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}")
     for line in output.read_text(encoding="utf-8").splitlines():
         if line.startswith("[materials."):
             name, _, share = line.removeprefix("[materials.").partition("]")

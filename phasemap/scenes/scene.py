@@ -30,6 +30,7 @@ from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing, read_tables
 
@@ -241,6 +242,8 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     files: dict[str, str] = {}
     if surface is None:
         named = materials if materials is not None else dict.fromkeys(_table(tables, "materials"), Material(1e9))
+        if microscope is not None:
+            named = complaints.of(of_one_loss, named, microscope) or named
         made = complaints.of(build_surface, _table(tables, "surface"), named, folder)
         if made is not None and microscope is not None and scan is not None:
             surface, files = complaints.of(_under_tip, tables["surface"], made[0], microscope, scan[0]), made[1]
