@@ -169,7 +169,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     import numpy as np
 
     from phasemap.results.validity import describe_validity
-    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
+    from phasemap.results.words import describe_alike, describe_failures, describe_flags, describe_irregular
 
     _print_scene(scene, image.attrs["modelled"])
     realism = scene.options["realism"]
@@ -178,11 +178,15 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
         print(f"feedback    {_in_words(image.attrs, noisy)}")
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
+    if "branch" in image:
+        print(f"regime      {describe_flags(image['branch'])}")
     shown = (("phase", "degrees", 1.0), ("height", "nm", 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
     for name, unit, factor in shown:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
+    for line in [] if noisy else describe_alike(image, len(scene.surface.unique()[0])):
+        print(f"alike       {line}")
     for line in describe_irregular(image):
         print(f"motion      {line}")
     for line in describe_validity(image):

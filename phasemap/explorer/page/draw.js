@@ -160,8 +160,8 @@ export class Axes {
   }
 }
 
-/** The limits that are shown: the 0.5 and 99.5 percentiles, with a little room. */
-export function limits(values) {
+/** The limits that are shown: the 0.5 and 99.5 percentiles, with a little room, and `span` apart at least. */
+export function limits(values, span = 0) {
   let least = Infinity, most = -Infinity, count = 0;
   for (let i = 0; i < values.length; i++) {
     const value = values[i];
@@ -180,7 +180,7 @@ export function limits(values) {
   };
   let low = least + percentile(0.005) / scale, high = least + (percentile(0.995) + 1) / scale;
   if (high - low < 2 / scale) [low, high] = [least, most]; // a few particles on a flat ground
-  const room = high - low > 1e-6 ? 0.04 * (high - low) : 0.5;
+  const room = Math.max(high - low > 1e-6 ? 0.04 * (high - low) : 0.5, (span - (high - low)) / 2);
   return [low - room, high + room];
 }
 
