@@ -22,7 +22,7 @@ class Status(Enum):
     )
     not_settled = (
         "What the tip does here was not decided within the periods of the drive that may be integrated. "
-        "Allow more with Accuracy(periods=...)."
+        "Allow more with Accuracy(periods=...), in a scene accuracy.periods."
     )
     invalid = (
         "The maps have no valid material here (NaN), or adhesion without stiffness, "
