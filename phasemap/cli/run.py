@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
-from phasemap._shared.units import ELECTRONVOLT, readable
+from phasemap._shared.units import ELECTRONVOLT, readable, say
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
 from phasemap.cli.console import progress_bar
@@ -144,7 +144,7 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     print(f"image       {nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
-    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")
+    print(f"setpoint    {scene.options['setpoint']:g} of {say(scene.microscope.driven_amplitude, 'm')}")
     print(f"solver      {scene.options['solver']}")
     if control := str(scene.options["control"]):
         print(f"control     {control}")

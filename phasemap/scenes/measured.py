@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import check_choice, whole
-from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever
 from phasemap.experiment.properties import damping_of
@@ -131,7 +131,11 @@ def scene_from(
         image = read_image(image)
     if not hasattr(image, "data_vars"):
         raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
-    scan = one_scan(image, UNITS_OF if phases > 1 and by == "phase" else ["height"], direction)
+    try:
+        scan = one_scan(image, UNITS_OF if phases > 1 and by == "phase" else ["height"], direction)
+    except FileError as error:
+        cure = "Tell materials apart by the height (--by height, in Python by='height'), or take one (--phases 1)."
+        raise FileError(f"{error} {cure}") if "height" in image else error from None
     for name, units in UNITS_OF.items():
         if name in scan and scan[name].attrs.get("units", units) != units:
             raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)

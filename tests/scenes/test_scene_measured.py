@@ -91,6 +91,14 @@ def test_everything_that_is_missing_is_named_at_once_with_an_example(tmp_path: P
     assert scene_from(image, tmp_path / "scene.toml", 1, given).options["setpoint"] == 0.7
 
 
+@needs_skimage
+def test_without_a_phase_the_height_is_offered_and_does(tmp_path: Path) -> None:
+    image = measured().drop_vars("phase")
+    with pytest.raises(FileError, match=r"there is no phase channel; it holds 'height'\. .* \(--by height"):
+        scene_from(image, tmp_path / "scene.toml", 2, [TIP])
+    assert scene_from(image, tmp_path / "scene.toml", 2, [TIP], by="height").surface.shape == truth()[0].shape
+
+
 def test_a_preset_says_what_the_file_does_not(tmp_path: Path) -> None:
     image = without("stiffness", "quality_factor")
     given = [TIP, "cantilever.preset=AC240TS", "materials.material_0.preset=PMMA"]

@@ -24,7 +24,7 @@ CERTAIN = 4.0  # times the accuracy of the phase: what the map's solver errs is 
 STANDS_OUT = 2.0  # times the larger of the steps beside it: a step worth looking into,
 LARGE = 3.0  # as is any that is larger than this [degree]
 SURE = 2.0  # times the accuracy of the phase: a contrast whose sign is known
-SEEN = 0.1  # contrast [degree] that the best of phase images show; one that stays below has no sign to turn round
+SEEN = 0.5  # contrast [degree] that stands out of the noise of a phase image; below, there is no sign to turn round
 
 
 class Jump(NamedTuple):
