@@ -1,6 +1,6 @@
 // Drawing on canvases: images with colour bars, curves with axes, maps.
 
-const BAR = 68; // pixels beside an image, for its colour bar
+const BAR = 74; // pixels beside an image, for its colour bar
 const INK = "#1c1c1c", QUIET = "#5f6368", GRID = "#e6e8ea", FAILED = [0, 230, 70];
 const FONT = '11.5px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 
@@ -231,7 +231,7 @@ function colourBar(pen, box, [low, high], colours, unit) {
     pen.fillText(shown(value), box.left + box.width + 5, Math.max(box.top + 5, Math.min(box.top + box.height - 5, y(value))));
   }
   pen.save();
-  pen.translate(box.left + box.width + 45, box.top + box.height / 2);
+  pen.translate(box.left + box.width + 51, box.top + box.height / 2);
   pen.rotate(-Math.PI / 2);
   pen.textAlign = "center";
   pen.fillText(unit, 0, 0);
