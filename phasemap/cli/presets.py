@@ -48,8 +48,8 @@ def presets(arguments: argparse.Namespace) -> None:
 
 
 NOTE = (
-    "~ marks an estimate. `phasemap presets NAME` says where each number comes from, and its range. Levers are in air:\n"
-    "in a liquid give resonance_frequency and quality_factor too."
+    "~ marks an estimate. `phasemap presets NAME` says where each number comes from, and its range. Those of levers\n"
+    "are mostly from memory, and in air: in a liquid give resonance_frequency and quality_factor too."
 )
 
 
