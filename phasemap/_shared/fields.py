@@ -35,7 +35,7 @@ class Number(Generic[T]):
     said : str, optional
         What it is called where its own name says too little.
     optional : bool
-        Whether None is allowed.
+        Whether None, or the text "none", is allowed.
     usual : (float, float), optional
         The least and the most that anybody works with, zero aside [unit].
     asks : bool
@@ -90,7 +90,7 @@ class Number(Generic[T]):
 
     def check(self, value: object) -> float | None:
         """What the field makes of a value; an `InputError` if it is not allowed."""
-        if value is None and self._optional:
+        if self._optional and (value is None or value == "none"):  # which is how a scene says it
             return None
         try:
             return number(str(self._said), value, self.unit, **self._bounds)
