@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import is_uniform, read_only
 from phasemap._shared.checks import number
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import unquestioned
@@ -119,19 +120,13 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
         [m].
     """
     names = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness")
-    maps: dict[str, Any] = {"topography": None if topography is None else _frozen(topography)}
+    maps: dict[str, Any] = {"topography": None if topography is None else read_only(topography)}
     for name in names:
         values = getattr(surface, name)
-        if values is not None and any(values.strides):  # not the same everywhere
-            maps[name] = _frozen(values.reshape(-1)[pixels])
+        if values is not None and not is_uniform(values):
+            maps[name] = read_only(values.reshape(-1)[pixels])
     with unquestioned():
         return replace(surface, **maps)
-
-
-def _frozen(array: FloatArray) -> FloatArray:
-    """The array, no longer to be written to, so that a surface need not copy it."""
-    array.flags.writeable = False
-    return array
 
 
 def _lower(

@@ -19,7 +19,8 @@ from phasemap.experiment.interaction import Cone, Film, FlatPunch, Interaction, 
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
-from phasemap.scenes.scene import CONTROLS, Scene, scene_from_json
+from phasemap.scenes.objects import CONTROLS
+from phasemap.scenes.scene import Scene, scene_from_json
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
 
