@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
-from phasemap.io.measured import level_rows, on_one_turn, row_medians
+from phasemap.io.flattening import level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import FileError
+from phasemap.io.flattening import on_one_turn
 from phasemap.io.kinds import KINDS, METRES
-from phasemap.io.measured import on_one_turn
 from phasemap.io.metadata import of_simulation
 from phasemap.io.netcdf import load
 

@@ -196,7 +196,8 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     import numpy as np
 
     from phasemap.experiment.surface import Surface
-    from phasemap.io.measured import level_height, one_scan, segment_phase
+    from phasemap.io.flattening import level_height
+    from phasemap.io.measured import one_scan, segment_phase
     from phasemap.io.read import read_image
     from phasemap.scenes.tables import check_keys
 
