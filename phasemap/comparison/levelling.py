@@ -67,7 +67,7 @@ def level(
     >>> bool(np.allclose(level(image)["height"], 0, atol=1e-24))
     True
     """
-    from phasemap.results.variables import provenance
+    from phasemap.results.variables import coded, provenance
 
     for name, choice, known in (
         ("height", height, ("rows", "plane")),
@@ -101,8 +101,7 @@ def level(
                 maps = np.stack([_replaced(one, rows) for one, rows in zip(maps, flagged, strict=True)])
                 done[name] = done[name].copy(data=maps.reshape(done[name].shape))
     leading = done[there[0]].dims[:-2]
-    about = {"long_name": "line unlike both its neighbours", "flag_values": np.array([0, 1], np.int8),
-             "flag_meanings": "no yes"}  # fmt: skip
+    about = coded("line unlike both its neighbours", "no", "yes")
     done["outlier_line"] = (
         (*leading, "y"), flagged.astype(np.int8).reshape(*(done.sizes[dim] for dim in leading), shape[0]), about,
     )  # fmt: skip

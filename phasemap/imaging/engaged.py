@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._shared.threads import spread
+from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
@@ -169,7 +169,7 @@ def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None
         job.report(sum(filled))
 
     if atlas.pieces:
-        spread(fill, [*range(0, job.pixels, BLOCK), job.pixels], job.workers, report)
+        spread(fill, bounds_of(job.pixels, BLOCK), job.workers, report)
 
 
 def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
