@@ -18,7 +18,7 @@ def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If it is none.
+        If it cannot be made one.
     """
     try:
         return np.asarray(value)

@@ -23,7 +23,7 @@ STILL_COMPILING = "phasemap: no result yet; kernels are compiled for their first
 
 @contextmanager
 def patience() -> Iterator[Callable[[], None]]:
-    """Say on stderr why nothing has come yet, unless the function that is lent is called in time."""
+    """Say on stderr why nothing has come yet, unless the function that it gives is called in time."""
     timer = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
     timer.daemon = True
     timer.start()
@@ -43,7 +43,7 @@ def bar_of(unit: str) -> Any:
 
 @contextmanager
 def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
-    """Lend a function of what is done and of all that draws a bar; None where nothing is to be said."""
+    """Give a function of what is done and of all there is to do, which draws a bar; None where that is not wanted."""
     if quiet:
         yield None
         return

@@ -1,4 +1,4 @@
-"""``phasemap run`` and ``phasemap validate``."""
+"""The commands ``phasemap run``, which simulates a scene's image, and ``phasemap validate``, which checks the scene."""
 
 from __future__ import annotations
 

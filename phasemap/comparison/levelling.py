@@ -159,7 +159,7 @@ def _level_phase(phase: Array, mask: Array, *, rows: bool) -> Array:
 def outlier_lines(values: Array) -> Array:
     """Find single lines that lie above, or below, both their neighbours by far more than lines do.
 
-    A step between two lines, as a change of the tip leaves it, is none.
+    A step between two lines, as a change of the tip leaves it, does not count.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def outlier_lines(values: Array) -> Array:
 
 
 def _replaced(values: Array, lines: Array) -> Array:
-    """Lines replaced by the mean of their neighbours that are none themselves."""
+    """Lines replaced by the mean of the nearest lines that are not replaced themselves."""
     if not lines.any():
         return values
     good = np.flatnonzero(~lines)

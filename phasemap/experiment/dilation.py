@@ -54,7 +54,7 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     tip : Tip
         Only its radius is used.
     half_angle : float
-        Between the axis and the flank of the cone that the tip goes over into [degree], above 0 and below 90.
+        Between the axis and the flank of the cone into which the tip widens [degree], above 0 and below 90.
 
     Raises
     ------

@@ -400,7 +400,7 @@ class Surface:
         Parameters
         ----------
         tip : Tip
-            A sphere of its radius that goes over into a cone.
+            A sphere of its radius that continues as a cone.
         half_angle : float, optional
             Of that cone [degree]; 20 by default.
 

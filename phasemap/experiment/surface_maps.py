@@ -26,7 +26,7 @@ __all__ = ["check_memory", "common_shape", "pixel_sides", "property_map", "where
 
 FloatArray = NDArray[np.float64]
 
-PIXEL = (0.01e-9, 10e-6)  # m, of the pixels that anybody takes
+PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice
 _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
 
 

@@ -1,4 +1,4 @@
-"""Images in netCDF, of phasemap's or of anybody's, in the one form that all of phasemap works on."""
+"""Images in netCDF, written by phasemap or by others, in the one form that all of phasemap works on."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
     Raises
     ------
     InputError
-        If a variable is not drawn, or a limit or a colour map is none.
+        If a variable is not drawn, or a limit or a colour map is not valid.
 
     Examples
     --------

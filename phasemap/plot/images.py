@@ -91,7 +91,7 @@ def plot(
     ------
     InputError
         If `ds` holds nothing of these, or not the variables to be drawn, the format is unknown, a limit or colour map
-        is none, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
+        is not valid, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
     FileError
         If `path` cannot be written.
 

@@ -1,4 +1,4 @@
-"""What the variables of an image are called, what they mean, and in which units; one table for every Dataset."""
+"""Names, meanings and units of variables, and the words of flags: one table for every Dataset."""
 
 from __future__ import annotations
 

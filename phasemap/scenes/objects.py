@@ -148,7 +148,7 @@ def table_of(tables: Table, name: str) -> Table:
 
 
 def _from_table(name: str, table: object, cls: Any) -> Any:
-    """A frozen dataclass from the table of its fields, or from a preset and what is other."""
+    """A frozen dataclass from the table of its fields, or from a preset and what differs from it."""
     fields = dataclasses.fields(cls)
     required = [field.name for field in fields if field.default is dataclasses.MISSING]
     allowed = [field.name for field in fields]

@@ -208,7 +208,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         Where relative file names start.
     surface : Surface, optional
         Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
-        checked in no time.
+        checked at once.
 
     Raises
     ------
@@ -305,7 +305,7 @@ def scene_from_json(text: str, folder: Path) -> Scene:
         scene = scene_from_tables(tables, folder)
     for name, digest in scene.config["files"].items():
         if digest != files.get(name):
-            raise FileError(f"cannot use {name}: it is not the file that was read then, whose SHA-256 was other.")
+            raise FileError(f"cannot use {name}: it is not the file that was read then, whose SHA-256 was different.")
     return scene
 
 

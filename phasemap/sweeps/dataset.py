@@ -1,4 +1,4 @@
-"""The Dataset of a sweep."""
+"""The Dataset of a sweep: its variables in both directions, the curves behind them, folds and jumps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Materials of regions from measured images whose zeros of phase and height nobody knows."""
+"""Materials of regions from measured images whose zeros of phase and height are unknown."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def _materials(known: Mapping[int, Material], names: list[int]) -> dict[int, Mat
     Raises
     ------
     InputError
-        If they are none, of regions that are not there, or of all.
+        If they are not Materials, are of regions that are not there, or of all.
     """
     for name, one in known.items():
         if name not in names:

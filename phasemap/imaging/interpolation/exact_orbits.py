@@ -23,7 +23,7 @@ HEIGHT, PHASE, MEAN, DEPTH = 0, 1, 2, 3  # places in FUNCTIONS
 CHUNK = 400  # orbits that a thread takes at a time
 
 
-class Oracle:
+class ExactOrbits:
     """Exact orbits at points of the coordinates, and how many were asked for.
 
     Parameters
@@ -74,7 +74,7 @@ class Oracle:
         ----------
         points : ndarray, shape (n, 3)
         guesses : ndarray, shape (n, functions)
-            As from this oracle; tip offset, phase and mean deflection are used.
+            As from exact orbits; tip offset, phase and mean deflection are used.
         away : ndarray, shape (n,)
             How far off the tip offset may be [m].
         amplitude : float, optional
