@@ -272,8 +272,8 @@ LABELS_REFUSED = {
     "label of a material is 'soft'; allowed: a whole number.": ([[0]], {"soft": SOFT}),
     "material 0 is 1000000000.0; allowed: a Material.": ([[0]], {0: 1e9}),
     "damping of material 0 is 0.01; allowed: a viscosity in its place, as material 1 has, or a damping there too. A "
-    "preset takes one: Material.preset('PS', damping=0.01). Which damping a viscosity is depends on lever and tip, which "
-    "a scene knows and a surface does not.": ([[0, 1]], {0: SOFT, 1: Material(1e9, viscosity=1.0)}),
+    "preset takes one: Material.preset('PS', damping=0.01). Which damping a viscosity is depends on lever and tip, "
+    "which a scene knows and a surface does not.": ([[0, 1]], {0: SOFT, 1: Material(1e9, viscosity=1.0)}),
 }
 
 
