@@ -30,8 +30,10 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
   phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
   phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
+  phasemap run samples/ensemble.toml -o ensemble.zarr ensemble.count=1000
 
-A scene with a table [ensemble] is simulated in all its variants. After an interrupt the same command goes on.
+A scene with a table [ensemble] is simulated in all its variants, into a netCDF file or a zarr store that holds the
+truth behind each image too, with a data card beside it. After an interrupt the same command goes on.
 """
 
 
