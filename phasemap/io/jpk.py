@@ -56,8 +56,8 @@ def is_quantitative_imaging(path: Path) -> bool:
     """Whether a file is an image made of force curves, one in each pixel (JPK's QI)."""
     if not path.is_file():
         return False
-    data = path.read_bytes()
-    return data.startswith(TIFF) and b"quantitative-imaging-settings" in data
+    with path.open("rb") as file:
+        return file.read(4) in TIFF and b"quantitative-imaging-settings" in file.read()
 
 
 def _slots(tags: dict[int, Any]) -> dict[str, dict[str, Any]]:
