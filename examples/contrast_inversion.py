@@ -1,8 +1,8 @@
-"""Why can the contrast of a phase image turn round when one taps harder?
+"""Why does the contrast of a phase image invert when one taps harder?
 
-Stiff, sticky particles in a soft, lossy matrix. Tapped gently, the tip stays in the attractive regime over the
-particles, where the phase is negative, while over the matrix it is in the repulsive one: particles are dark. At a lower
-setpoint it is repulsive over both, and what is left is the contrast of the losses: particles are bright.
+Stiff, sticky particles in a soft, lossy matrix. With gentle tapping, the tip is in the attractive regime on the
+particles, where the phase is negative, and in the repulsive regime on the matrix: the particles are dark. At a lower
+setpoint both are in the repulsive regime, and the contrast comes from dissipation: the particles are bright.
 """
 
 from pathlib import Path

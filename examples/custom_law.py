@@ -1,7 +1,7 @@
-"""How does a tip of another shape change the phase? A contact law of one's own.
+"""How does a tip of another shape change the phase? Your own contact law
 
 A contact law is a class derived from `ContactLaw` with one formula, in plain Python. It is compiled on first use (about
-a minute a solver, then kept on disk), and every solver works with it unchanged, the exact orbit with its stability too.
+a second, then cached on disk), and everything works with it: images, sweeps, exact orbits and their stability.
 """
 
 import math

@@ -1,8 +1,8 @@
 """How large may a map be?
 
-As large as the disk: a surface in Dask arrays is simulated block by block, and the image written as it comes. Here a
-blend is made block by block from a formula, so that neither the surface nor the image is ever in memory as a whole, and
-the memory that the process took is compared with the 2 GiB that it may take:
+As large as the disk: a surface made of Dask arrays is simulated block by block, and the image is written as it is
+computed. Here a blend is generated block by block from a formula, so that neither the surface nor the image is ever in
+memory as a whole. The memory that the process used is compared with a limit of 2 GiB:
 
     python examples/large_map.py 16384
 """

@@ -1,8 +1,8 @@
-"""How slow must one scan?
+"""How slowly must one scan?
 
-The feedback follows what passes under the tip with a lag, and that of an integrator is the speed of the surface over
-its gain: half the line rate, half the error. A line of stripes under a gentle wave is scanned at several rates, by the
-slow flow and by the full equation of motion, and compared with the image at rest.
+The feedback follows the surface with a lag. For an integrating controller the error is the speed of the surface divided
+by the gain: half the line rate, half the error. A line of stripes on a gently undulating surface is scanned at several
+rates, with the slow flow and with the full equation of motion, and compared with the image of an infinitely slow scan.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""How does one make images to learn from?
+"""How does one make images for machine learning?
 
-A table [ensemble] in a scene draws materials, setpoints and seeds at random: a file with as many images as wanted, each
-with the properties behind it. Here twelve of those of samples/ensemble.toml, and what a program could learn from them:
-how the phase of the domains goes with their damping.
+A table [ensemble] in a scene draws materials, setpoints and seeds at random, and writes as many images as wanted into
+one file, each with the properties behind it. Here are twelve of the images of samples/ensemble.toml, and a relation
+that a program could learn from them: how the phase on the domains depends on their damping.
 """
 
 from pathlib import Path

@@ -1,8 +1,9 @@
 """How much of a measured phase image does the model explain?
 
-A flake of MoS2 on its substrate, as a Nanosurf instrument recorded it (an example file of the package nsfopen), becomes
-a scene: settings from the file, relief from the height, materials from the two populations of the phase. Its twin is
-scanned in time at the recorded line rate and laid beside it. What the file does not say is said here.
+A flake of MoS2 on its substrate, recorded with a Nanosurf instrument (an example file of the package nsfopen), becomes
+a scene: settings from the file, topography from the height, materials from the two populations of the phase. This twin
+is scanned in time at the recorded line rate and compared with the measurement. Values that the file does not contain
+are assumed in the script.
 """
 
 from importlib.util import find_spec

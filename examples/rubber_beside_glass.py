@@ -1,10 +1,10 @@
-"""What does a tip show of rubber that it sticks to?
+"""What does phase imaging show on rubber that the tip sticks to?
 
-Rubber and glass side by side, tapped with a soft lever; contact is that of Johnson, Kendall and Roberts, which forms
-on touching and breaks only farther out. Over glass the tip taps in every period. Over soft rubber it sticks in some
-periods and not in others, over many nanometres of approach, and never comes to a periodic orbit; where the rubber is
-cured harder, to the right of the image, it does. Amplitude and phase behind the lock-in are steady all the same: means,
-with a spread of some hundredths of a degree.
+Rubber and glass side by side, tapped with a soft cantilever. The contact is JKR: it forms at the surface and breaks
+only farther out. On glass the tip taps in every period. On soft rubber it sticks in some periods and not in others,
+over many nanometres of approach, and never reaches a periodic orbit; on rubber that is cured harder, to the right of
+the image, it does. Amplitude and phase at the output of the lock-in are steady all the same: they are means, with a
+spread of a few hundredths of a degree.
 """
 
 from pathlib import Path

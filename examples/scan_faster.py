@@ -1,8 +1,8 @@
 """What does scanning faster do to an image?
 
-Stiff particles that stand out of a soft matrix, at three line rates. The feedback is late at every edge: uphill the
-amplitude is too small and the tip pushes, downhill it is too large and the tip flies on for a while, and both show in
-the phase, where there is no material to see.
+Stiff particles that stand out of a soft matrix, at three line rates. The feedback lags behind at every edge. Uphill the
+amplitude is too small and the tip presses harder; downhill it is too large and the tip taps less, or not at all, for a
+while. Both show in the phase although the material does not change there.
 """
 
 from pathlib import Path

@@ -1,7 +1,8 @@
 """How sharp is an edge between two materials in a phase image?
 
-A tip touches and attracts an area. Where maps change from one pixel to the next, an image of points is as sharp as a
-mask; seen by the tip an edge is as wide as the contact, which is wider where the sample is softer.
+A tip touches and attracts an area, not a point. If every pixel is simulated by itself, a map that changes from one
+pixel to the next gives an unrealistically sharp edge. `Surface.seen_by` makes the edge as wide as the contact, which
+is wider on a softer sample.
 """
 
 from pathlib import Path

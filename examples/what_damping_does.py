@@ -1,7 +1,8 @@
 """What does the damping of the sample do to the phase?
 
-Without it the phase is that of the setpoint alone, plus or minus, whatever the surface is. With more of it the phase
-falls, and the modulus begins to show: the softer the material, the deeper the tip sinks in, and the more is lost.
+Without damping the phase is determined by the setpoint alone, up to its sign, whatever the surface is. With increasing
+damping the phase decreases, and the modulus begins to matter: the softer the material, the deeper the tip sinks in, and
+the more energy is dissipated.
 """
 
 from dataclasses import replace
