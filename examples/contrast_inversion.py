@@ -33,7 +33,7 @@ def main(folder: Path = Path()) -> None:
     particle, matrix = phases(PARTICLE, setpoints), phases(MATRIX, setpoints)
     contrast = particle - matrix
     jump = int(np.flatnonzero(np.diff(np.sign(contrast)))[-1]) + 1
-    print(f"the contrast turns round at a setpoint of {setpoints[jump]:.3f}")
+    print(f"the contrast inverts at a setpoint of {setpoints[jump]:.3f}")
 
     labels = pm.generate.particles((128, 128), 4e-9, radius=45e-9, area_fraction=0.35, seed=4)
     surface = pm.Surface.from_labels(labels, {0: MATRIX, 1: PARTICLE}, pixel_size=4e-9)

@@ -41,7 +41,7 @@ def main(folder: Path = Path()) -> None:
         exact = pm.simulate(surface, scope, setpoint=0.7, solver="orbit", strict=True)
         panels[0].semilogx(moduli / 1e9, exact["phase"][0], label=label)
         panels[1].semilogx(moduli / 1e9, exact["indentation"][0] * 1e9)
-        print(f"{label:<24} closes energy to {float(abs(exact['energy_closure']).max()):.0e}")
+        print(f"{label:<24} energy balance to {float(abs(exact['energy_closure']).max()):.0e}")
         if law == "hertz":
             continue
         for solver in ("averaging", "march", "auto"):

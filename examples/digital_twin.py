@@ -33,7 +33,7 @@ class Twin:
         self.go_to(float(self.x_coords[0]), float(self.y_coords[0]))
 
     def tune(self, *, setpoint: float | None = None, free_amplitude: float | None = None, **gains: float) -> None:
-        """Turn knobs; gains are those of `phasemap.Feedback`."""
+        """Change settings; gains are those of `phasemap.Feedback`."""
         self.setpoint = self.setpoint if setpoint is None else setpoint
         if free_amplitude is not None:
             self.scope = replace(self.scope, drive=pm.Drive(free_amplitude))

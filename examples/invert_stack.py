@@ -105,7 +105,7 @@ def main(folder: Path = Path()) -> None:
     for i, name in enumerate(SHOWN):
         apart = np.log(found[name] / getattr(surface, name)) / found[f"{name}_error"]
         inside = abs(apart.values[(found.flag.values & 1 << i) == 0]) < 1.96
-        print(f"{name}: true value within the stated 95 % in {100 * inside.mean():.0f} % of the pixels that know it")
+        print(f"{name}: true value within the stated 95 % in {100 * inside.mean():.0f} % of its determined pixels")
 
     figure, panels = plt.subplots(3, 4, figsize=(12, 8), layout="constrained")
     draw_images(panels[0], images)

@@ -36,7 +36,7 @@ def wave(block_info: Any = None) -> np.ndarray:
 
 
 def surface_of(side: int) -> pm.Surface:
-    """A blend with relief, of which nothing is computed yet."""
+    """A blend with topography, of which nothing is computed yet."""
     chunks = da.core.normalize_chunks((BLOCK, BLOCK), (side, side))
     pattern = da.map_blocks(wave, chunks=chunks, dtype=float, meta=np.empty((0, 0)))
     return pm.Surface.from_labels((pattern > 0).astype(int), DOMAINS, pixel_size=PIXEL, topography=2e-9 * pattern)

@@ -65,7 +65,7 @@ def main(folder: Path = Path()) -> None:
 
     lag = [1e9 * rises / (gain * pm.Feedback(line_rate=rate).dwell(len(PLACE))) for rate in TICKS]
     panels[1].loglog(TICKS, lag, "k--", linewidth=1, label="integrator: speed / gain")
-    print(f"an integrator alone, {TICKS[1]:g} Hz: {lag[1]:.2g} nm; lever and lock-in add the rest")
+    print(f"an integrator alone, {TICKS[1]:g} Hz: {lag[1]:.2g} nm; cantilever and lock-in add the rest")
     panels[0].axhline(GOOD, color="0.6", linewidth=0.8, zorder=0)
     for axes, what in zip(panels, ("phase (degrees)", "height (nm)"), strict=True):
         axes.set(xlabel="line rate (Hz)", ylabel=f"error of the {what}")

@@ -42,7 +42,7 @@ def main(folder: Path = Path()) -> None:
 
     print(f"{images.sizes['sample']} images with the properties behind them: {', '.join(ensemble.keys)}")
     linear = np.corrcoef(dampings, phases)[0, 1]
-    print(f"the phase over LDPE and its damping: correlation {linear:.2f}; the rest is modulus and setpoint")
+    print(f"phase on LDPE and its damping: correlation {linear:.2f}; modulus and setpoint vary too")
 
 
 if __name__ == "__main__":

@@ -38,12 +38,12 @@ def main(folder: Path = Path()) -> None:
     pm.plot.comparison(found, folder / "measured_twin.png", overwrite=True)
     print(verdict_of(found))
     share = 100 * float(found["region_share_of_variance"])
-    print(f"Where the materials lie was read from the phase itself: two regions hold {share:.0f} % of its variance.")
-    print("What the model adds is how large the contrast is, and what relief and feedback do to it.")
+    print(f"The map of materials was read from the phase itself: two regions explain {share:.0f} % of its variance.")
+    print("The model adds the size of the contrast, and the effects of topography and feedback.")
 
     other = pm.compare(measured, measured, direction=("trace", "retrace"), names=("trace", "retrace"))
     best = 100 * float(other["explained"])
-    print(f"The measured retrace explains {best:.0f} % of the measured trace; no model can be asked for more.")
+    print(f"The measured retrace explains {best:.0f} % of the measured trace; no model can do better.")
 
 
 if __name__ == "__main__":

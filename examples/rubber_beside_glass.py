@@ -53,7 +53,7 @@ def main(folder: Path = Path()) -> None:
         print(f"{name:<7} {phase:6.2f} degrees; irregular in {share:.0%} of it, spread up to {spread:.3f} degrees")
     offset = image.tip_offset
     step = float(offset.where(DOMAINS).mean() - offset.where(~DOMAINS).mean())
-    print(f"a flat surface seems {step * 1e9:.2f} nm higher where it is of rubber")
+    print(f"a flat surface appears {step * 1e9:.2f} nm higher on the rubber")
     phases = " and ".join(f"{phase:.1f}" for phase in pm.orbits(RUBBER, SCOPE, setpoint=SETPOINT).phase.values)
     print(
         f"rubber of 30 MPa has periodic orbits with this amplitude, at {phases} degrees, but none is reached from far"

@@ -37,7 +37,7 @@ def main(folder: Path = Path()) -> None:
     figure.colorbar(shown, ax=panels[:2], label="phase (degrees)")
     for name, image in images.items():
         panels[2].step(image.x * 1e9, image.phase[ROW], where="mid", label=name)
-    panels[2].set(xlabel="x along the dotted line (nm)", ylabel="phase (degrees)")
+    panels[2].set(xlabel="x along the dotted line (nm)")
     panels[2].legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     figure.savefig(folder / "seen_by_tip.png", dpi=150)
     steps = {name: float(abs(image.phase.diff("x")).max()) for name, image in images.items()}

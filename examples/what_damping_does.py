@@ -47,7 +47,7 @@ def main(folder: Path = Path()) -> None:
         axes.set_xlim(1, SETPOINTS[-1])  # approaching: from left to right
     left.set(ylabel="phase (degrees)", title="1 GPa")
     left.legend(title="damping alpha1", frameon=False)
-    middle.set(ylabel="energy into the surface (eV a cycle)", title="1 GPa")
+    middle.set(ylabel="energy into the surface (eV per cycle)", title="1 GPa")
     right.set(xlabel="modulus (GPa)", ylabel="phase (degrees)", title=f"setpoint {SETPOINT:g}")
     right.xaxis.set_major_formatter("{x:g}")
     figure.savefig(folder / "what_damping_does.png", dpi=150)

@@ -51,6 +51,11 @@ def tidy(_conf: dict[str, Any], script: str, when: str) -> None:
             left.unlink()
 
 
+def place(script: str) -> int:
+    """Show the scripts of a section in the order in which the gallery's page lists them."""
+    return (EXAMPLES.parent / "docs" / "examples.rst").read_text().find(f"/{Path(script).name}\n")
+
+
 def titled(_app: Sphinx, name: str, source: list[str]) -> None:
     """Make a heading of the question with which a script begins."""
     if re.match(r"gallery/(?!index|sg_)", name):
@@ -71,6 +76,7 @@ CONFIGURATION = {
     "reset_modules": (tidy,),
     "reset_modules_order": "both",
     "within_subsection_order": "FileNameSortKey",
+    "minigallery_sort_order": place,
     "download_all_examples": False,
     "show_signature": False,
     "show_memory": False,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once
+from phasemap._shared.sentences import counted
 from phasemap.cli.console import bar_of, patience
 
 if TYPE_CHECKING:
@@ -114,4 +115,4 @@ def _count(output: Path, name: str) -> str:
     count = int(counts.sum())
     if not count:
         return "none"
-    return f"{count} of {pixels} pixels ({100 * count / pixels:.3g} %), in {int((counts > 0).sum())} samples"
+    return f"{counted(count, pixels, 'pixels')}, in {int((counts > 0).sum())} samples"

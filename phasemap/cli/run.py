@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
+from phasemap._shared.sentences import image_size
 from phasemap._shared.units import ELECTRONVOLT
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
@@ -141,8 +142,7 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
 
 def _print_scene(scene: Scene, modelled: str) -> None:
     """Size, materials, and what acts between them and the tip."""
-    (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
-    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")
