@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.notices import untold
+from phasemap._shared.sentences import image_size
 from phasemap.cli.arguments import add_files, add_overrides, add_strict_units, whole
 
 if TYPE_CHECKING:
@@ -58,7 +59,6 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def scene(arguments: argparse.Namespace) -> None:
     """Write the scene of a measured image."""
-    from phasemap._shared.units import readable
     from phasemap.io.netcdf import check_target
     from phasemap.io.read import read_image
     from phasemap.scenes.measured import scene_from
@@ -76,9 +76,7 @@ def scene(arguments: argparse.Namespace) -> None:
         by=arguments.by,
         overwrite=arguments.overwrite,
     )
-    (ny, nx), (dy, dx) = made.surface.shape, made.surface.pixel_size
-    unit = readable(max(nx * dx, ny * dy), "m")
-    print(f"image       {nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}")
+    print(f"image       {image_size(made.surface.shape, made.surface.pixel_size)}")
     for line in output.read_text(encoding="utf-8").splitlines():
         if line.startswith("[materials."):
             name, _, share = line.removeprefix("[materials.").partition("]")
