@@ -22,12 +22,14 @@ from typing import Any
 import numba
 from llvmlite.binding import Linkage, add_symbol, parse_assembly
 from numba.core import cgutils, sigutils, types
+from numba.core.base import OverloadSelector
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
+from phasemap._kernels.calls import called
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.first_use import FirstUse
 
@@ -130,6 +132,7 @@ class _Shared(_Plain):
     def add_overload(self, cres: CompileResult) -> None:
         """Make the address of its code known to what is emitted or loaded from now on."""
         super().add_overload(cres)
+        _make_known(self.targetctx, cres)
         name = cres.fndesc.llvm_func_name
         add_symbol(name, cres.library.get_pointer_to_function(name))
         cres.library.needed = _Needed(self.py_func.__module__, self.py_func.__name__, cres.signature.args)
@@ -167,9 +170,16 @@ class _Linked(_Plain):
                 with self._compiling_counter:
                     result = self._compiler.compile(args, return_type)
                 result = result._replace(entry_point=_Name(f"{self.py_func.__module__}.{self.py_func.__qualname__}"))
-                self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+                _make_known(self.targetctx, result)
                 self.overloads[args] = result
             return self.overloads[args].entry_point
+
+
+def _make_known(context: Any, result: CompileResult) -> None:
+    """Let kernels call what was compiled."""
+    make = called(result.fndesc, [result.library])
+    context._defns[result.entry_point] = known = OverloadSelector()
+    known.append(make, make.signature)
 
 
 class _Name(str):
@@ -300,7 +310,7 @@ class _SharedCompiler(_OurCompiler):
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function."""
-        self.state.targetctx.numbered = False
+        self.state.targetctx.numbered, self.state.targetctx.whole = False, True
         self.state.flags.no_cpython_wrapper = True
         result = super().compile_extra(func)
         _count(1)
@@ -315,6 +325,7 @@ class _LinkedCompiler(_OurCompiler):
     def compile_extra(self, func: Any) -> CompileResult:
         """Type and lower a function."""
         self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
+        self.state.targetctx.whole = True
         result = super().compile_extra(func)
         _count(1)
         return result
