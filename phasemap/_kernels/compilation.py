@@ -179,7 +179,7 @@ def _make_known(context: Any, result: CompileResult) -> None:
     """Let kernels call what was compiled."""
     make = called(result.fndesc, [result.library])
     context._defns[result.entry_point] = known = OverloadSelector()
-    known.append(make, make.signature)
+    known.append(make, result.fndesc.argtypes)
 
 
 class _Name(str):
@@ -194,6 +194,10 @@ class _Name(str):
 
 class _OurCode(JITCodeLibrary):
     """Code that is optimised as a whole only."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)
+        self.needs: dict[_Needed, None] = {}  # what has to be loaded before it
 
     def add_ir_module(self, ir_module: Any) -> None:
         """Take in what was lowered; it is verified with all the rest."""
@@ -251,12 +255,12 @@ def _link(library: Any, module: Any, linkage: str) -> None:
     """Add all that a library reaches to its module, with this linkage."""
     own = {one.name for one in module.functions if not one.is_declaration}
     # A function of numba that is given one of ours, as `engage_in_time` its engine, holds that code and may need more.
-    library._reload_init.update(one.needed for one in _reached(library) if hasattr(one, "needed"))
+    library.needs.update({one.needed: None for one in _reached(library) if hasattr(one, "needed")})
     for other in _reached(library, through=_LinkedCode):  # what is to be linked does not hold what it calls itself
         if hasattr(other, "needed"):
             continue
-        library._reload_init.update(other._reload_init)
         if isinstance(other, _LinkedCode):
+            library.needs.update(other.needs)
             module.link_in(other._final_module, preserve=True)
             continue
         code = other._get_module_for_linking().clone()
@@ -280,7 +284,8 @@ class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[mis
         self.state.library = self.library(self.state.targetctx.codegen(), name)
         self.state.library.enable_object_caching()
         self.state.flags.no_cfunc_wrapper = True
-        return super().compile_extra(func)
+        result = super().compile_extra(func)
+        return result._replace(reload_init=[*self.state.library.needs])
 
 
 class _EntryCompiler(_OurCompiler):
@@ -380,7 +385,7 @@ def compiled_more_than_once() -> dict[str, int]:
 
 def _fits() -> bool:
     """Whether this numba has the parts that are replaced here."""
-    parts = ("_final_module", "_linking_libraries", "_reload_init")
+    parts = ("_final_module", "_linking_libraries")
     methods = (
         "_optimize_final_module",
         "_finalize_final_module",
