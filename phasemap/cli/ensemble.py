@@ -1,4 +1,4 @@
-"""``phasemap run`` and ``validate`` where the scene is an ensemble."""
+"""The commands ``phasemap run`` and ``validate`` where the scene is an ensemble."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def print_ensemble(ensemble: Ensemble) -> None:
 
 @contextmanager
 def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress]:
-    """Lend a progress that is remembered, so that an interrupt can say what is kept."""
+    """Give a function of progress that remembers it, so that an interrupt can say what is kept."""
     kept = "nothing was written"
 
     def progress(done: int, total: int) -> None:
@@ -87,7 +87,7 @@ def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress
 
 @contextmanager
 def _bar(first_result: Callable[[], None]) -> Iterator[Progress]:
-    """Lend a progress that draws a bar on stderr if it takes more than a second."""
+    """Give a function of progress that draws a bar on stderr if it takes more than a second."""
     with bar_of(" samples") as bar:
 
         def progress(done: int, total: int) -> None:

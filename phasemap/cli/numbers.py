@@ -8,7 +8,7 @@ from collections.abc import Callable
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
 
-__all__ = ["number_in", "numbers_in"]
+__all__ = ["number_in", "numbers_in", "one_each"]
 
 
 def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
@@ -45,6 +45,44 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
     except NotThatUnit:
         with_one = "" if unit == "1" else f", or with a unit such as {KINDS[unit][1].replace(' ', '')}"
         raise InputError(name, text, allowed + with_one) from None
+
+
+def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[float]:
+    """Read as many numbers as there are images or files, or one for all of them.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, as Python has it.
+    text : str
+        Numbers with commas between them.
+    unit : str
+        As in `numbers_in`.
+    count : int
+    each : str
+        "an image" or "a file".
+
+    Returns
+    -------
+    list of float
+        As many as there are.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+
+    Examples
+    --------
+    >>> one_each("setpoints", "0.5,0.8", "1", 2, "a file"), one_each("phase_zero", "62.5", "degree", 2, "a file")
+    ([0.5, 0.8], [62.5, 62.5])
+    """
+    option = f"--{name.replace('_', '-')}"
+    allowed = f"a number, or {count} with commas between them, one {each}"
+    found = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
+    if len(found) not in (1, count):
+        raise InputError(option, text, allowed)
+    return found * (count // len(found))
 
 
 def number_in(name: str, unit: str) -> Callable[[str], float]:

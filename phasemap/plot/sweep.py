@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -40,8 +41,9 @@ WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.6
 def curve(
     ds: xr.Dataset,
     path: str | os.PathLike[str] | None = None,
+    overwrite: bool | Sequence[str] = False,
+    *,
     quantities: Sequence[str] | None = None,
-    overwrite: bool = False,
 ) -> Figure:
     """Draw a sweep: one panel for each quantity, over the axis that is swept.
 
@@ -57,11 +59,11 @@ def curve(
         What `phasemap.sweep_distance` or another sweep returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    quantities : sequence of str, optional
-        Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
-        holds the amplitude, tip offset and phase.
     overwrite : bool
         Whether an existing file may be replaced.
+    quantities : sequence of str, optional
+        Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
+        holds the amplitude, tip offset and phase. As third argument, where they stood, they go on for a release.
 
     Returns
     -------
@@ -84,6 +86,12 @@ def curve(
     """
     from phasemap.plot.page import Page
 
+    if not isinstance(overwrite, bool):
+        warnings.warn(
+            "`curve` takes overwrite as its third argument, as other pictures do: give quantities by name.",
+            DeprecationWarning, stacklevel=2,
+        )  # fmt: skip
+        quantities, overwrite = overwrite, False
     names = _check(ds, quantities)
     sweep = Sweep.of(ds)
     keys = _keys(sweep)

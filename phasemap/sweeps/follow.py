@@ -13,7 +13,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.solvers.continuation.complete import FAINT, complete, held_curves, mend
-from phasemap.solvers.continuation.hold import Feedback, Place
+from phasemap.solvers.continuation.hold import Place, SlowFeedback
 from phasemap.solvers.continuation.in_time import Adrift
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
@@ -72,7 +72,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
     free = scope.driven_amplitude
-    feedback = Feedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
+    feedback = SlowFeedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
     n = len(axis)
     down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
     up, _ = _hold(feedback, place, range(n), 1)
@@ -134,7 +134,7 @@ def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | Adrift | No
     return same[0] if same else (there[-1] if there and np.isnan(row[col.AMPLITUDE]) else None)
 
 
-def _hold(feedback: Feedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
+def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
     """Hold one amplitude after the other."""
     curves = feedback.curves
     n = len(curves.wanted)
@@ -197,7 +197,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | Adrift | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.at(name, float(scale.value(m)))
-        feedback = Feedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
+        feedback = SlowFeedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None

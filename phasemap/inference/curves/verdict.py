@@ -11,7 +11,7 @@ from phasemap.inference.curves.parameters import Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.curves.result import SHOWN, Fit
 from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
-from phasemap.results.variables import float_attributes
+from phasemap.results.variables import coded, float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 
 if TYPE_CHECKING:
@@ -107,8 +107,7 @@ def _add(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None
             curve[word.format(name)] = (dims, full, {**about, "long_name": said.format(name)})
     flags = np.zeros((2, len(data.values)), np.int8)
     flags[rows] = off
-    meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "visited off_branch"}
-    curve["off_branch"] = (dims, flags, {"long_name": "whether the sweep visits the datum's branch", **meaning})
+    curve["off_branch"] = (dims, flags, coded("whether the sweep visits the datum's branch", "visited", "off_branch"))
 
 
 def _not_determined(problem: Problem, solution: Solution, known: Knowledge) -> dict[str, str]:

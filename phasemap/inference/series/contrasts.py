@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap.inference.images.regions import MEDIAN, SPREAD
-from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
+from phasemap.io.flattening import level_height, on_one_turn
+from phasemap.io.measured import segment_height, segment_phase
 
 if TYPE_CHECKING:
     import xarray as xr

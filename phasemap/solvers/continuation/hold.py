@@ -43,7 +43,7 @@ class Held(NamedTuple):
     jump: Jump | None
 
 
-class Feedback:
+class SlowFeedback:
     """Seeks amplitudes on the curve of a fixed path whose wanted values are amplitudes.
 
     Parameters

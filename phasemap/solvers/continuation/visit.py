@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.results.status import Status
 from phasemap.solvers.continuation.in_time import Adrift
-from phasemap.solvers.continuation.pieces import Curves, Piece, patience
+from phasemap.solvers.continuation.pieces import Curves, Piece, settling_periods
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
 MOST_LANDINGS = 8  # between two values wanted
@@ -223,7 +223,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     sizes = np.array([row[col.AMPLITUDE] for _, row in reached])
     targets = np.stack([sizes * np.cos(lags), sizes * np.sin(lags)], axis=1)
     state = start[[col.START_Z, col.START_V, col.START_HELD]].copy()
-    most = patience(lever)
+    most = settling_periods(lever)
     free = float(free_amplitude(lever))
     which, _ = land_on(curves.law, p, lever, z0, state, targets, NEAR * free, most)
     if which >= 0:

@@ -1,0 +1,36 @@
+"""Distinct rows of a table whose columns are maps, found by sorting their bits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["factorise"]
+
+
+def factorise(columns: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """Find the distinct rows of equally long columns, by their bits: where each occurs, and which one each entry is."""
+    size = columns[0].size
+    count, codes = _codes(np.ascontiguousarray(columns[0]).view(np.int64))
+    for column in columns[1:]:
+        if count == size:
+            break
+        more, code = _codes(np.ascontiguousarray(column).view(np.int64))
+        codes *= more
+        codes += code
+        count, codes = _codes(codes)
+    first = np.empty(count, np.intp)
+    first[codes[::-1]] = np.arange(size - 1, -1, -1)  # the last assignment holds
+    return first, codes.astype(np.int32)
+
+
+def _codes(values: NDArray[np.int64]) -> tuple[int, NDArray[np.intp]]:
+    """Return how many distinct values there are and the rank of each."""
+    ordered = np.sort(values)
+    distinct = ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))]
+    if len(distinct) <= 1024:  # searching a small table is faster than sorting indices, a large one slower
+        return len(distinct), np.searchsorted(distinct, values)
+    del ordered
+    return len(distinct), np.unique(values, return_inverse=True)[1]
