@@ -10,7 +10,7 @@ from phasemap._shared.errors import InputError
 from phasemap.cli.arguments import add_files, add_quiet, check_files, print_files, whole, write_files
 from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import in_two_columns
-from phasemap.cli.numbers import number_in, numbers_in
+from phasemap.cli.words import number_in, numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -20,7 +20,7 @@ from phasemap.cli.arguments import (
 )  # fmt: skip
 from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import progress_bar, remarks
-from phasemap.cli.numbers import numbers_in
+from phasemap.cli.words import numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -22,7 +22,7 @@ from phasemap.cli.arguments import (
     write_files,
 )  # fmt: skip
 from phasemap.cli.console import in_two_columns, progress_bar
-from phasemap.cli.numbers import one_each
+from phasemap.cli.words import labels_in, one_each
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Microscope
     from phasemap.scenes.scene import Setup
 
-MAPS = ("labels", "label")  # of regions, in a file
 ZEROS = ("phase_zero", "phase_zero_error", "height_zero", "height_zero_error")
 SHOWN = {"modulus": ("GPa", 1e-9), "adhesion": ("J/m²", 1.0), "damping": ("", 1.0)}
 UNITS = {"free": "m", "phase": "degree", "height": "m"}  # of what options are about, by their first word
@@ -230,19 +229,13 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
     import numpy as np
 
     from phasemap.io.measured import segment_phase
-    from phasemap.io.netcdf import load
 
     if text.isdecimal() and text != "0":
         phase = image["phase"].values
         return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
     if text.isdecimal():
         raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
-    maps = load(text)
-    name = next((name for name in MAPS if name in maps), None)
-    if name is None:
-        held = ", ".join(map(str, maps.data_vars))
-        raise InputError(f"what {text} holds", held, f"a map {' or '.join(MAPS)}, as phasemap scene writes it")
-    return np.asarray(maps[name].values)
+    return labels_in(text)
 
 
 def _known(setup: Setup, text: str | None) -> dict[int, Material]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
+from phasemap._shared.sentences import image_size
 from phasemap._shared.units import ELECTRONVOLT
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
@@ -30,8 +31,10 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
   phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
   phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
+  phasemap run samples/ensemble.toml -o ensemble.zarr ensemble.count=1000
 
-A scene with a table [ensemble] is simulated in all its variants. After an interrupt the same command goes on.
+A scene with a table [ensemble] is simulated in all its variants, into a netCDF file or a zarr store that holds the
+truth behind each image too, with a data card beside it. After an interrupt the same command goes on.
 """
 
 
@@ -139,8 +142,7 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
 
 def _print_scene(scene: Scene, modelled: str) -> None:
     """Size, materials, and what acts between them and the tip."""
-    (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
-    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")

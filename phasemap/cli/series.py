@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import InputError
 from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole, write_files
 from phasemap.cli.console import in_two_columns
-from phasemap.cli.numbers import one_each
+from phasemap.cli.words import labels_in, one_each
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -151,16 +151,9 @@ def _list(name: str, text: str | None, unit: str, count: int) -> Any:
 
 def _labels(text: str | None, count: int) -> Any:
     """Maps of regions."""
-    import numpy as np
-
-    from phasemap.io.netcdf import load
-
     if text is None:
         return None
-    maps = [load(part) for part in text.split(",")]
-    for one, part in zip(maps, text.split(","), strict=True):
-        if "labels" not in one:
-            raise InputError(f"what {part} holds", ", ".join(map(str, one.data_vars)), "a map labels")
+    maps = [labels_in(part) for part in text.split(",")]
     if len(maps) not in (1, count):
         raise InputError("--labels", text, f"one file, or {count}")
-    return [np.asarray(one["labels"].values) for one in maps * (count // len(maps))]
+    return maps * (count // len(maps))

@@ -22,7 +22,7 @@ from phasemap.cli.arguments import (
     write_files,
 )  # fmt: skip
 from phasemap.cli.console import remarks
-from phasemap.cli.numbers import number_in, numbers_in
+from phasemap.cli.words import number_in, numbers_in
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._shared.arrays import is_uniform, read_only
 from phasemap._shared.checks import number
 from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
@@ -21,7 +20,7 @@ from phasemap._shared.plausible import unquestioned
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.shown import table
 from phasemap._shared.units import say
-from phasemap.experiment.distinct_rows import factorise
+from phasemap.experiment.distinct_rows import distinct_materials
 from phasemap.experiment.labels import lazily_looked_up, looked_up
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface_maps import common_shape, pixel_sides, property_map
@@ -327,16 +326,7 @@ class Surface:
         self._refuse_lazy()
         found = self._unique
         if found is None:
-            columns = self.columns
-            varying = [column.reshape(-1) for column in columns if not is_uniform(column)]
-            if varying:
-                first, flat = factorise(varying)
-                pixels = np.divmod(first, self.shape[1])
-                rows, inverse = np.column_stack([column[pixels] for column in columns]), flat.reshape(self.shape)
-            else:
-                rows = np.array([[column[0, 0] for column in columns]])
-                inverse = np.broadcast_to(np.int32(0), self.shape)
-            found = read_only(rows), read_only(inverse)
+            found = distinct_materials(self.columns)
             object.__setattr__(self, "_unique", found)
         return found
 

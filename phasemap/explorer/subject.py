@@ -222,7 +222,7 @@ def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
     stand_ins = {name: Material(modulus=1.0 + i) for i, name in enumerate(names)}
     every = {name: stand_ins.get(name, Material(modulus=1.0)) for name in scene.config["materials"]}
     table = scene.config["surface"]
-    surface = dilate(table, build_surface(dict(table), every, _folder_of(scene))[0], tip)
+    surface = dilate(table, build_surface(dict(table), every, _folder_of(scene)).surface, tip)
     labels = np.round(surface.modulus - 1.0).astype(np.int32)
     labels.setflags(write=False)
     return Sample(labels, surface.topography)

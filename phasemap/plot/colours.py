@@ -26,6 +26,7 @@ __all__ = [
     "FAILED",
     "FAILED_TEXT",
     "MAPS",
+    "PALETTE",
     "Colours",
     "Scale",
     "given_colours",
@@ -40,6 +41,8 @@ MAPS = {
 }  # fmt: skip
 """The colour map of a quantity, wherever it is drawn; differences have one that is grey at 0."""
 OTHERS = "viridis"
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Colours of lines, symbols and regions: those of Okabe and Ito, which the colour-blind tell apart."""
 FAILED = "#00e646"  # green is in none of them
 FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points that failed
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast

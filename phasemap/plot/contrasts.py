@@ -11,7 +11,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
-from phasemap.plot.colours import FAILED, FAILED_TEXT, Colours, given_colours
+from phasemap.plot.colours import FAILED, FAILED_TEXT, PALETTE, Colours, given_colours
 from phasemap.plot.contrast_map import (
     LINES,
     REGIMES,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["contrast", "is_contrast"]
 
-COLOURS = ("#0072B2", "#D55E00")  # of the two materials: Okabe and Ito's blue and vermilion
+COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4
 LONG = 20  # letters of both names that fill the legend
 FEW = 60  # setpoints up to which they are marked

@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 from phasemap.comparison.words import lines_of, names_of, verdict_of
-from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours, given_colours, limits_of
+from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
 from phasemap.plot.figure import draw_scale_bar, shortened, side_lengths
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["comparison", "is_comparison"]
 
-COLOURS = ("0.15", "#D55E00")  # of the two images: black and Okabe and Ito's vermilion
+COLOURS = ("0.15", PALETTE[1])  # of the two images
 LEAST_SPAN = 0.1  # degrees
 DWARFS, MOST_SPIKES = 4.0, 6  # times as high as the other histogram; labelled at most
 FLAT, TALL = 0.25, 1.6  # height over width of the maps on the page, at least and at most

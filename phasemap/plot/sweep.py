@@ -12,6 +12,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
+from phasemap.plot.colours import PALETTE
 from phasemap.plot.sweep_axis import Sweep
 from phasemap.plot.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["curve", "holds_amplitude", "is_sweep"]
 
-COLOURS = ("#0072B2", "#D55E00")  # of the two directions: Okabe and Ito's blue and vermilion
+COLOURS = PALETTE[:2]  # of the two directions
 WIDTHS = (5.0, 2.2)  # the second direction is drawn over the first, and must not hide it [points]
 ORBITS = "0.1"
 FALLING = ("approach", "down")  # directions in which the axis falls

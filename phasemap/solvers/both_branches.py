@@ -14,8 +14,8 @@ from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
+from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.energy import close
-from phasemap.solvers.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.march import ETA, March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.solvers.problem import Work

@@ -9,8 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.solvers.detected_setpoint import hold
 from phasemap.solvers.energy import close
-from phasemap.solvers.held import hold
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import Solver
 

@@ -13,10 +13,10 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.solvers.continuation.complete import FAINT, complete, held_curves, mend
-from phasemap.solvers.continuation.hold import Place, SlowFeedback
-from phasemap.solvers.continuation.in_time import Adrift
+from phasemap.solvers.continuation.off_orbit import OffOrbit
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
+from phasemap.solvers.continuation.slow_feedback import Place, SlowFeedback
 from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
 from phasemap.sweeps.dataset import Axis, dataset
 
@@ -124,9 +124,9 @@ def _at(parts: list[Segment], x: float) -> Segment | None:
     return next((part for part in parts if part.row_at(x) is not None), None)
 
 
-def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | Adrift | None:
+def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | OffOrbit | None:
     """Where a sweep down to x has ended."""
-    if isinstance(visit.ended, Adrift):
+    if isinstance(visit.ended, OffOrbit):
         return visit.ended
     row = visit.rows[0]
     there = [part for part in parts if part.row_at(x) is not None]
@@ -190,11 +190,11 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     """Up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves.pieces, col.PARAMETER, held=True)
 
-    def landing(edge: np.ndarray, m: float) -> Segment | Adrift | None:
+    def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
-        return engaged(m, edge) or (Adrift(edge) if question.scope.interaction.law.hysteretic else None)
+        return engaged(m, edge) or (OffOrbit(edge) if question.scope.interaction.law.hysteretic else None)
 
-    def engaged(m: float, edge: np.ndarray | None = None) -> Segment | Adrift | None:
+    def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.at(name, float(scale.value(m)))
         feedback = SlowFeedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
@@ -204,7 +204,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
         held = feedback.seek(place, 0, 0)
         if held.place is None or held.row is None:
             return None
-        return held.place.on if isinstance(held.place.on, Adrift) else like(parts, m, held.row)
+        return held.place.on if isinstance(held.place.on, OffOrbit) else like(parts, m, held.row)
 
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.sentences import listed
 from phasemap.inference.curves.data import DIRECTIONS, Data
 from phasemap.inference.curves.parameters import Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
@@ -131,9 +132,8 @@ def _not_determined(problem: Problem, solution: Solution, known: Knowledge) -> d
                 most = (parameter.value(q) + 2 * parameter.error(q, float(known.errors[i]))) * factor
                 found[name] += f" Anything from 0 to about {most:.2g} {word}".rstrip() + " fits as well."
     if together:
-        listed = " and ".join(filter(None, (", ".join(together[:-1]), together[-1])))
         found |= dict.fromkeys(together, "")
-        found[together[0]] = f"{listed} are not determined one by one: hold one of them."
+        found[together[0]] = f"{listed(together)} are not determined one by one: hold one of them."
     return found
 
 

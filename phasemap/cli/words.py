@@ -1,14 +1,20 @@
-"""Numbers of the command line: in SI units, or with a unit."""
+"""What words of the command line stand for: numbers in SI units or with a unit, lists of them, files of labels."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
 
-__all__ = ["number_in", "numbers_in", "one_each"]
+if TYPE_CHECKING:
+    import numpy as np
+
+__all__ = ["labels_in", "number_in", "numbers_in", "one_each"]
+
+LABELS = ("labels", "label")  # maps of regions, as files call them
 
 
 def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
@@ -83,6 +89,36 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
     if len(found) not in (1, count):
         raise InputError(option, text, allowed)
     return found * (count // len(found))
+
+
+def labels_in(path: str) -> np.ndarray:
+    """Read the map of regions of a netCDF file.
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    ndarray of int, shape (rows, columns)
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    FileError
+        If it cannot be read.
+    """
+    import numpy as np
+
+    from phasemap.io.netcdf import load
+
+    maps = load(path)
+    name = next((name for name in LABELS if name in maps), None)
+    if name is None:
+        held = ", ".join(map(str, maps.data_vars))
+        raise InputError(f"what {path} holds", held, f"a map {' or '.join(LABELS)}, as phasemap scene writes it")
+    return np.asarray(maps[name].values)
 
 
 def number_in(name: str, unit: str) -> Callable[[str], float]:
