@@ -20,7 +20,8 @@ import numpy as np
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_slope, damping, damping_slope, longrange_slope
+from phasemap._kernels.dense import factor, substitute
+from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ALL_CUT,
@@ -31,9 +32,7 @@ from phasemap._kernels.orbits.response.nodes import (
     FAR_WEIGHT,
     FIELDS,
     GROWTH,
-    IN,
     LATE,
-    OUT,
     SIN,
     THETA,
     TOUCH,
@@ -48,7 +47,6 @@ from phasemap._kernels.orbits.response.nodes import (
     W,
     X,
     first_harmonic,
-    grade,
     lay,
     parts_of,
     periods_before,
@@ -71,10 +69,8 @@ from phasemap._kernels.orbits.response.passes import (
     E,
     closure,
     evaluate,
-    kicked,
     remaining,
     state_errors,
-    trace_of,
     unresolved,
 )
 
@@ -85,9 +81,6 @@ MUCH = 0.02  # [rad], change of the phase that leaves the nodes about where they
 LONGEST = 0.5  # step, over the depth of the contact or
 AT_LEAST = 0.3  # of the reach
 NARROWER, WIDER = 0.4, 2.5  # contact after a step, over the one before
-LEAST_ALONG = 0.1  # dz0/dA: less is too near to a fold
-SURELY = 0.98  # of the trace at which a multiplier is one, or minus one
-ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
 _LEGENDRE = np.polynomial.legendre.legvander(np.concatenate([2 * X - 1, X - 1, X]), N - 1)
 INTO_PARTS = _LEGENDRE[N:] @ np.linalg.inv(_LEGENDRE[:N])  # from the nodes of a contact to those of its halves
 
@@ -138,7 +131,7 @@ def stiffness(
 
 
 @kernel(fastmath=ANY_ORDER)
-def _fill(
+def fill(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, motion: np.ndarray,
     periodic: bool, m: np.ndarray,
 ) -> None:  # fmt: skip
@@ -186,51 +179,7 @@ def _fill(
 
 
 @kernel
-def _factor(m: np.ndarray, n: int, order: np.ndarray) -> bool:
-    """Gauss's triangles in place of the first n columns, rows exchanged as `order` says; False if there are none."""
-    for k in range(n):
-        best, size = k, abs(m[k, k])
-        for i in range(k + 1, n):
-            if abs(m[i, k]) > size:
-                best, size = i, abs(m[i, k])
-        if not size > 0.0:
-            return False
-        order[k] = best
-        pivot = m[k]
-        if best != k:
-            other = m[best]
-            for j in range(n):
-                pivot[j], other[j] = other[j], pivot[j]
-        inverse = 1.0 / pivot[k]
-        for i in range(k + 1, n):
-            row = m[i]
-            factor = row[k] * inverse
-            row[k] = factor
-            for j in range(k + 1, n):
-                row[j] -= factor * pivot[j]
-    return True
-
-
-@kernel
-def _substitute(m: np.ndarray, n: int, order: np.ndarray, x: np.ndarray) -> None:
-    """Solve for one right side, in place."""
-    for k in range(n):
-        x[k], x[order[k]] = x[order[k]], x[k]
-    for i in range(1, n):
-        total = x[i]
-        for j in range(i):
-            total -= m[i, j] * x[j]
-        x[i] = total
-    for back in range(n):
-        i = n - 1 - back
-        total = x[i]
-        for j in range(i + 1, n):
-            total -= m[i, j] * x[j]
-        x[i] = total / m[i, i]
-
-
-@kernel
-def _drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
+def drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
     i, omega, amplitude = node(k), lever[OMEGA], state[AMP]
     x = state[PUSH] + amplitude * (1.0 - omega * omega)
@@ -269,19 +218,19 @@ def _step(
     copy(f[U], old[1])
     respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, longrange)
     if anew:
-        _fill(law, p, lever, f, state, old, True, m)
-        if not _factor(m, n, order):
+        fill(law, p, lever, f, state, old, True, m)
+        if not factor(m, n, order):
             return 0.0
         for j in range(n):
             per_e[j] = m[j, n]
-        _substitute(m, n, order, per_e)
+        substitute(m, n, order, per_e)
     for j in range(n):
         i = node(j)
         right[j] = m[j, n] * (f[W, i] - old[0, i]) + m[j, n + 1] * (f[U, i] - old[1, i])
-    _substitute(m, n, order, right)
+    substitute(m, n, order, right)
     change, slope = h, 0.0
     for j in range(n):
-        to_h = _drive_of(lever, f, state, j)
+        to_h = drive_of(lever, f, state, j)
         change += to_h * right[j]
         slope -= to_h * per_e[j]
     move = -change / slope
@@ -373,99 +322,3 @@ def cut(lever: np.ndarray, short: Bench, long: Bench, longrange: bool) -> None:
             for k in range(N):
                 total += INTO_PARTS[j, k] * f[row, TOUCH + k]
             finer[row, node(j)] = total
-
-
-@kernel
-def _touches_once(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
-    """Whether the tip touches at the nodes in contact and at no other."""
-    amplitude, e, deepest = state[AMP], state[E], 0.0
-    if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
-        grade(f, amplitude, e, 1e-3 * amplitude, f[THETA, EXIT])
-        lay(f, lever, f[THETA, ENTRY], f[THETA, EXIT], True)
-        for j in range(N):
-            f[G, IN + j], f[G, OUT + j] = 0.0, 0.0
-        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, True)
-    for k in range(N * parts_of(f)):
-        deepest = max(deepest, amplitude * f[COS, node(k)] + f[W, node(k)] - e)
-    aside = ASIDE * max(deepest, reach)
-    for k in range(N * parts_of(f)):
-        if amplitude * f[COS, node(k)] + f[W, node(k)] - e < -aside:
-            return False
-    for j in range(N):
-        inward, outward = IN + j, OUT + j
-        if max(amplitude * f[COS, inward] + f[W, inward], amplitude * f[COS, outward] + f[W, outward]) - e > aside:
-            return False
-    return True
-
-
-@kernel
-def _rises(lever: np.ndarray, bench: Bench) -> bool:
-    """Whether the tip offset clearly rises with the amplitude, the drive being the one given."""
-    f, state, m, right = bench.nodes, bench.state, bench.system, bench.right
-    omega, amplitude, n = lever[OMEGA], state[AMP], N * parts_of(f)
-    s, y = 1.0 - omega * omega, 2.0 * lever[ALPHA0] * omega
-    for j in range(n):
-        right[j] = m[j, n] * f[COS, node(j)] - m[j, n + 1] * f[SIN, node(j)]
-    _substitute(m, n, bench.order, right)
-    per_a = 2.0 * ((state[PUSH] + amplitude * s) * s + (y * amplitude - state[DRAG]) * y) / lever[BASE] ** 2
-    per_e, mean_a, mean_e = 0.0, 0.0, 0.0
-    for j in range(n):
-        to_h, to_mean = _drive_of(lever, f, state, j), WEIGHTS[j % N] * f[WEIGHT, node(j)] / (2 * math.pi)
-        per_a, per_e = per_a + to_h * right[j], per_e - to_h * bench.per_e[j]
-        mean_a, mean_e = mean_a + to_mean * right[j], mean_e - to_mean * bench.per_e[j]
-    e_a = -per_a / per_e
-    return e_a - mean_a - mean_e * e_a > LEAST_ALONG
-
-
-@kernel
-def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
-    """Whether both multipliers are surely within one: theory, Eqs. (stability-5) and (response-9).
-
-    Through the contact two motions are solved for as the orbit was; outside, the long-range stiffness kicks.
-    """
-    f, state, m, one, two = bench.nodes, bench.state, bench.system, bench.right, bench.per_e
-    omega, alpha0, n = lever[OMEGA], lever[ALPHA0], N * parts_of(f)
-    a, nu, amplitude = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega, state[AMP]
-    x1, y1, x2, y2, decay = 1.0, 0.0, 0.0, 1.0, -4.0 * math.pi * a
-    copy(f[W], bench.motions[0])
-    copy(f[U], bench.motions[1])
-    _fill(law, p, lever, f, state, bench.motions[:2], False, m)
-    for j in range(n):
-        i, kappa, gamma = node(j), m[j, n], m[j, n + 1]
-        c, s = f[TURN_COS, i] / f[GROWTH, i], f[TURN_SIN, i] / f[GROWTH, i]
-        one[j], two[j] = kappa * c + gamma * (a * c - nu * s), kappa * s + gamma * (a * s + nu * c)
-        decay += WEIGHTS[j % N] * f[WEIGHT, i] * gamma / (omega * omega)
-    if not _factor(m, n, bench.order):
-        return False
-    _substitute(m, n, bench.order, one)
-    _substitute(m, n, bench.order, two)
-    for side in range(2):
-        if side == 1:
-            by_x1, by_y1, by_x2, by_y2 = 0.0, 0.0, 0.0, 0.0
-            for j in range(n):
-                i = node(j)
-                kick = WEIGHTS[j % N] * f[WEIGHT, i] * f[GROWTH, i] / (omega * omega * nu)
-                c, s = kick * f[TURN_COS, i], kick * f[TURN_SIN, i]
-                by_x1, by_y1 = by_x1 + s * one[j], by_y1 - c * one[j]
-                by_x2, by_y2 = by_x2 + s * two[j], by_y2 - c * two[j]
-            x1, y1, x2, y2 = (
-                x1 + by_x1 * x1 + by_x2 * y1,
-                y1 + by_y1 * x1 + by_y2 * y1,
-                x2 + by_x1 * x2 + by_x2 * y2,
-                y2 + by_y1 * x2 + by_y2 * y2,
-            )
-        for k in range(N if p[LONGRANGE] != 0.0 else 0):
-            i = IN + N - 1 - k if side == 0 else OUT + k  # in the order of time
-            d = min(amplitude * f[COS, i] + f[W, i] - state[E], 0.0)
-            kick = WEIGHTS[i % N] * f[WEIGHT, i] * longrange_slope(law, d, p) / (lever[STIFFNESS] * omega * omega * nu)
-            x1, y1 = kicked(f[TURN_COS, i], f[TURN_SIN, i], kick, x1, y1)
-            x2, y2 = kicked(f[TURN_COS, i], f[TURN_SIN, i], kick, x2, y2)
-    return abs(trace_of(a, nu, x1, y1, x2, y2)) < SURELY * (1.0 + math.exp(-decay))
-
-
-@kernel
-def firm(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, bench: Bench) -> bool:
-    """Whether an orbit that was FOUND touches where it was taken to, is stable, and far from the end of its branch."""
-    if not (_rises(lever, bench) and _stable(law, p, lever, bench)):
-        return False
-    return _touches_once(law, p, lever, reach, bench.nodes, bench.state)

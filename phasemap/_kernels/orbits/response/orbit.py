@@ -12,7 +12,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.response.newton import COARSE, FOUND, Bench, cut, firm, middle_of, newton
+from phasemap._kernels.orbits.response.firm import firm
+from phasemap._kernels.orbits.response.newton import COARSE, FOUND, Bench, cut, middle_of, newton
 from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, W
 from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 

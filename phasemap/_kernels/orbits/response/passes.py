@@ -156,7 +156,7 @@ def converge(
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
-    touching = state[E] < amplitude
+    touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest = TOUCH + N // 2 if touching else OUT
     phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
     w_before = 0.0
@@ -198,6 +198,15 @@ def kicked(c: float, s: float, kick: float, x: float, y: float) -> tuple[float, 
     return x + force * s, y - force * c
 
 
+@kernel(fastmath=ANY_ORDER)
+def turned(squared: float, width: float, v: float, u: float) -> tuple[float, float]:
+    """Motion v and its rate u after an angle `width`, under a stiffness that stays: v'' = -squared v."""
+    z = squared * width * width
+    c = 1.0 - z / 2.0 * (1.0 - z / 12.0 * (1.0 - z / 30.0))
+    s = width * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
+    return c * v + s * u, c * u - squared * s * v
+
+
 @kernel
 def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) -> float:
     """Trace of the monodromy matrix: after all kicks (1, 0) is (x1, y1), and (0, 1) is (x2, y2)."""
@@ -209,13 +218,14 @@ def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) ->
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there: theory,
-    Eq. (stability-6). A period doubles where it is -1 less the determinant, which all damping makes smaller; the trace
-    leaves out that of the contact, which would bring it nearer to zero.
+    The trace of the monodromy matrix is that of the free lever kicked at every node outside contact by the stiffness
+    there, and turned faster by it in contact: theory, Eq. (stability-6). A period doubles where it is -1 less the
+    determinant, which all damping makes smaller; the trace leaves out that of the contact, which would bring it nearer
+    to zero.
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
-    touching, longrange = e < amplitude, p[LONGRANGE] != 0.0
+    touching, longrange = f[THETA, EXIT] > f[THETA, ENTRY], p[LONGRANGE] != 0.0
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
@@ -232,10 +242,19 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
         if in_contact and p[DAMPING] != 0.0:
             decay += 2.0 / omega * WEIGHTS[j % N] * f[WEIGHT, j] * damping(law, max(d, 0.0), p)
-        kick = WEIGHTS[j % N] * f[WEIGHT, j] * inverse_k * slope / (omega * omega * nu)
-        c, s = f[TURN_COS, j], f[TURN_SIN, j]
-        x1, y1 = kicked(c, s, kick, x1, y1)
-        x2, y2 = kicked(c, s, kick, x2, y2)
+        width, squared = WEIGHTS[j % N] * f[WEIGHT, j], inverse_k * slope / (omega * omega)
+        if not in_contact:
+            x1, y1 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x1, y1)
+            x2, y2 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x2, y2)
+            continue
+        if j == TOUCH:
+            c, s = f[TURN_COS, ENTRY], f[TURN_SIN, ENTRY]
+            x1, y1, x2, y2 = c * x1 + s * y1, nu * (c * y1 - s * x1), c * x2 + s * y2, nu * (c * y2 - s * x2)
+        x1, y1 = turned(nu * nu + squared, width, x1, y1)
+        x2, y2 = turned(nu * nu + squared, width, x2, y2)
+        if j == OUT - 1:
+            c, s = f[TURN_COS, EXIT], f[TURN_SIN, EXIT]
+            x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
     trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
     return far and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
