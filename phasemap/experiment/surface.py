@@ -67,6 +67,8 @@ class Surface:
         Height of the undeformed surface [m]; None is flat.
     thickness : float or array_like, shape (ny, nx), optional
         Of a film on a rigid base [m], > 0, for the contact "film"; infinite where the material has no bottom.
+    relaxed_modulus, relaxation_time : float or array_like, shape (ny, nx), optional
+        [Pa, s] of materials that relax, as of `Material`; the time is infinite where one does not.
     pixel_size : float or (float, float)
         Side of a square pixel [m], or its (dy, dx); kept as (dy, dx).
     shape : (int, int), optional
@@ -101,6 +103,8 @@ class Surface:
     poisson_ratio: FloatArray
     topography: FloatArray | None
     thickness: FloatArray | None
+    relaxed_modulus: FloatArray | None
+    relaxation_time: FloatArray | None
     pixel_size: tuple[float, float]
     shape: tuple[int, int]
     allow_nan: bool
@@ -115,6 +119,8 @@ class Surface:
         poisson_ratio: ArrayLike = 0.35,
         topography: ArrayLike | None = None,
         thickness: ArrayLike | None = None,
+        relaxed_modulus: ArrayLike | None = None,
+        relaxation_time: ArrayLike | None = None,
         *,
         pixel_size: float | Sequence[float],
         shape: Sequence[int] | None = None,
@@ -134,6 +140,8 @@ class Surface:
             "poisson_ratio": poisson_ratio,
             "topography": topography,
             "thickness": thickness,
+            "relaxed_modulus": relaxed_modulus,
+            "relaxation_time": relaxation_time,
         }
         maps = {
             name: found
@@ -144,6 +152,7 @@ class Surface:
             if name not in maps:
                 raise InputError(name, None, "one number or a 2-D map")
         ny_nx = _common_shape(maps, shape)
+        _check_relaxation(maps)
         for name in given:
             one = maps.get(name)
             whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
@@ -218,8 +227,8 @@ class Surface:
         sides, relief = _pixels(pixel_size), _made("topography", topography, False)
         with unquestioned():  # each Material was looked at when it was made
             surface = cls(
-                columns[0], columns[1], damping, viscosity, columns[3], relief, *columns[4:], pixel_size=sides,
-                shape=label_map.shape,
+                columns[0], columns[1], damping, viscosity, columns[3], relief,
+                *([None] if len(columns) == 6 else []), *columns[4:], pixel_size=sides, shape=label_map.shape,
             )  # fmt: skip
         object.__setattr__(surface, "_unique", (rows, inverse))
         return surface
@@ -232,9 +241,9 @@ class Surface:
         ----------
         dataset : xarray.Dataset
             Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography,
-            thickness; each
-            with dims ("y", "x") or none. Coordinates y and x, increasing, evenly spaced. A units attribute with a
-            metric prefix (GPa, mJ/m2, nm) is converted, a missing one is SI.
+            thickness, relaxed_modulus and relaxation_time; each with dims ("y", "x") or none. Coordinates y and x,
+            increasing, evenly spaced. A units attribute with a metric prefix (GPa, mJ/m2, nm) is converted, a missing
+            one is SI.
         allow_nan : bool
             As in `Surface`.
 
@@ -353,9 +362,9 @@ class Surface:
 
         Returns
         -------
-        rows : ndarray, shape (n, 4) or (n, 5)
+        rows : ndarray, shape (n, 4), (n, 5) or (n, 6)
             Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1], and
-            thickness [m] if there is one.
+            thickness [m] if there is one, or relaxed modulus [Pa] and relaxation time [s].
         inverse : ndarray of int32, shape (ny, nx)
             Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
             read-only.
@@ -407,7 +416,10 @@ class Surface:
     @property
     def columns(self) -> list[FloatArray]:
         """The maps that make up a material."""
-        fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness)
+        fields = (
+            self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness,
+            self.relaxed_modulus, self.relaxation_time,
+        )  # fmt: skip
         return [column for column in fields if column is not None]
 
     def rows(self, rows: slice) -> Surface:
@@ -525,7 +537,16 @@ class Surface:
         rows, columns = self.shape
         tall, wide = (say(side, "m") for side in self.pixel_size)
         found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
-        for name in ("modulus", "adhesion", "damping", "viscosity", "topography", "thickness"):
+        for name in (
+            "modulus",
+            "adhesion",
+            "damping",
+            "viscosity",
+            "topography",
+            "thickness",
+            "relaxed_modulus",
+            "relaxation_time",
+        ):
             value = getattr(self, name)
             if is_lazy(value):
                 blocks = chunks_of(value)
@@ -692,6 +713,35 @@ def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> t
     return agreed
 
 
+def _check_relaxation(maps: dict[str, FloatArray]) -> None:
+    """Refuse maps that are not those of standard linear solids; lazy ones are seen when they are computed."""
+    given = [name for name in ("relaxed_modulus", "relaxation_time") if name in maps]
+    if not given:
+        return
+    if len(given) < 2:
+        missing = "relaxation_time" if given[0] == "relaxed_modulus" else "relaxed_modulus"
+        raise InputError(missing, None, f"given together with {given[0]}")
+    _refuse_films("thickness" in maps)
+    if any(is_lazy(one) for one in maps.values()):
+        return
+    above = np.atleast_2d(maps["relaxed_modulus"] > maps["modulus"])
+    if above.any():
+        most = float(np.max(maps["relaxed_modulus"]))
+        raise InputError("relaxed_modulus", most, "at most modulus, that of a sudden touch", _where(above))
+    _refuse_losses(any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps))
+
+
+def _refuse_films(film: bool) -> None:
+    if film:
+        raise InputError("relaxation_time", Word("given beside a thickness"), "either of them: only half-spaces relax")
+
+
+def _refuse_losses(loss: bool) -> None:
+    if loss:
+        allowed = "relaxation, or damping or viscosity, not both on one surface"
+        raise InputError("relaxation_time", Word("given beside a damping or viscosity"), allowed)
+
+
 def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
     """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
     if isinstance(materials, Sequence) and not isinstance(materials, str):
@@ -719,6 +769,11 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
     if any(m.thickness is not None for m in chosen):
         endless = [math.inf if m.thickness is None else m.thickness for m in chosen]
         table = np.column_stack([table, endless])
+    if any(m.relaxation_time is not None for m in chosen):
+        _refuse_films(table.shape[1] > 4)
+        relaxing = [(m.relaxed_modulus or m.modulus, m.relaxation_time or math.inf) for m in chosen]
+        table = np.column_stack([table, relaxing])
+        _refuse_losses(bool(table[:, 2].any()))
     return names, table, viscous
 
 

@@ -1,0 +1,147 @@
+"""Contacts that remember: Ting's theory in time, against elements in equal steps (`tests/reference/make_memory.py`)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+
+CASES = json.loads((Path(__file__).parent.parent / "data" / "memory.json").read_text())
+PROPERTIES = ("modulus", "adhesion", "viscosity", "relaxed_modulus", "relaxation_time")
+SOLID = {"modulus": 2e9, "relaxed_modulus": 1e9, "relaxation_time": 100e-9}
+
+
+def scope_of(case: dict[str, Any] | None = None, **interaction: Any) -> pm.Microscope:
+    known = {"quality_factor": 400.0, "free_amplitude": 40e-9, "decay_length": None, **(case or {})}
+    laws = {"contact": "dmt", "decay_length": known["decay_length"], "withdrawal": "ting", **interaction}
+    lever = pm.Cantilever(40.0, 300e3, known["quality_factor"])
+    return pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(known["free_amplitude"]), pm.Interaction(**laws))
+
+
+def pixel_of(setpoint: float = 0.6, solver: str = "auto", **material: Any) -> pm.Pixel:
+    pixel = pm.solve_pixel(pm.Material(**material), scope_of(), setpoint, solver)
+    assert pixel.status is pm.Status.good
+    return pixel
+
+
+def what(case: dict[str, Any]) -> str:
+    """Name of a case."""
+    loss = "viscosity" if "viscosity" in case else "relaxation_time"
+    return f"{loss} {case[loss]:g}, w {case['adhesion']:g}, Q {case['quality_factor']:g}"
+
+
+@pytest.mark.parametrize("case", CASES, ids=what)
+def test_it_is_the_orbit_of_independent_elements(case: dict[str, Any]) -> None:
+    material = pm.Material(**{name: case[name] for name in PROPERTIES if name in case})
+    pixel = pm.solve_pixel(material, scope_of(case), case["setpoint"])
+    assert pixel.status is pm.Status.good
+    assert pixel.solver == "march"
+    assert case["error"] < 1e-5  # degree, of the reference
+    assert pixel.phase == pytest.approx(case["phase"], abs=1e-4)
+    # A phase off by 1e-4 degree is a force off by some 1e-5, and so are the energies; a depth of 5 nm by 0.05 pm.
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=5e-14)
+    assert pixel.indentation == pytest.approx(case["indentation"], abs=5e-14)
+    assert pixel.dissipation == pytest.approx(case["dissipation"], rel=1e-5)
+    assert pixel.virial == pytest.approx(case["virial"], rel=1e-5)
+    assert abs(pixel.energy_closure) < 1e-5  # what the surface takes is the integral of F z', by the same steps
+
+
+def test_a_solid_that_has_no_time_to_relax_is_elastic() -> None:
+    # What is lost goes with the time of contact over the relaxation time: 0.65 degree at 1 us is 7e-5 at 10 ms.
+    slow = pixel_of(**{**SOLID, "relaxation_time": 1e-2})
+    assert slow.phase == pytest.approx(pixel_of(modulus=2e9, solver="orbit").phase, abs=1e-4)
+
+
+def test_a_solid_that_relaxes_at_once_has_its_relaxed_modulus() -> None:
+    fast = [pixel_of(**{**SOLID, "relaxation_time": time}) for time in (2e-9, 4e-9)]
+    # The loss begins as the first power of the time; the second left is some (4 ns over 100 ns of contact)^2 of it.
+    soft = pixel_of(modulus=1e9, solver="orbit")
+    assert 2 * fast[0].phase - fast[1].phase == pytest.approx(soft.phase, abs=0.01)
+    assert fast[0].phase < soft.phase - 0.05
+    assert 2 * fast[0].tip_offset - fast[1].tip_offset == pytest.approx(soft.tip_offset, abs=2e-12)
+
+
+def test_a_solid_that_does_not_relax_is_the_elastic_one_to_the_last_bit() -> None:
+    same, elastic = pixel_of(**{**SOLID, "relaxed_modulus": 2e9}), pixel_of(modulus=2e9)
+    assert (same.phase, same.height, same.solver) == (elastic.phase, elastic.height, elastic.solver)
+
+
+def test_without_adhesion_the_law_without_adhesion_is_the_same() -> None:
+    hertz = pm.solve_pixel(pm.Material(**SOLID), scope_of(contact="hertz"), 0.6)
+    assert hertz.phase == pixel_of(**SOLID).phase
+
+
+def test_an_elastic_tip_leaves_the_time_of_recovery_alone() -> None:
+    tip = pm.Tip(10e-9, modulus=4e9, poisson_ratio=0.35)
+    scope = replace(scope_of(), tip=tip)
+    compliant = pm.solve_pixel(pm.Material(**SOLID), scope, 0.6)
+    # In series with a spring of 4 GPa, 2 and 1 GPa are 4/3 and 4/5 GPa; 100 ns times (2/1) (4/5)/(4/3) are 120 ns.
+    alike = pixel_of(modulus=4e9 / 3, relaxed_modulus=0.8e9, relaxation_time=120e-9)
+    assert compliant.phase == pytest.approx(alike.phase, abs=1e-6)
+
+
+def test_a_viscous_contact_that_cannot_pull_loses_less() -> None:
+    material = pm.Material(modulus=1e9, viscosity=20.0)
+    ting = pm.solve_pixel(material, scope_of(), 0.6)
+    linear = pm.solve_pixel(material, scope_of(withdrawal="linear"), 0.6)
+    assert linear.solver != "march"
+    assert ting.dissipation < linear.dissipation
+
+
+def test_where_nothing_is_viscous_withdrawal_changes_no_bit() -> None:
+    linear = pm.solve_pixel(pm.Material(modulus=1e9), scope_of(withdrawal="linear"), 0.6)
+    assert (linear.phase, linear.solver) == (pixel_of(modulus=1e9).phase, pixel_of(modulus=1e9).solver)
+
+
+def test_only_the_material_that_relaxes_is_marched() -> None:
+    solid, glass = pm.Material(**SOLID), pm.Material(modulus=2e9)
+    surface = pm.Surface.from_labels([[0, 1]], [solid, glass], pixel_size=4e-9)
+    image = pm.simulate(surface, scope_of(), 0.6)
+    assert image.phase.values[0].tolist() == [pixel_of(**SOLID).phase, pixel_of(modulus=2e9).phase]
+    flags = dict(zip(image.solver.attrs["flag_meanings"].split(), image.solver.attrs["flag_values"], strict=True))
+    assert image.solver.values[0, 0] == flags["march"] != image.solver.values[0, 1]
+
+
+def test_a_feedback_in_time_settles_where_the_pixel_is() -> None:
+    surface = pm.Surface(**SOLID, pixel_size=4e-9, shape=(1, 4))
+    scope = scope_of({"quality_factor": 60.0})
+    image = pm.simulate(surface, scope, 0.6, control=pm.Feedback(line_rate=1.0, engage="line"))
+    pixel = pm.solve_pixel(pm.Material(**SOLID), scope, 0.6)
+    assert "march" in str(image.attrs["configuration"]) or (image.solver == 2).all()
+    np.testing.assert_allclose(image.phase.values, pixel.phase, atol=0.02)  # of steps of 0.7, and of a settling loop
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        (
+            lambda m, s: pm.solve_pixel(m, s, 0.6, "orbit"),
+            "solver is .orbit.; allowed: .march. or .auto. where contacts",
+        ),
+        (lambda m, s: pm.solve_pixel(m, s, 0.6, "averaging"), "solver is 'averaging'"),
+        (lambda m, s: pm.orbits(m, s, setpoint=0.6), "surface is one that remembers"),
+        (lambda m, s: pm.sweep_setpoint(m, s, [0.6, 0.7]), "surface is one that remembers"),
+        (lambda m, s: pm.force_curve(m, s, [0.0, 1e-9]), "surface is one that remembers"),
+        (lambda m, s: image_of(m, s, control=pm.Raster()), "control is 'Raster'.*Engage or Feedback"),
+        (lambda m, s: image_of(m, s, solver="orbit"), "solver is 'orbit'"),
+        (lambda m, s: image_of(m, s, variables=["adhesion_virial"]), "variables is 'adhesion_virial'"),
+        (lambda m, s: pm.solve_pixel(m, replace(s, interaction=pm.Interaction("jkr")), 0.6), "contact is 'jkr'"),
+        (
+            lambda m, s: pm.solve_pixel(m, replace(s, drive=pm.Drive(4e-8, excitation="base")), 0.6),
+            "excitation is 'base'",
+        ),
+    ],
+)
+def test_what_cannot_follow_a_memory_says_so_at_once(asked: Any, sentence: str) -> None:
+    with pytest.raises(pm.InputError, match=sentence):
+        asked(pm.Material(**SOLID), scope_of())
+
+
+def image_of(material: pm.Material, scope: pm.Microscope, **options: Any) -> Any:
+    return pm.simulate(pm.Surface.from_labels([[0]], [material], pixel_size=4e-9), scope, 0.6, **options)
