@@ -145,3 +145,61 @@ def test_what_cannot_follow_a_memory_says_so_at_once(asked: Any, sentence: str) 
 
 def image_of(material: pm.Material, scope: pm.Microscope, **options: Any) -> Any:
     return pm.simulate(pm.Surface.from_labels([[0]], [material], pixel_size=4e-9), scope, 0.6, **options)
+
+
+def test_a_scene_says_it_with_units(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text("""
+    [cantilever]
+    stiffness = 40.0
+    resonance_frequency = "300 kHz"
+    quality_factor = 400.0
+    [tip]
+    radius = "10 nm"
+    [drive]
+    free_amplitude = "40 nm"
+    [interaction]
+    contact = "dmt"
+    withdrawal = "ting"
+    [scan]
+    setpoint = 0.6
+    [materials.rubber]
+    modulus = "2 GPa"
+    relaxed_modulus = "1 GPa"
+    relaxation_time = "100 ns"
+    [materials.glass]
+    modulus = "2 GPa"
+    [surface]
+    kind = "labels"
+    labels = [[0, 1]]
+    materials = ["rubber", "glass"]
+    pixel_size = "4 nm"
+    """)
+    scene = pm.load_scene(tmp_path / "scene.toml")
+    surface = scene.surface
+    assert surface.relaxation_time.tolist() == [[100e-9, np.inf]]
+    assert surface.relaxed_modulus.tolist() == [[1e9, 2e9]]
+    assert pm.Surface.from_dataset(surface.to_dataset()) == surface
+    image = scene.simulate()
+    assert image.phase.values[0, 0] == pixel_of(**SOLID).phase
+    assert "relaxation after Ting" in image.attrs["modelled"]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"relaxed_modulus": None}, "relaxed_modulus is None; allowed: .*given together with relaxation_time"),
+        ({"relaxation_time": None}, "relaxation_time is None; allowed: .*given together with relaxed_modulus"),
+        ({"relaxed_modulus": 3e9}, "at most modulus"),
+        ({"viscosity": 20.0}, "relaxation_time"),
+        ({"relaxation_time": -1.0}, "relaxation_time is -1"),
+        ({"thickness": 20e-9}, "relaxation_time"),
+    ],
+)
+def test_numbers_that_are_no_solid_are_refused_of_a_material_and_a_surface(
+    change: dict[str, Any], sentence: str
+) -> None:
+    numbers = {name: value for name, value in {**SOLID, **change}.items() if value is not None}
+    with pytest.raises(pm.InputError, match=sentence):
+        pm.Material(**numbers)
+    with pytest.raises(pm.InputError, match=sentence):
+        pm.Surface(**numbers, pixel_size=1e-9, shape=(1, 1))
