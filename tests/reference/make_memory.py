@@ -189,6 +189,23 @@ def solved(case, steps=16000, elements=1600):
     return {**case, **found, "error": abs(float(fine[0] - coarse[0]))}
 
 
+def followed(case, periods=6, steps=16000, elements=1500):
+    """The case with z, z' [m] and what the surface took [J] after each of some periods, from a surface as it was."""
+    kind, p = numbers(case)
+    lever = 0.5 / case["quality_factor"], case["free_amplitude"] / case["quality_factor"]
+    runs = []
+    for finer in (1, 2):
+        dx, w = math.sqrt(case["deepest"]) / (elements * finer), np.zeros(elements * finer + 1)
+        y, out, states = np.array(case["start"]), np.zeros(6), []
+        for _ in range(periods):
+            period(kind, p, lever, case["tip_offset"], dx, steps * finer, y, w, out)
+            states.append([*y, out[3] * STIFFNESS])
+        runs.append(np.array(states))
+    moved = np.abs(runs[1] - runs[0])[:, :2].max() / case["free_amplitude"]
+    print(case, "error", moved, flush=True)
+    return {**case, "states": (runs[1] + (runs[1] - runs[0]) / 3.0).tolist(), "error": float(moved)}
+
+
 def seen(time, relaxed=0.5, elements=4000, steps=40000):
     """Loss tangent that a prescribed tap d = A (cos tau - 1) + 3 nm, A = 40 nm, sees; time in 1/omega0."""
     p, dx = np.array([1.0, 1.0 - relaxed, time, 0.0, 1.0]), math.sqrt(3.2) / elements
@@ -225,8 +242,22 @@ CASES = [
     {**BASE, "modulus": 0.2e9, "viscosity": 1000.0},  # recovers in 4 us
 ]  # fmt: skip
 
+LIQUID = {**BASE, "quality_factor": 10.0, "free_amplitude": 10e-9, "relaxed_modulus": 0.5e9, "relaxation_time": 300e-9}
+HISTORIES = [
+    {**LIQUID, "tip_offset": -3e-9, "start": [0.0, 1e-9], "deepest": 20e-9},  # pressed in, and never off
+    {
+        **LIQUID, "adhesion": 0.06, "decay_length": 0.3e-9, "tip_offset": -1e-9, "start": [-2e-9, 1e-9],
+        "deepest": 20e-9,
+    },
+    {  # several taps in a period
+        **LIQUID, "modulus": 20e9, "relaxed_modulus": 5e9, "relaxation_time": 100e-9, "tip_offset": 0.5e-9,
+        "start": [-1e-9, 12e-9], "deepest": 8e-9,
+    },
+]  # fmt: skip
+
 
 if __name__ == "__main__":
     for case, known in zip((10e-9, 30e-9, 100e-9, 300e-9, 1e-6), (0.0166, 0.0373, 0.0473, 0.0294, 0.0117), strict=True):
         assert abs(seen(case * 2.0 * math.pi * FREQUENCY) - known) < 5e-5  # the integrals of Ting
-    DATA.write_text(json.dumps([solved(case) for case in CASES], indent=1) + "\n")
+    found = {"orbits": [solved(case) for case in CASES], "histories": [followed(case) for case in HISTORIES]}
+    DATA.write_text(json.dumps(found, indent=1) + "\n")

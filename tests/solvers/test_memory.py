@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 import phasemap as pm
+from phasemap._kernels.orbits.time.elements import STATE
+from phasemap._kernels.orbits.time.march import march_period
+from phasemap.solvers.problem import work_of_material
 
-CASES = json.loads((Path(__file__).parent.parent / "data" / "memory.json").read_text())
+KNOWN = json.loads((Path(__file__).parent.parent / "data" / "memory.json").read_text())
 PROPERTIES = ("modulus", "adhesion", "viscosity", "relaxed_modulus", "relaxation_time")
 SOLID = {"modulus": 2e9, "relaxed_modulus": 1e9, "relaxation_time": 100e-9}
 
@@ -36,7 +39,7 @@ def what(case: dict[str, Any]) -> str:
     return f"{loss} {case[loss]:g}, w {case['adhesion']:g}, Q {case['quality_factor']:g}"
 
 
-@pytest.mark.parametrize("case", CASES, ids=what)
+@pytest.mark.parametrize("case", KNOWN["orbits"], ids=what)
 def test_it_is_the_orbit_of_independent_elements(case: dict[str, Any]) -> None:
     material = pm.Material(**{name: case[name] for name in PROPERTIES if name in case})
     pixel = pm.solve_pixel(material, scope_of(case), case["setpoint"])
@@ -50,6 +53,20 @@ def test_it_is_the_orbit_of_independent_elements(case: dict[str, Any]) -> None:
     assert pixel.dissipation == pytest.approx(case["dissipation"], rel=1e-5)
     assert pixel.virial == pytest.approx(case["virial"], rel=1e-5)
     assert abs(pixel.energy_closure) < 1e-5  # what the surface takes is the integral of F z', by the same steps
+
+
+@pytest.mark.parametrize("case", KNOWN["histories"], ids=("never off", "sticking", "several taps"))
+def test_the_contact_goes_on_from_whatever_was_before(case: dict[str, Any]) -> None:
+    material = pm.Material(**{name: case[name] for name in PROPERTIES if name in case})
+    work = work_of_material(material, scope_of(case), 1e-9, marched=True)
+    y, acc, amplitude = np.zeros(STATE), np.zeros(7), case["free_amplitude"]
+    y[:2] = case["start"]
+    assert case["error"] < 1e-6
+    for z, v, lost in case["states"]:
+        assert march_period(work.law, work.rows[0], work.lever, case["tip_offset"], 0.12, y, acc) > 0
+        # The root of a turn before, which a contact passes as it grows again, is no end of a step: 1.4e-5 of A here.
+        np.testing.assert_allclose(y[:2], (z, v), rtol=0, atol=3e-5 * amplitude)
+        assert acc[3] == pytest.approx(lost, rel=1e-4)
 
 
 def test_a_solid_that_has_no_time_to_relax_is_elastic() -> None:

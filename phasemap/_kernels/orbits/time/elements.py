@@ -26,7 +26,7 @@ from phasemap._kernels.compilation import kernel
 MODE, EDGE, SEEN, INSIDE, INNER, OUTER, PEAK, NODES = 4, 5, 6, 7, 8, 9, 10, 11
 FREE, GROWING, SHRINKING = 0.0, 1.0, 2.0
 XI, TIME, VALUE, SLOPE, TURN, WIDTH = 0, 1, 2, 3, 4, 5  # of a node: xi, when, b or y then, and its slope by xi, peak
-MOST = 128  # nodes of a stack
+MOST = 256  # nodes of a stack
 STATE = NODES + 2 * MOST * WIDTH
 OPEN = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
 

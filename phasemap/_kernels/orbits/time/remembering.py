@@ -351,12 +351,13 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         q = find_edge(m, c, mode, d, u)
         u[INSIDE] += at_edge(m, c, mode, q, u[SEEN], 0.0)[0] * (q - u[X]) if t0 == 0 else 0.0
         u[X] = q
-    elif d > dent:
+    elif d > dent:  # pushed in at once, and so all elements touched at the same time
         mode, u[X], u[SEEN] = on.GROWING, 0.0, d
         u[X] = find_edge(m, c, mode, d, u)
         m[on.INNER] = 0.0
+        if t0 == 0:
+            on.lay(m, False, 0.0, 0.0, d - on.outside(m, 0.0, 0.0, recovery)[0], -1.0, on.OPEN)
         record(m, c, mode, u, 0.0)
-        m[on.NODES + on.XI] = 0.0
     deep = reach(law, p, plain, max(u[X], 0.0), v, snap + 2 * HARD * HARD * math.hypot(y[0], v)) if mode > 0 else 0.0
     highest, grade, gone = d, 1.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
