@@ -18,7 +18,7 @@ SURFACE = pm.Surface(1e9, pixel_size=4e-9, shape=(2, 2))
 
 GUESSES: dict[str, Callable[[], Any]] = {
     "Material has no argument 'E'; its arguments are modulus, adhesion, damping, viscosity, poisson_ratio, "
-    "thickness. Did you mean 'modulus'?": lambda: pm.Material(E=1e9),
+    "thickness, relaxed_modulus, relaxation_time. Did you mean 'modulus'?": lambda: pm.Material(E=1e9),
     "Did you mean 'poisson_ratio'?": lambda: pm.Material(1e9, nu=0.3),
     "Did you mean 'stiffness'?": lambda: pm.Cantilever(k=40, Q=400),
     "Did you mean 'quality_factor'?": lambda: pm.Cantilever(40, 3e5, Q=400),

@@ -42,6 +42,8 @@ class Law(NamedTuple):
         The same for d <= 0; 0 for the inverse-square attraction.
     damping, damping_slope : int
         alpha_s [1] and its derivative [1/m] for d >= 0; 0 for the power law.
+    memory : int
+        The march of a period over surfaces that remember, `orbits.time.remembering`; 0 if none does.
     """
 
     contact_force: int
@@ -50,6 +52,7 @@ class Law(NamedTuple):
     longrange_slope: int
     damping: int
     damping_slope: int
+    memory: int = 0
 
 
 def law_of(*formulas: Formula) -> Law:
@@ -65,7 +68,7 @@ def law_of(*formulas: Formula) -> Law:
         forces.power_law_slope,
     )  # fmt: skip
     found = []
-    for role, formula, own in zip(Law._fields, formulas, known, strict=True):
+    for role, formula, own in zip(Law._fields[:6], formulas, known, strict=True):
         try:
             found.append(0 if formula is own else _address(formula))
         except Exception as error:  # numba's errors have no common base

@@ -116,8 +116,9 @@ def validate(arguments: argparse.Namespace) -> None:
     check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.driven_amplitude
-    work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
-    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
+    viscous, amplitudes = surface.viscosity is not None, np.full(len(materials), amplitude)
+    work = make_work(materials, viscous, scope, amplitudes, marched=True)
+    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None, work.law.memory != 0)))
     print(f"output      {scene.output or 'to be named with -o'}")
     print("The scene is valid.")
 

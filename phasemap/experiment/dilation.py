@@ -119,7 +119,10 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
     topography : ndarray, shape (ny, nx), or None
         [m].
     """
-    names = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness")
+    names = (
+        "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus",
+        "relaxation_time",
+    )  # fmt: skip
     maps: dict[str, Any] = {"topography": None if topography is None else read_only(topography)}
     for name in names:
         values = getattr(surface, name)

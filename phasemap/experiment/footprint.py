@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
@@ -104,6 +104,12 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array |
         return np.asarray((1 + np.maximum(r2 - a * a, 0.0) / far) ** -3) if far > 0 else disc(r2, a)
 
     beyond = np.sqrt(far * (FAINTEST ** (-1 / 3) - 1))
+    if surface.relaxation_time is not None:
+        raise InputError(
+            "relaxation_time",
+            Word("given"),
+            "None where edges are seen by the tip: how relaxing materials mix under it is not known",
+        )
     loss = "viscosity" if surface.damping is None else "damping"
     poisson_ratio = seen(surface.poisson_ratio, pressure)
     plane = surface.modulus / (1 - surface.poisson_ratio**2)

@@ -14,6 +14,7 @@ from phasemap._shared.dask_arrays import lazy_map
 from phasemap._shared.errors import InputError
 from phasemap.experiment.distinct_rows import factorise
 from phasemap.experiment.material import Material
+from phasemap.experiment.relaxing import refuse_film
 from phasemap.experiment.surface_maps import check_memory, where
 
 __all__ = ["lazily_looked_up", "looked_up"]
@@ -75,9 +76,10 @@ def lazily_looked_up(labels: Any, materials: Any) -> dict[str, Any]:
 
 def _named(columns: Sequence[Any], viscous: bool) -> dict[str, Any]:
     """Columns of a material as arguments of a surface."""
-    modulus, adhesion, loss, poisson_ratio, *thickness = columns
+    modulus, adhesion, loss, poisson_ratio, *more = columns
     maps = {"modulus": modulus, "adhesion": adhesion, "poisson_ratio": poisson_ratio}
-    return {**maps, "viscosity" if viscous else "damping": loss, **({"thickness": thickness[0]} if thickness else {})}
+    names = ("thickness",) if len(more) == 1 else ("relaxed_modulus", "relaxation_time")
+    return {**maps, "viscosity" if viscous else "damping": loss, **dict(zip(names, more, strict=False))}
 
 
 def _whole_numbers(labels: Any) -> NDArray[Any]:
@@ -125,6 +127,10 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
     if any(m.thickness is not None for m in chosen):
         endless = [math.inf if m.thickness is None else m.thickness for m in chosen]
         table = np.column_stack([table, endless])
+    if any(m.relaxation_time is not None for m in chosen):
+        refuse_film(table.shape[1] > 4)
+        relaxing = [(m.relaxed_modulus or m.modulus, m.relaxation_time or math.inf) for m in chosen]
+        table = np.column_stack([table, relaxing])
     return names, table, viscous
 
 

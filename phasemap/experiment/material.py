@@ -10,10 +10,13 @@ from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what is found in practice [Pa, J/m2, Pa s]
-THICKNESS = (0.2e-9, 1e-4)  # [m]
+THICKNESS, RELAXATION = (0.2e-9, 1e-4), (1e-10, 1e-2)  # [m, s]
 
 
-@known_as(E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio", h="thickness")
+@known_as(
+    E="modulus", w="adhesion", W="adhesion", alpha="damping", eta="viscosity", nu="poisson_ratio", h="thickness",
+    tau="relaxation_time",
+)  # fmt: skip
 @dataclass(frozen=True, repr=False)
 class Material(Shown):
     """One homogeneous material.
@@ -23,7 +26,8 @@ class Material(Shown):
     Parameters
     ----------
     modulus : float
-        Young's modulus E [Pa], >= 0. Zero switches the elastic force off.
+        Young's modulus E [Pa], >= 0. Zero switches the elastic force off. Of a material that relaxes it is the
+        instantaneous one, which it has when it is touched.
     adhesion : float
         Work of adhesion w [J/m2] between tip and material, >= 0.
     damping : float
@@ -34,11 +38,16 @@ class Material(Shown):
         Poisson's ratio [1], between -1 and 0.5.
     thickness : float, optional
         Of a film on a rigid base [m], > 0, for the contact "film"; None is a material without a bottom.
+    relaxed_modulus : float, optional
+        E_inf [Pa], > 0 and at most `modulus`, to which a standard linear solid relaxes: E(t) = E_inf + (E - E_inf)
+        exp(-t / relaxation_time), theory, Eq. (memory-1). Given together with `relaxation_time`, or None.
+    relaxation_time : float, optional
+        tau [s], > 0; contacts then follow Ting and are marched in time.
 
     Raises
     ------
     InputError
-        If a value is out of range, or both `damping` and `viscosity` are given.
+        If a value is out of range, both `damping` and `viscosity` are given, or one of them to a material that relaxes.
 
     Examples
     --------
@@ -52,6 +61,8 @@ class Material(Shown):
     viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)
     poisson_ratio: Number[float] = Number("1", 0.35, above=-1, maximum=0.5)
     thickness: Number[float | None] = Number("m", None, above=0, usual=THICKNESS)
+    relaxed_modulus: Number[float | None] = Number("Pa", None, above=0, usual=MODULUS)
+    relaxation_time: Number[float | None] = Number("s", None, above=0, usual=RELAXATION)
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Material:
@@ -93,3 +104,27 @@ class Material(Shown):
                 "either damping or viscosity, not both",
                 f"damping is {self.damping:g}.",
             )
+        check_relaxation(self.modulus, self.relaxed_modulus, self.relaxation_time, self.damping or self.viscosity)
+        if self.relaxation_time is not None and self.thickness is not None:
+            raise InputError("relaxation_time", self.relaxation_time, "None of a film: only half-spaces remember")
+
+
+def check_relaxation(modulus: float, relaxed: float | None, time: float | None, loss: float | None) -> None:
+    """Refuse numbers that make no standard linear solid.
+
+    Raises
+    ------
+    InputError
+        If only one of them is given, the relaxed modulus is above the modulus, or there is another loss.
+    """
+    if relaxed is None and time is None:
+        return
+    if relaxed is None:
+        raise InputError("relaxed_modulus", None, "a number, given together with relaxation_time")
+    if time is None:
+        raise InputError("relaxation_time", None, "a number, given together with relaxed_modulus")
+    if relaxed > modulus:
+        raise InputError("relaxed_modulus", relaxed, f"at most modulus, {modulus:g} Pa", "That is of a sudden touch.")
+    if loss:
+        allowed = "None where there is damping or viscosity, for relaxation is the loss"
+        raise InputError("relaxation_time", time, allowed)

@@ -86,9 +86,9 @@ def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Arra
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4) or (n, 5)
+    materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
         Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1], and of films
-        the thickness [m].
+        the thickness [m], or of solids that relax the relaxed modulus [Pa] and relaxation time [s].
     viscous : bool
     scope : Microscope
     """
@@ -99,4 +99,20 @@ def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Arra
 
 def film_of(materials: Array) -> Array | None:
     """Poisson's ratio [1] and thickness [m] of materials that are films on a rigid base, shape (n, 2); else None."""
-    return materials[:, 3:] if materials.shape[1] > 4 else None
+    return materials[:, 3:] if materials.shape[1] == 5 else None
+
+
+def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
+    """tau [1/omega_c] and 1 - E_inf/E_0 [1] of materials that relax under this tip, shape (n, 2); else None.
+
+    Both are 0 where nothing relaxes. An elastic tip in series makes contacts relax sooner, by the ratio of the shares
+    that are left, for the time in which they recover does not change: theory, Eq. (memory-1).
+    """
+    if materials.shape[1] < 6:
+        return None
+    modulus, relaxed, time = materials[:, 0], materials[:, 4], materials[:, 5]
+    first, last = (contact_stiffness(one, materials[:, 3], scope.tip) for one in (modulus, relaxed))
+    relaxes = np.isfinite(time) & (relaxed < modulus)
+    with np.errstate(all="ignore"):
+        tau = 2 * np.pi * scope.cantilever.resonance_frequency * time * (modulus / relaxed) * (last / first)
+        return np.column_stack([np.where(relaxes, tau, 0.0), np.where(relaxes, 1 - last / first, 0.0)])

@@ -23,6 +23,7 @@ from phasemap._shared.units import say
 from phasemap.experiment.distinct_rows import distinct_materials
 from phasemap.experiment.labels import lazily_looked_up, looked_up
 from phasemap.experiment.material import Material
+from phasemap.experiment.relaxing import check_relaxing
 from phasemap.experiment.surface_maps import common_shape, pixel_sides, property_map
 from phasemap.experiment.surface_variables import QUANTITIES, as_variables, centres, maps_of
 
@@ -63,6 +64,8 @@ class Surface:
         Height of the undeformed surface [m]; None is flat.
     thickness : float or array_like, shape (ny, nx), optional
         Of a film on a rigid base [m], > 0, for the contact "film"; infinite where the material has no bottom.
+    relaxed_modulus, relaxation_time : float or array_like, shape (ny, nx), optional
+        [Pa, s] of materials that relax, as of `Material`; the time is infinite where one does not.
     pixel_size : float or (float, float)
         Side of a square pixel [m], or its (dy, dx); kept as (dy, dx).
     shape : (int, int), optional
@@ -97,6 +100,8 @@ class Surface:
     poisson_ratio: FloatArray
     topography: FloatArray | None
     thickness: FloatArray | None
+    relaxed_modulus: FloatArray | None
+    relaxation_time: FloatArray | None
     pixel_size: tuple[float, float]
     shape: tuple[int, int]
     allow_nan: bool
@@ -111,6 +116,8 @@ class Surface:
         poisson_ratio: ArrayLike = 0.35,
         topography: ArrayLike | None = None,
         thickness: ArrayLike | None = None,
+        relaxed_modulus: ArrayLike | None = None,
+        relaxation_time: ArrayLike | None = None,
         *,
         pixel_size: float | Sequence[float],
         shape: Sequence[int] | None = None,
@@ -130,6 +137,8 @@ class Surface:
             "poisson_ratio": poisson_ratio,
             "topography": topography,
             "thickness": thickness,
+            "relaxed_modulus": relaxed_modulus,
+            "relaxation_time": relaxation_time,
         }
         maps = {
             name: found
@@ -140,6 +149,7 @@ class Surface:
             if name not in maps:
                 raise InputError(name, None, "one number or a 2-D map")
         ny_nx = common_shape(maps, shape)
+        check_relaxing(maps)
         for name in given:
             one = maps.get(name)
             whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
@@ -209,9 +219,9 @@ class Surface:
         ----------
         dataset : xarray.Dataset
             Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography,
-            thickness; each
-            with dims ("y", "x") or none. Coordinates y and x, increasing, evenly spaced. A units attribute with a
-            metric prefix (GPa, mJ/m2, nm) is converted, a missing one is SI.
+            thickness, relaxed_modulus and relaxation_time; each with dims ("y", "x") or none. Coordinates y and x,
+            increasing, evenly spaced. A units attribute with a metric prefix (GPa, mJ/m2, nm) is converted, a missing
+            one is SI.
         allow_nan : bool
             As in `Surface`.
 
@@ -309,9 +319,9 @@ class Surface:
 
         Returns
         -------
-        rows : ndarray, shape (n, 4) or (n, 5)
+        rows : ndarray, shape (n, 4), (n, 5) or (n, 6)
             Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1], and
-            thickness [m] if there is one.
+            thickness [m] if there is one, or relaxed modulus [Pa] and relaxation time [s].
         inverse : ndarray of int32, shape (ny, nx)
             Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
             read-only.
@@ -354,7 +364,10 @@ class Surface:
     @property
     def columns(self) -> list[FloatArray]:
         """The maps that make up a material."""
-        fields = (self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness)
+        fields = (
+            self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness,
+            self.relaxed_modulus, self.relaxation_time,
+        )  # fmt: skip
         return [column for column in fields if column is not None]
 
     def rows(self, rows: slice) -> Surface:
@@ -472,7 +485,16 @@ class Surface:
         rows, columns = self.shape
         tall, wide = (say(side, "m") for side in self.pixel_size)
         found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
-        for name in ("modulus", "adhesion", "damping", "viscosity", "topography", "thickness"):
+        for name in (
+            "modulus",
+            "adhesion",
+            "damping",
+            "viscosity",
+            "topography",
+            "thickness",
+            "relaxed_modulus",
+            "relaxation_time",
+        ):
             value = getattr(self, name)
             if is_lazy(value):
                 blocks = chunks_of(value)

@@ -13,7 +13,7 @@ from phasemap._shared.arrays import read_only
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import NotThatUnit, scaled
-from phasemap.experiment.material import ADHESION, MODULUS, THICKNESS, VISCOSITY
+from phasemap.experiment.material import ADHESION, MODULUS, RELAXATION, THICKNESS, VISCOSITY
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,6 +38,8 @@ QUANTITIES = {
     "viscosity": Quantity("Kelvin-Voigt viscosity", "Pa s", {"minimum": 0}, VISCOSITY),
     "poisson_ratio": Quantity("Poisson's ratio", "1", {"above": -1, "maximum": 0.5}),
     "thickness": Quantity("thickness of the film on a rigid base", "m", {"above": 0}, THICKNESS, endless=True),
+    "relaxed_modulus": Quantity("Young's modulus after relaxation", "Pa", {"above": 0}, MODULUS),
+    "relaxation_time": Quantity("relaxation time", "s", {"above": 0}, RELAXATION, endless=True),
     "topography": Quantity("topography", "m", {}, (0.0, 1e-4)),
 }
 

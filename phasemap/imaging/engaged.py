@@ -62,10 +62,10 @@ def _check(_job: Job) -> None:
 
 
 def _interpolates(job: Job) -> bool:
-    """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks, and no films."""
+    """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks, films or memories."""
     direct = job.scope.drive.excitation == "direct"
     plain = not job.scope.interaction.law.hysteretic and job.surface.thickness is None
-    return job.solver.name == "auto" and plain and direct
+    return job.solver.name == "auto" and plain and direct and not job.remembers
 
 
 def _most(job: Job) -> int:

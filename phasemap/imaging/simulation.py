@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._shared.errors import InputError, SolveError
+from phasemap._shared.errors import InputError, SolveError, Word
 from phasemap._shared.notices import tell
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.control import Control, Engage
+from phasemap.experiment.control import Control, Engage, Raster
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism, check_realism
@@ -33,8 +33,9 @@ from phasemap.imaging.plan import fill_part, plan_image, simulator_of
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.status import Status
 from phasemap.results.validity import FORCES, describe_validity
-from phasemap.results.variables import IN_TIME, describe, provenance
+from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, describe, provenance
 from phasemap.results.words import describe_failures
+from phasemap.solvers.march import check_marches
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
 
@@ -175,6 +176,7 @@ def simulate(
     place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(threads)
     job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
     simulator.check(job)
+    _check_memory(job)
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
         "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
@@ -191,7 +193,9 @@ def simulate(
             _refuse_failures(canvas.status.reshape(-1, *surface.shape))
         image = canvas.image().assign_attrs(
             dict(zip(FORCES, _forces(surface, scope), strict=True)),
-            modelled="; ".join(modelled(_largest(surface, scope), scope, surface.topography is not None)),
+            modelled="; ".join(
+                modelled(_largest(surface, scope), scope, surface.topography is not None, job.remembers)
+            ),
             distinct_materials=found.count,
             seconds=round(time.perf_counter() - started, 6),
         )
@@ -224,6 +228,20 @@ def _at_each(
     return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
 
 
+def _check_memory(job: Job) -> None:
+    """Refuse what does not go together with contacts that remember: what is not marched in time."""
+    if job.surface.lazy and (job.surface.relaxation_time is not None or job.scope.interaction.withdrawal == "ting"):
+        raise InputError("surface", Word("in Dask arrays"), "maps in memory where contacts remember")
+    if job.surface.lazy or not job.remembers:
+        return
+    check_marches(job.solver.name)
+    if isinstance(job.control, Raster):
+        raise InputError("control", "Raster", "Engage or Feedback where contacts remember")
+    if asked := [name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)]:
+        allowed = "variables that are no integral over a static force, where contacts remember"
+        raise InputError("variables", ", ".join(asked), allowed)
+
+
 def workspace(realism: Realism) -> int:
     """Bytes a pixel that realism takes besides the image: copies of maps that drift, and of what is digitised."""
     return 64 * any(realism.drift) + 32 * bool(realism.bits or realism.line_offset or realism.phase_offset)
@@ -241,7 +259,7 @@ def _filled(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
     return canvas, found
 
 
-def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
+def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool = False) -> list[str]:
     """What acts in this work, in words."""
     rows = work.rows
     names = [f"{scope.interaction.law.name} contact"]
@@ -251,6 +269,8 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
         names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):
         names.append(f"damping with depth^{scope.interaction.damping_exponent:g}")
+    if remembers:
+        names.append("relaxation after Ting" if not np.any(work.rows[:, col.DAMPING]) else "withdrawal after Ting")
     if scope.tip.modulus is not None:
         names.append("elastic tip")
     if topography:
@@ -266,7 +286,8 @@ def _largest_material(surface: Surface) -> Array:
 
 def _largest(surface: Surface, scope: Microscope) -> Work:
     """Work of `_largest_material`."""
-    return make_work(_largest_material(surface), surface.viscosity is not None, scope, scope.driven_amplitude)
+    one, viscous = _largest_material(surface), surface.viscosity is not None
+    return make_work(one, viscous, scope, scope.driven_amplitude, marched=True)
 
 
 def _forces(surface: Surface, scope: Microscope) -> tuple[float, float]:

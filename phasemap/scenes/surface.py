@@ -6,6 +6,7 @@
   ``{ 7 = "soft" }``), ``pixel_size``; a relief from ``topography``, and from ``heights`` [m], one for each label
 * the name of a generator of labels in `phasemap.generate`: its arguments, and all the above but ``labels``
 * ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``thickness``,
+  ``relaxed_modulus``, ``relaxation_time``,
   ``topography`` (numbers or maps), ``pixel_size``, and ``shape`` where no map has one; or ``file``, a netCDF file that
   has them all
 * ``"measured"``: ``file`` of a measured image, ``materials`` (names, from the lowest phase to the highest), and where
@@ -44,7 +45,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Built", "Labels", "build_surface", "dilate", "seen"]
 
-QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "topography")
+QUANTITIES = (
+    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
+    "topography",
+)  # fmt: skip
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 

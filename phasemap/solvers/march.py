@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.solvers.problem import Work
+
+if TYPE_CHECKING:
+    from phasemap.solvers.solver import Solver
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
@@ -101,3 +107,47 @@ class FromFar(March):
         """See `phasemap.solvers.solver.Solver`."""
         status[first:last] = col.PENDING  # for `settle`: there is no orbit to begin with
         self.settle(work, np.arange(first, last), out, status, solver, accuracy.periods)
+
+
+class Remembering(FromFar):
+    """The march for surfaces that remember, and another solver for the materials among them that do not."""
+
+    def __init__(self, other: Solver) -> None:
+        super().__init__()
+        self.other = other
+
+    def solve(
+        self,
+        work: Work,
+        accuracy: Accuracy,
+        first: int,
+        last: int,
+        out: np.ndarray,
+        status: np.ndarray,
+        solver: np.ndarray,
+    ) -> None:
+        """See `phasemap.solvers.solver.Solver`."""
+        rows = work.rows[first:last]
+        remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
+        chosen = first + np.flatnonzero(remembers)
+        status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
+        self.settle(work, chosen, out, status, solver, accuracy.periods)
+        rest = first + np.flatnonzero(~remembers)
+        if not len(rest):
+            return
+        plain = replace(work.part(rest), law=work.law._replace(memory=0))
+        some, codes, used = out[rest], status[rest], solver[rest]
+        self.other.solve(plain, accuracy, 0, len(rest), some, codes, used)
+        out[rest], status[rest], solver[rest] = some, codes, used
+
+
+def check_marches(name: str) -> None:
+    """Refuse a solver that does not march, where contacts remember.
+
+    Raises
+    ------
+    InputError
+        With what is allowed.
+    """
+    if name not in ("auto", March.name):
+        raise InputError("solver", name, "'march' or 'auto' where contacts remember")

@@ -160,7 +160,7 @@ def solve_pixel(
     """
     whole("samples", samples, 0, MOST_SAMPLES)
     amplitude = check_setpoint(setpoint) * scope.driven_amplitude
-    work = work_of_material(material, scope, amplitude)
+    work = work_of_material(material, scope, amplitude, marched=True)
     method = by_name(solver)
     if isinstance(method, Orbit):
         method = Orbit(complete=True)  # stability too, which costs little for one pixel

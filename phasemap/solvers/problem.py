@@ -11,12 +11,12 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.plausible import question
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, properties
+from phasemap.experiment.properties import film_of, properties, relaxation_of
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -87,29 +87,58 @@ def work_of(
     scope: Microscope,
     amplitude: float | Array,
     film: Array | None = None,
+    relaxation: Array | None = None,
+    *,
+    marched: bool = False,
 ) -> Work:
-    """Work of what `properties` and `film_of` give, at setpoint amplitudes [m]."""
+    """Work of what `properties`, `film_of` and `relaxation_of` give, at setpoint amplitudes [m].
+
+    Raises
+    ------
+    InputError
+        If a surface remembers, and what asks does not leave its orbits to the march (`marched`).
+    """
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
-    return Work(scope.interaction.token(), rows, lever_of(scope), amplitudes)
+    remembers = scope.interaction.remembering(rows, relaxation)
+    if remembers:
+        _check_marched(marched, scope)
+    return Work(scope.interaction.token(remembers), rows, lever_of(scope), amplitudes)
 
 
-def make_work(materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array) -> Work:
+def _check_marched(marched: bool, scope: Microscope) -> None:
+    """Refuse what goes beyond the march in time, the only one that knows a memory."""
+    if not marched:
+        allowed = "materials without a relaxation time, and withdrawal 'linear', for what is not marched in time"
+        hint = "Ask simulate or solve_pixel, with solver 'march' or 'auto'."
+        raise InputError("surface", Word("one that remembers"), allowed, hint)
+    if scope.drive.excitation != "direct":
+        raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
+    if scope.drive.second is not None:
+        raise InputError("second", Word("given"), "None where a surface remembers: its mode feels a static law only")
+
+
+def make_work(
+    materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array, *, marched: bool = False
+) -> Work:
     """Turn materials into work.
 
     Parameters
     ----------
-    materials : ndarray, shape (n, 4) or (n, 5)
+    materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
         As for `properties`.
     viscous : bool
     scope : Microscope
     amplitudes : float or ndarray, shape (n,)
         Setpoint amplitudes [m].
+    marched : bool
+        As for `work_of`.
     """
-    return work_of(*properties(materials, viscous, scope), scope, amplitudes, film_of(materials))
+    given = *properties(materials, viscous, scope), scope, amplitudes, film_of(materials)
+    return work_of(*given, relaxation_of(materials, scope), marched=marched)
 
 
-def work_of_material(material: Material, scope: Microscope, amplitude: float) -> Work:
+def work_of_material(material: Material, scope: Microscope, amplitude: float, *, marched: bool = False) -> Work:
     """Work of one material, at a setpoint amplitude [m].
 
     Raises
@@ -120,7 +149,7 @@ def work_of_material(material: Material, scope: Microscope, amplitude: float) ->
     row, viscous = material_row(material)
     stiffness, adhesion, _ = properties(row, viscous, scope)
     scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius, film_of(row))
-    return make_work(row, viscous, scope, amplitude)
+    return make_work(row, viscous, scope, amplitude, marched=marched)
 
 
 def material_row(material: Material) -> tuple[Array, bool]:
@@ -136,4 +165,7 @@ def material_rows(materials: Iterable[Material]) -> tuple[Array, bool]:
     if any(one.thickness is not None for one in every):
         for row, one in zip(rows, every, strict=True):
             row.append(math.inf if one.thickness is None else one.thickness)
+    if any(one.relaxation_time is not None for one in every):
+        for row, one in zip(rows, every, strict=True):
+            row += [one.relaxed_modulus or one.modulus, one.relaxation_time or math.inf]
     return np.array(rows, dtype=np.float64), viscous

@@ -11,6 +11,7 @@ from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, work
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.detected_setpoint import hold
 from phasemap.solvers.energy import close
+from phasemap.solvers.march import Remembering, check_marches
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import Solver
 
@@ -31,6 +32,9 @@ def run(
     if work.lever[col.SHAKER]:
         at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
         return hold(work, at_amplitudes, accuracy.periods)
+    if work.law.memory and not isinstance(solver, Remembering):
+        check_marches(solver.name)
+        solver = Remembering(solver)
     count = len(work)
     rows = np.full((count, col.COLUMNS), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)

@@ -52,6 +52,9 @@ def made(cls: Any, name: str, value: Any) -> Any:
     gains = {"proportional_gain", "integral_gain"}
     if name in gains:
         arguments = dict.fromkeys(gains, 1.0) | arguments
+    relaxes = {"relaxed_modulus": 1e9, "relaxation_time": 1e-7}
+    if name in relaxes:
+        arguments = {**relaxes, "modulus": 5e9} | {key: arguments[key] for key in arguments if key != "modulus"}
     return cls(**arguments)
 
 

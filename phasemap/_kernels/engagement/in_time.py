@@ -308,7 +308,7 @@ def settle(
     """
     row[:] = math.nan
     z = start[1] + start[2] * math.cos(start[3])
-    tip = new_tip(z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
+    tip = new_tip(law, z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
     return hold(law, p, lever, amplitude, eta, most, tip, row)
 
 
@@ -335,7 +335,7 @@ def approach(
     """
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
-    tip = new_tip(free.real, -omega * free.imag, z0)
+    tip = new_tip(law, free.real, -omega * free.imag, z0)
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
     least = AWAY * abs(free)
     row[:] = math.nan

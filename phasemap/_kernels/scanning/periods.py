@@ -14,6 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.orbits.time import elements
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.scanning.loop import (
     AMP,
@@ -39,7 +40,7 @@ ETA, AHEAD, OF_PLACE, OF_AMPLITUDE, OF_PHASE, MEMORY = 0, 1, 2, 3, 4, 5
 
 
 class Periods(NamedTuple):
-    """The lever in time under its loop: state, (z, z', in contact), sums over a period, memory."""
+    """The lever in time under its loop: state, (z, z', in contact) and what the surface remembers, sums, memory."""
 
     y: np.ndarray
     tip: np.ndarray
@@ -52,7 +53,7 @@ def new_periods(eta: float) -> Periods:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)
     memory[ETA] = eta
-    return Periods(np.zeros(STATE), np.zeros(3), np.zeros(7), memory)
+    return Periods(np.zeros(STATE), np.zeros(elements.STATE), np.zeros(7), memory)
 
 
 @kernel

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from phasemap._kernels.columns import BIAS, RELEASE
+from phasemap._kernels.columns import BIAS, DAMPING, RELAXATION, RELAXING, RELEASE
+from phasemap._kernels.forces import hertzian
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.shown import Shown
@@ -33,6 +34,7 @@ __all__ = [
     "Neck",
 ]  # fmt: skip
 
+WITHDRAWALS = ("linear", "ting")
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of a user's law is tried before work starts
 
 
@@ -55,6 +57,10 @@ class Interaction(Shown):
     bias : float
         Voltage V [V] between tip and surface, for F = -pi eps0 V^2 R^2 / (g (g + R)) with the gap g = d0 - d (or 0.3 nm
         - d without a decay length), constant in contact.
+    withdrawal : {"linear", "ting"}
+        How a contact with damping or viscosity lets go. "linear": the damper pulls the surface up behind the tip, as
+        in Wang (1999). "ting": it only pushes (Ting 1966), contact ends where its force falls to 0, and the surface
+        comes back by itself: theory, Eq. (memory-7). For "hertz" and "dmt", marched in time.
 
     Raises
     ------
@@ -73,6 +79,7 @@ class Interaction(Shown):
     decay_length: Number[float | None] = Number("m", 0.3e-9, optional=True, above=0, usual=(0.02e-9, 5e-9))
     damping_exponent: Number[float] = Number("1", 0.5, minimum=0, maximum=100)
     bias: Number[float] = Number("V", 0.0, minimum=-1e100, maximum=1e100, usual=(1e-6, 100.0))  # it can be squared
+    withdrawal: str = "linear"
 
     def __post_init__(self) -> None:
         if isinstance(self.contact, str) and self.contact.lower() in LAWS:
@@ -88,6 +95,12 @@ class Interaction(Shown):
             raise InputError(
                 "bias", self.bias, f"0 where the contact is {law.name!r}, for its force is that of a sphere"
             )
+        if self.withdrawal not in WITHDRAWALS:
+            raise InputError("withdrawal", self.withdrawal, " or ".join(map(repr, WITHDRAWALS)))
+        if self.withdrawal == "ting":
+            check_half_space(law)
+            if self.damping_exponent != law.spread:
+                raise InputError("damping_exponent", self.damping_exponent, f"{law.spread:g} with withdrawal 'ting'")
 
     @property
     def law(self) -> ContactLaw:
@@ -143,6 +156,29 @@ class Interaction(Shown):
         rows[~np.isfinite(rows).all(axis=1) & ~creates] = np.nan
         return rows
 
+    def remembering(self, rows: np.ndarray, relaxation: np.ndarray | None) -> bool:
+        """Put what relaxes into the rows of `columns`, and say whether any of them remembers.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, 12)
+        relaxation : ndarray, shape (n, 2), optional
+            tau [1/omega_c], 0 where nothing relaxes, and 1 - E_inf/E_0 [1].
+
+        Raises
+        ------
+        InputError
+            If the contact law knows no memory.
+        """
+        if relaxation is not None and relaxation[:, 0].any():
+            check_half_space(self.law)
+            rows[:, RELAXATION], rows[:, RELAXING] = relaxation.T
+            return True
+        if self.withdrawal != "ting" or not rows[:, DAMPING].any():
+            return False
+        rows[(rows[:, DAMPING] > 0) & (rows[:, 0] == 0)] = math.nan  # a dent in a liquid never comes back
+        return True
+
     def check(self, contact_stiffness: float, adhesion: float, radius: float, film: np.ndarray | None = None) -> None:
         """Refuse one material that the laws cannot have.
 
@@ -167,8 +203,8 @@ class Interaction(Shown):
                 "decay_length, or decay_length=None (in a scene 'none').",
             )  # fmt: skip
 
-    def token(self) -> Law:
-        """Return the compiled formulas as one argument for the kernels.
+    def token(self, remembers: bool = False) -> Law:
+        """Return the compiled formulas as one argument for the kernels; with the march of a memory if one is needed.
 
         Raises
         ------
@@ -179,9 +215,14 @@ class Interaction(Shown):
 
         law, longrange = self.law, Biased if self.bias else self.law.attraction
         try:
-            return law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
+            found = law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
+        if not remembers:
+            return found
+        from phasemap._kernels.orbits.time.by_memory import address
+
+        return found._replace(memory=address())
 
     @property
     def _is_own(self) -> bool:
@@ -261,3 +302,15 @@ class Interaction(Shown):
         with np.errstate(invalid="ignore"):
             energies = loop_energies(self.token(), rows)
             return np.where(np.abs(energies) < 1e-9 * np.abs(rows[:, 4] * rows[:, RELEASE]), 0.0, energies)
+
+
+def check_half_space(law: ContactLaw) -> None:
+    """Refuse a law other than that of a sphere on a half-space, whose contacts alone are known to remember.
+
+    Raises
+    ------
+    InputError
+        If it is another one.
+    """
+    if law.force is not hertzian:
+        raise InputError("contact", law.name, "'hertz' or 'dmt' where contacts remember what was done to them")

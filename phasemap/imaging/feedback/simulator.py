@@ -94,7 +94,7 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
     name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
     if name == "auto":
         slow = job.scope.cantilever.quality_factor >= LOWEST_Q and linear.fastest <= FASTEST and not hysteretic
-        return col.AVERAGING if slow else col.MARCH
+        return col.AVERAGING if slow and not job.remembers else col.MARCH
     if name == "averaging" and hysteretic:
         some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
         rows, _, _ = run(by_name("auto"), some, ENGAGED, threads=job.workers)

@@ -161,6 +161,9 @@ def check_prior(prior: object, factor: object) -> float:
         raise InputError("prior", prior, "a Material")
     if prior.thickness is not None:
         raise InputError("thickness of the prior", prior.thickness, "None, for images of films are not inverted")
+    if prior.relaxation_time is not None:
+        allowed = "None, for images of contacts that remember are not inverted"
+        raise InputError("relaxation_time of the prior", prior.relaxation_time, allowed)
     for name in ("modulus", "adhesion"):
         number(f"{name} of the prior", getattr(prior, name), "", above=0)
     number("damping of the prior", prior.damping if prior.viscosity is None else prior.viscosity, "1", above=0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.law import Law
+from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
@@ -102,6 +103,9 @@ class Model:
 def make_model(stack: Stack, prior: Material, factor: float) -> Model:
     """The model of a stack, around a prior material known within this factor."""
     scope = stack.scopes[0]
+    if scope.interaction.withdrawal != "linear":
+        allowed = "'linear', for images of contacts that remember are not inverted"
+        raise InputError("withdrawal", scope.interaction.withdrawal, allowed)
     row, viscous = material_row(prior)
     _, adhesion, damping = properties(row, viscous, scope)
     levers = [lever_of(one) for one in stack.scopes]

@@ -211,6 +211,10 @@ def _known(known: Mapping[int, Material], model: Model, prior: Material, count: 
     for region, one in known.items():
         if region not in range(count) or not isinstance(one, Material):
             raise InputError("known", {region: one}, f"materials of regions 0 to {count - 1}")
+        if one.relaxation_time is not None:
+            raise InputError(
+                f"relaxation_time of region {region}", one.relaxation_time, "None of a region that is known"
+            )
         row, viscous = material_row(one)
         _, adhesion, damping = properties(row, viscous, model.scope)
         plane = one.modulus * (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know

@@ -28,6 +28,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
+from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
+from phasemap._kernels.orbits.time.elements import INNER, MODE, OUTER
 from phasemap._kernels.orbits.time.runge_kutta import fly, press, turn
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ REACH, HARD = 0.4, 0.75
 
 
 @kernel
-def _flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
+def flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
     rate = 1.0
     if p[col.LONGRANGE] != 0.0:
@@ -54,7 +56,7 @@ def _flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
 
 
 @kernel
-def _contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
+def contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
     d = fixed[7] + q * q
     rate = 4 * q * q * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[2])
@@ -64,15 +66,15 @@ def _contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
 
 
 @kernel
-def _reach(law: Law, p: Row, fixed: Numbers, q: float, v: float, pull: float) -> float:
+def reach(law: Law, p: Row, fixed: Numbers, q: float, v: float, pull: float) -> float:
     """q of the depth that a tip at (q, v) comes to, roughly.
 
     There stiffness works as fast as speed and pull do: q^2 rate = v^2 + q^2 pull, with what q^2 rate is already.
     """
-    goal = q * q * _contact_rate(law, p, fixed, q) + v * v
+    goal = q * q * contact_rate(law, p, fixed, q) + v * v
     deep = 0.1 * math.sqrt(pull)
     for _ in range(5):
-        deep *= ((goal / (deep * deep) + pull) / _contact_rate(law, p, fixed, deep)) ** 0.2
+        deep *= ((goal / (deep * deep) + pull) / contact_rate(law, p, fixed, deep)) ** 0.2
     return deep
 
 
@@ -84,7 +86,7 @@ def _cubic(x0: float, v0: float, x1: float, v1: float, h: float) -> tuple[float,
 
 
 @kernel
-def _turning(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+def turning(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step with v0 > 0 > v1 the cubic is highest."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     return h * a / (math.sqrt(b * b - 3 * a * c) - b)
@@ -159,11 +161,26 @@ def _to_instant(
     return h, end
 
 
-@kernel(shared=True)
+@kernel
 def march_period(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
 ) -> int:
-    """March from drive phase 0 to 2 pi.
+    """March from drive phase 0 to 2 pi, as the surface is: see `march_elastic`.
+
+    Where it remembers, `y` goes on with what `elements` names.
+    """
+    if law.memory != 0:
+        if remembers(p):
+            return by_memory(law, p, lever, z0, eta, y, acc)
+        y[MODE] = y[INNER] = y[OUTER] = 0.0  # over another material
+    return march_elastic(law, p, lever, z0, eta, y, acc)
+
+
+@kernel(shared=True)
+def march_elastic(
+    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
+) -> int:
+    """March from drive phase 0 to 2 pi over a surface without memory.
 
     Parameters
     ----------
@@ -202,7 +219,7 @@ def march_period(
     deep = 0.0
     if touching:
         x = math.sqrt(x)
-        deep = _reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(y[0], v))
+        deep = reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(y[0], v))
     elif neck > 0 and y[2] != 0.0 and x > row[10]:
         touching, x, deep = True, math.sqrt(x - row[10]), neck
         fixed = drawn
@@ -219,25 +236,25 @@ def march_period(
         edge = neck if hanging else 0.0  # the x of d = 0
         if touching:
             # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
-            rate = _contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + bottom + x * x, v)
+            rate = contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + bottom + x * x, v)
             rate += (HARD * v / deep) ** 2
             if neck > 0 and not hanging:
                 rate += (HARD * v) ** 2 / (x * x - row[10])  # the root at release, seen from contact
             h = eta / math.sqrt(rate)
         else:
-            h = min(left, eta / _flight_rate(law, row, fixed, x, v))
+            h = min(left, eta / flight_rate(law, row, fixed, x, v))
         start = (x, v, cosine, sine)
         end = _advance(law, row, fixed, touching, start, h)
         if v > 0 and end[1] < 0:
             # The highest point lies inside: a step to where it should be, and half v^2 over the deceleration.
-            part = _turning(x, v, end[0], end[1], h)
+            part = turning(x, v, end[0], end[1], h)
             top = _advance(law, row, fixed, touching, start, part)
             height = top[0] + 0.5 * h * top[1] ** 2 / (v - end[1])
             highest = max(highest, bottom + height * height if touching else height)
             if (hanging or not touching) and top[0] > edge:  # grazing: both ends may be below
                 h, end = part, top
         elif hanging and v < 0 and end[1] > 0:
-            part = _turning(-x, -v, -end[0], -end[1], h)
+            part = turning(-x, -v, -end[0], -end[1], h)
             low = _advance(law, row, fixed, touching, start, part)
             if low[0] <= 0:  # both ends may be in the neck, with a release between
                 h, end = part, low
@@ -273,7 +290,7 @@ def march_period(
             x, fixed = 0.0, aloft
             touching = v > 0
             if touching:
-                deep = _reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(z0, v))
+                deep = reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(z0, v))
     if not math.isfinite(x + v):
         return -col.NOT_SETTLED
 

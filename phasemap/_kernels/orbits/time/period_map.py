@@ -13,6 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force
+from phasemap._kernels.orbits.time.elements import STATE
 from phasemap._kernels.orbits.time.march import march_period
 
 if TYPE_CHECKING:
@@ -30,8 +31,9 @@ class Tip(NamedTuple):
 
     Attributes
     ----------
-    u : ndarray, shape (4,)
-        z, z' [m] at drive phase 0, whether it is in contact or in the neck, and the tip offset z0 [m].
+    u : ndarray, shape (4,) or longer
+        z, z' [m] at drive phase 0, whether it is in contact or in the neck, and the tip offset z0 [m]; and what a
+        surface remembers that does, `elements`.
     acc : ndarray, shape (7,)
         What the last period gave, as `march_period` has it.
     linear : ndarray, shape (16,)
@@ -48,9 +50,11 @@ class Tip(NamedTuple):
 
 
 @kernel
-def new_tip(z: float, v: float, z0: float) -> Tip:
-    """Return a tip out of contact, or as its depth says."""
-    return Tip(np.array([z, v, 0.0, z0]), np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
+def new_tip(law: Law, z: float, v: float, z0: float) -> Tip:
+    """Return a tip out of contact, or as its depth says, over a surface that nothing has touched."""
+    u = np.zeros(STATE if law.memory != 0 else 4)
+    u[0], u[1], u[3] = z, v, z0
+    return Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
 
 
 @kernel
@@ -73,15 +77,23 @@ def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip
 
 
 @kernel
+def carry(u: np.ndarray, to: np.ndarray) -> None:
+    """Carry over what the surface remembers, if it does."""
+    for i in range(4, len(u)):
+        to[i] = u[i]
+
+
+@kernel
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
     u, acc, linear = tip.u, tip.acc, tip.linear
     size = 3e-8 * (math.hypot(u[0], u[1]) + lever[col.BASE])
-    y = np.empty(3)
+    y = np.empty(len(u))
     for j in range(4):
         z = u[0] + (size if j == 1 else 0.0)
         v = u[1] + (size if j == 2 else 0.0)
         y[0], y[1], y[2] = z, v, u[2]
+        carry(u, y)
         tip.periods[0] += 1
         if march_period(law, p, lever, u[3] + (size if j == 3 else 0.0), eta, y, acc) < 0 or y[2] != u[2]:
             return False
@@ -139,7 +151,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
     eta, y_limit, z0_limit = how
     hold = target > 0.0
     u, acc, linear = tip.u, tip.acc, tip.linear
-    trial, y = np.empty(4), np.empty(3)
+    trial, y = np.empty(4), np.empty(len(u))
     for _ in range(20):
         if not linearise(law, p, lever, eta, tip):
             return False
@@ -152,6 +164,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
         while way > 1 or not moved:
             trial[0], trial[1], trial[2], trial[3] = u[0] + z, u[1] + v, u[2], u[3] + move
             y[0], y[1], y[2] = trial[0], trial[1], trial[2]
+            carry(u, y)
             tip.periods[0] += 1
             if march_period(law, p, lever, trial[3], eta, y, acc) < 0 or y[2] != u[2]:
                 return False
@@ -162,6 +175,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
                 break
             for i in range(4):
                 u[i] = trial[i]
+            carry(y, u)
             way, moved = left, True
         if not moved:
             return False
@@ -169,9 +183,11 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
             for _ in range(2):
                 u[0], u[1], u[3] = u[0] + z, u[1] + v, u[3] + move
                 y[0], y[1], y[2] = u[0], u[1], u[2]
+                carry(u, y)
                 tip.periods[0] += 1
                 if march_period(law, p, lever, u[3], eta, y, acc) < 0 or y[2] != u[2]:
                     return False
+                carry(y, u)
                 error = amplitude_of(lever, acc) - target
                 z, v, move = _ahead(linear, y[0] - u[0], y[1] - u[1], error, hold)
             return True

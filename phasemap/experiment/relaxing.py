@@ -1,0 +1,57 @@
+"""Maps of materials that relax: what makes them standard linear solids."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from phasemap._shared.dask_arrays import is_lazy
+from phasemap._shared.errors import InputError, Word
+from phasemap.experiment.surface_maps import where
+
+__all__ = ["check_relaxing", "refuse_film"]
+
+
+def check_relaxing(maps: dict[str, Any]) -> None:
+    """Refuse maps of a surface that are not those of standard linear solids.
+
+    Numbers of Dask arrays are not looked at; `phasemap.simulate` refuses these.
+
+    Raises
+    ------
+    InputError
+        If one of the two maps is missing, there is a film or another loss, or a relaxed modulus is above the modulus.
+
+    Examples
+    --------
+    >>> check_relaxing({"modulus": np.array(2e9)})
+    """
+    given = [name for name in ("relaxed_modulus", "relaxation_time") if name in maps]
+    if not given:
+        return
+    if len(given) < 2:
+        missing = "relaxation_time" if given[0] == "relaxed_modulus" else "relaxed_modulus"
+        raise InputError(missing, None, f"given together with {given[0]}")
+    refuse_film("thickness" in maps)
+    if any(is_lazy(one) for one in maps.values()):
+        return
+    above = np.atleast_2d(maps["relaxed_modulus"] > maps["modulus"])
+    if above.any():
+        most = float(np.max(maps["relaxed_modulus"]))
+        raise InputError("relaxed_modulus", most, "at most modulus, that of a sudden touch", where(above))
+    if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):
+        allowed = "relaxation, or damping or viscosity, not both on one surface"
+        raise InputError("relaxation_time", Word("given beside a damping or viscosity"), allowed)
+
+
+def refuse_film(film: bool) -> None:
+    """Refuse films among materials that relax.
+
+    Raises
+    ------
+    InputError
+        If there is one.
+    """
+    if film:
+        raise InputError("relaxation_time", Word("given beside a thickness"), "either of them: only half-spaces relax")

@@ -1,0 +1,222 @@
+"""Contacts that remember: Ting's theory in time, against elements in equal steps (`tests/reference/make_memory.py`)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import phasemap as pm
+from phasemap._kernels.orbits.time.elements import STATE
+from phasemap._kernels.orbits.time.march import march_period
+from phasemap.solvers.problem import work_of_material
+
+KNOWN = json.loads((Path(__file__).parent.parent / "data" / "memory.json").read_text())
+PROPERTIES = ("modulus", "adhesion", "viscosity", "relaxed_modulus", "relaxation_time")
+SOLID = {"modulus": 2e9, "relaxed_modulus": 1e9, "relaxation_time": 100e-9}
+
+
+def scope_of(case: dict[str, Any] | None = None, **interaction: Any) -> pm.Microscope:
+    known = {"quality_factor": 400.0, "free_amplitude": 40e-9, "decay_length": None, **(case or {})}
+    laws = {"contact": "dmt", "decay_length": known["decay_length"], "withdrawal": "ting", **interaction}
+    lever = pm.Cantilever(40.0, 300e3, known["quality_factor"])
+    return pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(known["free_amplitude"]), pm.Interaction(**laws))
+
+
+def pixel_of(setpoint: float = 0.6, solver: str = "auto", **material: Any) -> pm.Pixel:
+    pixel = pm.solve_pixel(pm.Material(**material), scope_of(), setpoint, solver)
+    assert pixel.status is pm.Status.good
+    return pixel
+
+
+def what(case: dict[str, Any]) -> str:
+    """Name of a case."""
+    loss = "viscosity" if "viscosity" in case else "relaxation_time"
+    return f"{loss} {case[loss]:g}, w {case['adhesion']:g}, Q {case['quality_factor']:g}"
+
+
+@pytest.mark.parametrize("case", KNOWN["orbits"], ids=what)
+def test_it_is_the_orbit_of_independent_elements(case: dict[str, Any]) -> None:
+    material = pm.Material(**{name: case[name] for name in PROPERTIES if name in case})
+    pixel = pm.solve_pixel(material, scope_of(case), case["setpoint"])
+    assert pixel.status is pm.Status.good
+    assert pixel.solver == "march"
+    assert case["error"] < 1e-5  # degree, of the reference
+    assert pixel.phase == pytest.approx(case["phase"], abs=1e-4)
+    # A phase off by 1e-4 degree is a force off by some 1e-5, and so are the energies; a depth of 5 nm by 0.05 pm.
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=5e-14)
+    assert pixel.indentation == pytest.approx(case["indentation"], abs=5e-14)
+    assert pixel.dissipation == pytest.approx(case["dissipation"], rel=1e-5)
+    assert pixel.virial == pytest.approx(case["virial"], rel=1e-5)
+    assert abs(pixel.energy_closure) < 1e-5  # what the surface takes is the integral of F z', by the same steps
+
+
+@pytest.mark.parametrize("case", KNOWN["histories"], ids=("never off", "sticking", "several taps"))
+def test_the_contact_goes_on_from_whatever_was_before(case: dict[str, Any]) -> None:
+    material = pm.Material(**{name: case[name] for name in PROPERTIES if name in case})
+    work = work_of_material(material, scope_of(case), 1e-9, marched=True)
+    y, acc, amplitude = np.zeros(STATE), np.zeros(7), case["free_amplitude"]
+    y[:2] = case["start"]
+    assert case["error"] < 1e-6
+    for z, v, lost in case["states"]:
+        assert march_period(work.law, work.rows[0], work.lever, case["tip_offset"], 0.12, y, acc) > 0
+        # The root of a turn before, which a contact passes as it grows again, is no end of a step: 1.4e-5 of A here.
+        np.testing.assert_allclose(y[:2], (z, v), rtol=0, atol=3e-5 * amplitude)
+        assert acc[3] == pytest.approx(lost, rel=1e-4)
+
+
+def test_a_solid_that_has_no_time_to_relax_is_elastic() -> None:
+    # What is lost goes with the time of contact over the relaxation time: 0.65 degree at 1 us is 7e-5 at 10 ms.
+    slow = pixel_of(**{**SOLID, "relaxation_time": 1e-2})
+    assert slow.phase == pytest.approx(pixel_of(modulus=2e9, solver="orbit").phase, abs=1e-4)
+
+
+def test_a_solid_that_relaxes_at_once_has_its_relaxed_modulus() -> None:
+    fast = [pixel_of(**{**SOLID, "relaxation_time": time}) for time in (2e-9, 4e-9)]
+    # The loss begins as the first power of the time; the second left is some (4 ns over 100 ns of contact)^2 of it.
+    soft = pixel_of(modulus=1e9, solver="orbit")
+    assert 2 * fast[0].phase - fast[1].phase == pytest.approx(soft.phase, abs=0.01)
+    assert fast[0].phase < soft.phase - 0.05
+    assert 2 * fast[0].tip_offset - fast[1].tip_offset == pytest.approx(soft.tip_offset, abs=2e-12)
+
+
+def test_a_solid_that_does_not_relax_is_the_elastic_one_to_the_last_bit() -> None:
+    same, elastic = pixel_of(**{**SOLID, "relaxed_modulus": 2e9}), pixel_of(modulus=2e9)
+    assert (same.phase, same.height, same.solver) == (elastic.phase, elastic.height, elastic.solver)
+
+
+def test_without_adhesion_the_law_without_adhesion_is_the_same() -> None:
+    hertz = pm.solve_pixel(pm.Material(**SOLID), scope_of(contact="hertz"), 0.6)
+    assert hertz.phase == pixel_of(**SOLID).phase
+
+
+def test_an_elastic_tip_leaves_the_time_of_recovery_alone() -> None:
+    tip = pm.Tip(10e-9, modulus=4e9, poisson_ratio=0.35)
+    scope = replace(scope_of(), tip=tip)
+    compliant = pm.solve_pixel(pm.Material(**SOLID), scope, 0.6)
+    # In series with a spring of 4 GPa, 2 and 1 GPa are 4/3 and 4/5 GPa; 100 ns times (2/1) (4/5)/(4/3) are 120 ns.
+    alike = pixel_of(modulus=4e9 / 3, relaxed_modulus=0.8e9, relaxation_time=120e-9)
+    assert compliant.phase == pytest.approx(alike.phase, abs=1e-6)
+
+
+def test_a_viscous_contact_that_cannot_pull_loses_less() -> None:
+    material = pm.Material(modulus=1e9, viscosity=20.0)
+    ting = pm.solve_pixel(material, scope_of(), 0.6)
+    linear = pm.solve_pixel(material, scope_of(withdrawal="linear"), 0.6)
+    assert linear.solver != "march"
+    assert ting.dissipation < linear.dissipation
+
+
+def test_where_nothing_is_viscous_withdrawal_changes_no_bit() -> None:
+    linear = pm.solve_pixel(pm.Material(modulus=1e9), scope_of(withdrawal="linear"), 0.6)
+    assert (linear.phase, linear.solver) == (pixel_of(modulus=1e9).phase, pixel_of(modulus=1e9).solver)
+
+
+def test_only_the_material_that_relaxes_is_marched() -> None:
+    solid, glass = pm.Material(**SOLID), pm.Material(modulus=2e9)
+    surface = pm.Surface.from_labels([[0, 1]], [solid, glass], pixel_size=4e-9)
+    image = pm.simulate(surface, scope_of(), 0.6)
+    assert image.phase.values[0].tolist() == [pixel_of(**SOLID).phase, pixel_of(modulus=2e9).phase]
+    flags = dict(zip(image.solver.attrs["flag_meanings"].split(), image.solver.attrs["flag_values"], strict=True))
+    assert image.solver.values[0, 0] == flags["march"] != image.solver.values[0, 1]
+
+
+def test_a_feedback_in_time_settles_where_the_pixel_is() -> None:
+    surface = pm.Surface(**SOLID, pixel_size=4e-9, shape=(1, 4))
+    scope = scope_of({"quality_factor": 60.0})
+    image = pm.simulate(surface, scope, 0.6, control=pm.Feedback(line_rate=1.0, engage="line"))
+    pixel = pm.solve_pixel(pm.Material(**SOLID), scope, 0.6)
+    assert "march" in str(image.attrs["configuration"]) or (image.solver == 2).all()
+    np.testing.assert_allclose(image.phase.values, pixel.phase, atol=0.02)  # of steps of 0.7, and of a settling loop
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        (
+            lambda m, s: pm.solve_pixel(m, s, 0.6, "orbit"),
+            "solver is .orbit.; allowed: .march. or .auto. where contacts",
+        ),
+        (lambda m, s: pm.solve_pixel(m, s, 0.6, "averaging"), "solver is 'averaging'"),
+        (lambda m, s: pm.orbits(m, s, setpoint=0.6), "surface is one that remembers"),
+        (lambda m, s: pm.sweep_setpoint(m, s, [0.6, 0.7]), "surface is one that remembers"),
+        (lambda m, s: pm.force_curve(m, s, [0.0, 1e-9]), "surface is one that remembers"),
+        (lambda m, s: image_of(m, s, control=pm.Raster()), "control is 'Raster'.*Engage or Feedback"),
+        (lambda m, s: image_of(m, s, solver="orbit"), "solver is 'orbit'"),
+        (lambda m, s: image_of(m, s, variables=["adhesion_virial"]), "variables is 'adhesion_virial'"),
+        (lambda m, s: pm.solve_pixel(m, replace(s, interaction=pm.Interaction("jkr")), 0.6), "contact is 'jkr'"),
+        (
+            lambda m, s: pm.solve_pixel(m, replace(s, drive=pm.Drive(4e-8, excitation="base")), 0.6),
+            "excitation is 'base'",
+        ),
+    ],
+)
+def test_what_cannot_follow_a_memory_says_so_at_once(asked: Any, sentence: str) -> None:
+    with pytest.raises(pm.InputError, match=sentence):
+        asked(pm.Material(**SOLID), scope_of())
+
+
+def image_of(material: pm.Material, scope: pm.Microscope, **options: Any) -> Any:
+    return pm.simulate(pm.Surface.from_labels([[0]], [material], pixel_size=4e-9), scope, 0.6, **options)
+
+
+def test_a_scene_says_it_with_units(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text("""
+    [cantilever]
+    stiffness = 40.0
+    resonance_frequency = "300 kHz"
+    quality_factor = 400.0
+    [tip]
+    radius = "10 nm"
+    [drive]
+    free_amplitude = "40 nm"
+    [interaction]
+    contact = "dmt"
+    withdrawal = "ting"
+    [scan]
+    setpoint = 0.6
+    [materials.rubber]
+    modulus = "2 GPa"
+    relaxed_modulus = "1 GPa"
+    relaxation_time = "100 ns"
+    [materials.glass]
+    modulus = "2 GPa"
+    [surface]
+    kind = "labels"
+    labels = [[0, 1]]
+    materials = ["rubber", "glass"]
+    pixel_size = "4 nm"
+    """)
+    scene = pm.load_scene(tmp_path / "scene.toml")
+    surface = scene.surface
+    assert surface.relaxation_time.tolist() == [[100e-9, np.inf]]
+    assert surface.relaxed_modulus.tolist() == [[1e9, 2e9]]
+    assert pm.Surface.from_dataset(surface.to_dataset()) == surface
+    image = scene.simulate()
+    assert image.phase.values[0, 0] == pixel_of(**SOLID).phase
+    assert "relaxation after Ting" in image.attrs["modelled"]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"relaxed_modulus": None}, "relaxed_modulus is None; allowed: .*given together with relaxation_time"),
+        ({"relaxation_time": None}, "relaxation_time is None; allowed: .*given together with relaxed_modulus"),
+        ({"relaxed_modulus": 3e9}, "at most modulus"),
+        ({"viscosity": 20.0}, "relaxation_time"),
+        ({"relaxation_time": -1.0}, "relaxation_time is -1"),
+        ({"thickness": 20e-9}, "relaxation_time"),
+    ],
+)
+def test_numbers_that_are_no_solid_are_refused_of_a_material_and_a_surface(
+    change: dict[str, Any], sentence: str
+) -> None:
+    numbers = {name: value for name, value in {**SOLID, **change}.items() if value is not None}
+    with pytest.raises(pm.InputError, match=sentence):
+        pm.Material(**numbers)
+    with pytest.raises(pm.InputError, match=sentence):
+        pm.Surface(**numbers, pixel_size=1e-9, shape=(1, 1))
