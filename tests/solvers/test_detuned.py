@@ -80,25 +80,15 @@ def test_next_to_resonance_no_more_orbits_are_left_to_collocation(name: str) -> 
 
 
 LEAPS = load("leaps")
-WRONG = ("leap 18", "leap 26", "leap 82", "leap 116", "leap 147")
-# The amplitude jumps across the setpoint, down and up: the reference's feedback gets there at some gains and steps and
-# hunts at others, and `no_stable_orbit` is said.
-UNSOLVED = ("leap 22", "leap 146")
 
 
-FAILS = pytest.mark.xfail(strict=True, reason="docs/limits.md: the static rule does not know where the lever lands")
-
-
-@pytest.mark.parametrize(
-    "case", [pytest.param(one, id=label(one), marks=[FAILS] if one["name"] in WRONG else []) for one in LEAPS]
-)
+@pytest.mark.parametrize("case", LEAPS, ids=label)
 def test_a_tip_that_is_carried_over_its_resonance_lands_where_time_leads(case: Case) -> None:
     pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit")
-    assert (pixel.status is pm.Status.good) == (case["name"] not in UNSOLVED)
-    if pixel.status is pm.Status.good:
-        # The reference tells branches apart: its steps leave up to 0.2 degree and 0.02 nm.
-        assert abs(pixel.phase - case["orbit"]["phase"]) < 0.3
-        assert abs(pixel.tip_offset - case["orbit"]["tip_offset"]) < 5e-11
+    assert pixel.status is pm.Status.good
+    # The reference tells branches apart: its steps leave up to 0.2 degree and 0.02 nm.
+    assert abs(pixel.phase - case["orbit"]["phase"]) < 0.3
+    assert abs(pixel.tip_offset - case["orbit"]["tip_offset"]) < 5e-11
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.9, 0.999, 1.0, 1.001, 1.1, 2.0])
