@@ -28,6 +28,7 @@ from phasemap._kernels.engagement.resonance import (
     near_resonance,
     on_side,
     strongest,
+    told_in_time,
 )
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
@@ -143,12 +144,13 @@ def engage(
     over its resonance and only time can tell where it lands.
     """
     free, reach = free_amplitude(lever), reach_of(law, p)
-    leaping = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
-    if leaping and strong(law, p, lever, free):
-        return col.GOOD, LEAP
-    if near_resonance(lever):
+    rises = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
+    bent, told, near = rises and strong(law, p, lever, free), rises and told_in_time(lever), near_resonance(lever)
+    if near:
+        if bent and told:
+            return col.GOOD, LEAP
         side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
-        if leaping and side != REPULSIVE:
+        if rises and not bent and side != REPULSIVE:
             landed = lands(law, p, lever, reach, free)
             if landed == UNCLEAR:
                 return col.GOOD, LEAP
@@ -156,17 +158,17 @@ def engage(
                 strongest(law, p, lever, reach, amplitude, math.inf, top)
                 sure = on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess)
                 return col.GOOD, SURE if sure else LEAP
-        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not leaping:
+        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not rises:
             return col.GOOD, OPEN
         if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
-        if leaping and narrowest(lever) > 1.0 and side != REPULSIVE:
+        if told and narrowest(lever) > 1.0 and side != REPULSIVE:
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
     status, surety = engage_traced(law, p, lever, amplitude, guess)
     if status == col.GOOD:
         guess[5] = slope_of(law, p, lever, guess)
-        if leaping and not near_resonance(lever) and guess[3] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
-            surety = LEAP
+        if told and not near and guess[3] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
+            return col.GOOD, LEAP
     return status, surety
 
 

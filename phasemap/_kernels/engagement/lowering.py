@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import leaps
+from phasemap._kernels.engagement.resonance import leaps, told_in_time
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
@@ -44,6 +44,7 @@ FEWEST = 4  # periods, or a ring-down time, behind which its amplitude is seen
 GAIN = 0.1  # of the amplitude's error, by which the feedback moves it in a ring-down time, at first
 SLOWER = 50.0  # ring-down times in which that halves; after so many more it is a third, and so on
 PATIENCE = 400.0  # ring-down times in which the feedback has to come to rest
+SHARE = 0.5  # of the periods allowed, after which the mean of a motion that does not is taken
 LAST_GAIN = GAIN / (1.0 + PATIENCE / SLOWER)
 SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD = 0, 1, 2, 3, 4, 5
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again, and
@@ -54,8 +55,10 @@ held on the amplitude."""
 def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not."""
     free = free_amplitude(lever)
-    if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0 or not leaps(lever, reach_of(law, p), free):
-        return 0.0  # a contact with hysteresis leaves its orbits by sticking, at any frequency
+    # A contact with hysteresis leaves its orbits by sticking, at any frequency.
+    smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
+    if not (smooth and told_in_time(lever) and leaps(lever, reach_of(law, p), free)):
+        return 0.0
     return PACE * free / max(FEWEST, ring_down(lever))
 
 
@@ -145,8 +148,8 @@ def fall(
         if not abs(u[3]) < -lowest:
             return LOWEST
         still = change < STILL * amplitude
-        if seen > PATIENCE * ring:
-            return HELD if still else SEEN
+        if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
+            return SEEN if not still else AGAIN if math.hypot(x, y) > amplitude else HELD
         if still:
             if seen > 0 and skip(law, p, lever, how, amplitude, tip):
                 return HELD
