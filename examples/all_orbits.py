@@ -1,8 +1,8 @@
-"""Which orbits are there at a setpoint, and on which one does the microscope end?
+"""Which orbits exist at a setpoint, and which one does the tip reach?
 
 At small free amplitudes the tip can oscillate in several ways with the same amplitude: attractive or repulsive, stable
-or not. `phasemap.orbits` finds them all; `phasemap.solve_pixel` says which one the controller meets when it approaches
-from far. Attractive orbits that come back at low setpoints are an island which that tip never visits.
+or unstable. `phasemap.orbits` finds them all; `phasemap.solve_pixel` says which one the tip reaches when it approaches
+from far away. The attractive orbits that reappear at low setpoints form an isolated branch that this tip never reaches.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""Why can the contrast of a phase image turn round when one taps harder?
+"""Why does the contrast of a phase image invert when one taps harder?
 
-Stiff, sticky particles in a soft, lossy matrix. Tapped gently, the tip stays in the attractive regime over the
-particles, where the phase is negative, while over the matrix it is in the repulsive one: particles are dark. At a lower
-setpoint it is repulsive over both, and what is left is the contrast of the losses: particles are bright.
+Stiff, sticky particles in a soft, lossy matrix. With gentle tapping, the tip is in the attractive regime on the
+particles, where the phase is negative, and in the repulsive regime on the matrix: the particles are dark. At a lower
+setpoint both are in the repulsive regime, and the contrast comes from dissipation: the particles are bright.
 """
 
 from pathlib import Path
@@ -33,7 +33,7 @@ def main(folder: Path = Path()) -> None:
     particle, matrix = phases(PARTICLE, setpoints), phases(MATRIX, setpoints)
     contrast = particle - matrix
     jump = int(np.flatnonzero(np.diff(np.sign(contrast)))[-1]) + 1
-    print(f"the contrast turns round at a setpoint of {setpoints[jump]:.3f}")
+    print(f"the contrast inverts at a setpoint of {setpoints[jump]:.3f}")
 
     labels = pm.generate.particles((128, 128), 4e-9, radius=45e-9, area_fraction=0.35, seed=4)
     surface = pm.Surface.from_labels(labels, {0: MATRIX, 1: PARTICLE}, pixel_size=4e-9)

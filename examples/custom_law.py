@@ -1,7 +1,7 @@
-"""How does a tip of another shape change the phase? A contact law of one's own.
+"""How does a tip of another shape change the phase? Your own contact law
 
 A contact law is a class derived from `ContactLaw` with one formula, in plain Python. It is compiled on first use (about
-a minute a solver, then kept on disk), and every solver works with it unchanged, the exact orbit with its stability too.
+a second, then cached on disk), and everything works with it: images, sweeps, exact orbits and their stability.
 """
 
 import math
@@ -41,7 +41,7 @@ def main(folder: Path = Path()) -> None:
         exact = pm.simulate(surface, scope, setpoint=0.7, solver="orbit", strict=True)
         panels[0].semilogx(moduli / 1e9, exact["phase"][0], label=label)
         panels[1].semilogx(moduli / 1e9, exact["indentation"][0] * 1e9)
-        print(f"{label:<24} closes energy to {float(abs(exact['energy_closure']).max()):.0e}")
+        print(f"{label:<24} energy balance to {float(abs(exact['energy_closure']).max()):.0e}")
         if law == "hertz":
             continue
         for solver in ("averaging", "march", "auto"):

@@ -1,9 +1,10 @@
-"""Can an agent that drives a microscope practise on a simulated one?
+"""Can an agent that operates a microscope practise on a simulated one?
 
-A twin with the interface of the AFM of DTMicroscope: `get_scan`, `go_to`, `scan_arbitrary_path`, `get_spectrum`. There,
-a scan looks up what was recorded once; here every scan is a simulation in time with its feedback, so that setpoint,
-drive and gains are live knobs, and a spectrum is approach and retraction over the pixel where the tip is. The agent of
-this example turns the setpoint down until the phase contrast is largest. Arrays are over channel, x and y, as there.
+A digital twin with the interface of the AFM in DTMicroscope: `get_scan`, `go_to`, `scan_arbitrary_path`,
+`get_spectrum`. There, a scan looks up recorded data. Here every scan is simulated in time, with its feedback, so that
+setpoint, drive and gains take effect, and a spectrum is an approach and retraction at the current position of the tip.
+The agent in this example lowers the setpoint until the phase contrast is largest. As in DTMicroscope, arrays have the
+axes channel, x and y.
 """
 
 from dataclasses import replace
@@ -32,7 +33,7 @@ class Twin:
         self.go_to(float(self.x_coords[0]), float(self.y_coords[0]))
 
     def tune(self, *, setpoint: float | None = None, free_amplitude: float | None = None, **gains: float) -> None:
-        """Turn knobs; gains are those of `phasemap.Feedback`."""
+        """Change settings; gains are those of `phasemap.Feedback`."""
         self.setpoint = self.setpoint if setpoint is None else setpoint
         if free_amplitude is not None:
             self.scope = replace(self.scope, drive=pm.Drive(free_amplitude))

@@ -1,6 +1,6 @@
 """What does a phase image of two polymers look like?
 
-A blend of polystyrene and low-density polyethylene, simulated and drawn: samples/blend.toml from Python.
+A blend of polystyrene and low-density polyethylene, simulated and drawn: the scene samples/blend.toml in Python.
 """
 
 from pathlib import Path

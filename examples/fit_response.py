@@ -1,8 +1,8 @@
 """What are modulus, adhesion and damping of a film whose frequency response was measured?
 
-As Wang (1999) did for Fig. 3: a lever is swept up and down in frequency above a film, and the theory is fitted to
-amplitude and phase. The response has branches with jumps and hysteresis between them; the start is off by factors of up
-to 2. The "measurement" is a sweep of the paper's own film with noise.
+As Wang (1999) did for Fig. 3: the drive frequency is swept up and down above a film, and the model is fitted to
+amplitude and phase. The response has branches with jumps and hysteresis between them, and the starting values are wrong
+by factors of up to 2. The "measurement" is a simulated sweep of the film in the paper, with noise.
 """
 
 from pathlib import Path

@@ -1,9 +1,10 @@
-"""What are the materials in a stack of phase images whose zeros nobody knows?
+"""Which materials are in a stack of phase images with unknown zeros?
 
-Four images of a blend, at two setpoints and two free amplitudes, with the noise of a real instrument: 0.4 degrees in
-the phase, 0.05 nm in the height. Their zeros are unknown: the lock-in adds 37 degrees, and the height starts anew with
-every image. The contrast between the two phases of the blend, fitted by regions, gives the zeros; with these every
-pixel is solved by itself. Grey is what the data do not determine: a stiff matrix hides its adhesion from the tip.
+Four images of a blend, at two setpoints and two free amplitudes, with realistic noise: 0.4 degrees in the phase, 0.05
+nm in the height. Their zeros are unknown: the lock-in adds 37 degrees, and the height of every image has another zero.
+A fit of the contrast between the two phases of the blend gives the zeros; with these, every pixel is solved by itself.
+Pixels whose property the data do not determine are grey: a stiff matrix is hardly indented, and its adhesion does not
+show.
 """
 
 import textwrap
@@ -104,7 +105,7 @@ def main(folder: Path = Path()) -> None:
     for i, name in enumerate(SHOWN):
         apart = np.log(found[name] / getattr(surface, name)) / found[f"{name}_error"]
         inside = abs(apart.values[(found.flag.values & 1 << i) == 0]) < 1.96
-        print(f"{name}: true value within the stated 95 % in {100 * inside.mean():.0f} % of the pixels that know it")
+        print(f"{name}: true value within the stated 95 % in {100 * inside.mean():.0f} % of its determined pixels")
 
     figure, panels = plt.subplots(3, 4, figsize=(12, 8), layout="constrained")
     draw_images(panels[0], images)

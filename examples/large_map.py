@@ -1,8 +1,8 @@
 """How large may a map be?
 
-As large as the disk: a surface in Dask arrays is simulated block by block, and the image written as it comes. Here a
-blend is made block by block from a formula, so that neither the surface nor the image is ever in memory as a whole, and
-the memory that the process took is compared with the 2 GiB that it may take:
+As large as the disk: a surface made of Dask arrays is simulated block by block, and the image is written as it is
+computed. Here a blend is generated block by block from a formula, so that neither the surface nor the image is ever in
+memory as a whole. The memory that the process used is compared with a limit of 2 GiB:
 
     python examples/large_map.py 16384
 """
@@ -36,7 +36,7 @@ def wave(block_info: Any = None) -> np.ndarray:
 
 
 def surface_of(side: int) -> pm.Surface:
-    """A blend with relief, of which nothing is computed yet."""
+    """A blend with topography, of which nothing is computed yet."""
     chunks = da.core.normalize_chunks((BLOCK, BLOCK), (side, side))
     pattern = da.map_blocks(wave, chunks=chunks, dtype=float, meta=np.empty((0, 0)))
     return pm.Surface.from_labels((pattern > 0).astype(int), DOMAINS, pixel_size=PIXEL, topography=2e-9 * pattern)

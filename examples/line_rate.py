@@ -1,8 +1,8 @@
-"""How slow must one scan?
+"""How slowly must one scan?
 
-The feedback follows what passes under the tip with a lag, and that of an integrator is the speed of the surface over
-its gain: half the line rate, half the error. A line of stripes under a gentle wave is scanned at several rates, by the
-slow flow and by the full equation of motion, and compared with the image at rest.
+The feedback follows the surface with a lag. For an integrating controller the error is the speed of the surface divided
+by the gain: half the line rate, half the error. A line of stripes on a gently undulating surface is scanned at several
+rates, with the slow flow and with the full equation of motion, and compared with the image of an infinitely slow scan.
 """
 
 from pathlib import Path
@@ -65,7 +65,7 @@ def main(folder: Path = Path()) -> None:
 
     lag = [1e9 * rises / (gain * pm.Feedback(line_rate=rate).dwell(len(PLACE))) for rate in TICKS]
     panels[1].loglog(TICKS, lag, "k--", linewidth=1, label="integrator: speed / gain")
-    print(f"an integrator alone, {TICKS[1]:g} Hz: {lag[1]:.2g} nm; lever and lock-in add the rest")
+    print(f"an integrator alone, {TICKS[1]:g} Hz: {lag[1]:.2g} nm; cantilever and lock-in add the rest")
     panels[0].axhline(GOOD, color="0.6", linewidth=0.8, zorder=0)
     for axes, what in zip(panels, ("phase (degrees)", "height (nm)"), strict=True):
         axes.set(xlabel="line rate (Hz)", ylabel=f"error of the {what}")

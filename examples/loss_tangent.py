@@ -1,8 +1,8 @@
 """How far is the loss tangent that an instrument shows from that of the material?
 
-The instrument's formula takes all of the virial for elastic. Adhesion adds an attraction to it, so that what is shown
-is too large, the more so the stickier the sample and the gentler the tapping. Without the virial of the attraction it
-is the material's own, omega eta / (2 E*), where the tip does not go deep.
+The formula that instruments use takes the whole virial as elastic. Adhesion adds an attraction to the virial, so that
+the loss tangent comes out too large, the more so the stickier the sample and the gentler the tapping. Without the
+virial of the attraction it is that of the material, omega eta / (2 E*), if the indentation is small.
 """
 
 from pathlib import Path

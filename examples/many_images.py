@@ -1,8 +1,8 @@
-"""How does one make images to learn from?
+"""How does one make images for machine learning?
 
-A table [ensemble] in a scene draws materials, setpoints and seeds at random: a file with as many images as wanted, each
-with the properties behind it. Here twelve of those of samples/ensemble.toml, and what a program could learn from them:
-how the phase of the domains goes with their damping.
+A table [ensemble] in a scene draws materials, setpoints and seeds at random, and writes as many images as wanted into
+one file, each with the properties behind it. Here are twelve of the images of samples/ensemble.toml, and a relation
+that a program could learn from them: how the phase on the domains depends on their damping.
 """
 
 from pathlib import Path
@@ -42,7 +42,7 @@ def main(folder: Path = Path()) -> None:
 
     print(f"{images.sizes['sample']} images with the properties behind them: {', '.join(ensemble.keys)}")
     linear = np.corrcoef(dampings, phases)[0, 1]
-    print(f"the phase over LDPE and its damping: correlation {linear:.2f}; the rest is modulus and setpoint")
+    print(f"phase on LDPE and its damping: correlation {linear:.2f}; modulus and setpoint vary too")
 
 
 if __name__ == "__main__":

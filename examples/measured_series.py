@@ -1,10 +1,10 @@
-"""Why does the contrast of a series turn, when files say hardly anything?
+"""Why does the contrast invert in a series of files that say hardly anything about the settings?
 
-Four files of one blend, as an instrument would have written them: setpoints in volts, a zero of the phase that is
-another one in every file, lag counted positive, and each file of another place of the sample. Regions are found in each
-by its height; materials, free amplitude, zeros and sign are unknowns together. What comes out is what can be relied on:
-the order and the sign of the contrast, and which region changes its oscillation where it turns. The magnitude is
-fitted too, but with four contrasts for eight unknowns that says little, and the page says so.
+Four files of one blend as an instrument might have written them: setpoints in volts, another zero of the phase in every
+file, a phase that counts the lag, and every file from another place on the sample. Regions are found in each file by
+their height; materials, free amplitude, zeros and sign are all unknowns. The result shows what can be relied on: the
+order and the sign of the contrast, and which region changes its regime where the contrast inverts. The magnitude is
+fitted too, but with four contrasts for eight unknowns this means little, and the page says so.
 """
 
 from pathlib import Path

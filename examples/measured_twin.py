@@ -1,8 +1,9 @@
 """How much of a measured phase image does the model explain?
 
-A flake of MoS2 on its substrate, as a Nanosurf instrument recorded it (an example file of the package nsfopen), becomes
-a scene: settings from the file, relief from the height, materials from the two populations of the phase. Its twin is
-scanned in time at the recorded line rate and laid beside it. What the file does not say is said here.
+A flake of MoS2 on its substrate, recorded with a Nanosurf instrument (an example file of the package nsfopen), becomes
+a scene: settings from the file, topography from the height, materials from the two populations of the phase. This twin
+is scanned in time at the recorded line rate and compared with the measurement. Values that the file does not contain
+are assumed in the script.
 """
 
 from importlib.util import find_spec
@@ -37,12 +38,12 @@ def main(folder: Path = Path()) -> None:
     pm.plot.comparison(found, folder / "measured_twin.png", overwrite=True)
     print(verdict_of(found))
     share = 100 * float(found["region_share_of_variance"])
-    print(f"Where the materials lie was read from the phase itself: two regions hold {share:.0f} % of its variance.")
-    print("What the model adds is how large the contrast is, and what relief and feedback do to it.")
+    print(f"The map of materials was read from the phase itself: two regions explain {share:.0f} % of its variance.")
+    print("The model adds the size of the contrast, and the effects of topography and feedback.")
 
     other = pm.compare(measured, measured, direction=("trace", "retrace"), names=("trace", "retrace"))
     best = 100 * float(other["explained"])
-    print(f"The measured retrace explains {best:.0f} % of the measured trace; no model can be asked for more.")
+    print(f"The measured retrace explains {best:.0f} % of the measured trace; no model can do better.")
 
 
 if __name__ == "__main__":

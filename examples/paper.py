@@ -1,7 +1,7 @@
-"""Wang (1999), "The role of damping in phase imaging in tapping mode AFM", Surf. Sci. 429, 178: its parameters.
+"""Parameters of Wang (1999), "The role of damping in phase imaging in tapping mode AFM", Surf. Sci. 429, 178
 
-What the examples `paper_fig*.py` and tests/examples/test_paper.py share. What the paper gives is a plain number here;
-what it leaves open is chosen, and said why.
+Shared by the examples `paper_fig*.py` and tests/examples/test_paper.py. Values that the paper gives are plain numbers
+here; for what it leaves open, a value is chosen, and a comment says why.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""Which force does each theory of contact give? Fig. 2 of Wang (1999).
+"""Which force does each contact theory give? Fig. 2 of Wang (1999)
 
-Hertz, DMT, Maugis and JKR contact with the film of Fig. 3, and the long-range attraction in front of it.
+Hertz, DMT, Maugis-Dugdale and JKR contact with the film of Fig. 3, and the long-range attraction outside contact.
 """
 
 from pathlib import Path

@@ -1,7 +1,8 @@
-"""Which branches has the frequency response over polyethylene, and where does it jump? Fig. 3 of Wang (1999).
+"""Which branches does the frequency response on polyethylene have, and where does it jump? Fig. 3 of Wang (1999)
 
-Free, attractive and repulsive branches joined by unstable ones. Upwards the amplitude jumps at A to the repulsive
-branch and at B off it; downwards it jumps at C' to the repulsive branch and at D back to the free one.
+Free, attractive and repulsive branches are joined by unstable ones. When the frequency is swept up, the amplitude
+jumps at A to the repulsive branch and at B off it; when it is swept down, the amplitude jumps at C' to the repulsive
+branch and at D back to the free one.
 """
 
 from pathlib import Path

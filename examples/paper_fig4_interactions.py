@@ -1,4 +1,4 @@
-"""What do attraction, repulsion and damping do to the frequency response, each by itself? Fig. 4 of Wang (1999)."""
+"""How do attraction, repulsion and damping each affect the frequency response? Fig. 4 of Wang (1999)"""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How do the jumps of the frequency response move with the damping of the sample? Fig. 5 of Wang (1999)."""
+"""How do the jumps of the frequency response move with the damping of the sample? Fig. 5 of Wang (1999)"""
 
 from dataclasses import replace
 from pathlib import Path

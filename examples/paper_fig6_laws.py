@@ -1,7 +1,8 @@
-"""How much does the phase depend on the theory of contact? Fig. 6 of Wang (1999).
+"""How much does the phase depend on the contact theory? Fig. 6 of Wang (1999)
 
-The response of Fig. 3 under Hertz, DMT, Maugis and JKR contact. Each point is the tip offset of Fig. 3 on a distance
-curve at that frequency: curves along the frequency itself end where the neck of Maugis and JKR contact is grazed.
+The response of Fig. 3 with Hertz, DMT, Maugis-Dugdale and JKR contact. Each point is taken from a distance curve at
+that frequency, at the tip offset of Fig. 3, because curves along the frequency end where the tip just grazes the neck
+of Maugis-Dugdale or JKR contact.
 """
 
 from dataclasses import replace

@@ -1,7 +1,7 @@
-"""How does the phase depend on the setpoint, and what does damping do to it? Fig. 7 of Wang (1999).
+"""How does the phase depend on the setpoint, and on damping? Fig. 7 of Wang (1999)
 
-Without damping the amplitude alone sets the phase, up to its sign: F+ where repulsion holds it, F- where
-attraction does.
+Without damping the amplitude alone determines the phase, up to its sign: F+ in the repulsive regime, F- in the
+attractive one.
 """
 
 from dataclasses import replace

@@ -1,6 +1,7 @@
-"""Does the phase map modulus and adhesion? Figs. 8 and 9 of Wang (1999).
+"""Does the phase map modulus and adhesion? Figs. 8 and 9 of Wang (1999)
 
-At a setpoint of 0.7 and without damping it only says which force holds the amplitude. Damping makes it a measure.
+At a setpoint of 0.7 and without damping, the phase only shows which regime the tip is in. With damping it depends on
+modulus and adhesion as well.
 """
 
 from pathlib import Path

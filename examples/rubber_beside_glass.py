@@ -1,10 +1,10 @@
-"""What does a tip show of rubber that it sticks to?
+"""What does phase imaging show on rubber that the tip sticks to?
 
-Rubber and glass side by side, tapped with a soft lever; contact is that of Johnson, Kendall and Roberts, which forms
-on touching and breaks only farther out. Over glass the tip taps in every period. Over soft rubber it sticks in some
-periods and not in others, over many nanometres of approach, and never comes to a periodic orbit; where the rubber is
-cured harder, to the right of the image, it does. Amplitude and phase behind the lock-in are steady all the same: means,
-with a spread of some hundredths of a degree.
+Rubber and glass side by side, tapped with a soft cantilever. The contact is JKR: it forms at the surface and breaks
+only farther out. On glass the tip taps in every period. On soft rubber it sticks in some periods and not in others,
+over many nanometres of approach, and never reaches a periodic orbit; on rubber that is cured harder, to the right of
+the image, it does. Amplitude and phase at the output of the lock-in are steady all the same: they are means, with a
+spread of a few hundredths of a degree.
 """
 
 from pathlib import Path
@@ -53,7 +53,7 @@ def main(folder: Path = Path()) -> None:
         print(f"{name:<7} {phase:6.2f} degrees; irregular in {share:.0%} of it, spread up to {spread:.3f} degrees")
     offset = image.tip_offset
     step = float(offset.where(DOMAINS).mean() - offset.where(~DOMAINS).mean())
-    print(f"a flat surface seems {step * 1e9:.2f} nm higher where it is of rubber")
+    print(f"a flat surface appears {step * 1e9:.2f} nm higher on the rubber")
     phases = " and ".join(f"{phase:.1f}" for phase in pm.orbits(RUBBER, SCOPE, setpoint=SETPOINT).phase.values)
     print(
         f"rubber of 30 MPa has periodic orbits with this amplitude, at {phases} degrees, but none is reached from far"

@@ -1,8 +1,8 @@
 """What does scanning faster do to an image?
 
-Stiff particles that stand out of a soft matrix, at three line rates. The feedback is late at every edge: uphill the
-amplitude is too small and the tip pushes, downhill it is too large and the tip flies on for a while, and both show in
-the phase, where there is no material to see.
+Stiff particles that stand out of a soft matrix, at three line rates. The feedback lags behind at every edge. Uphill the
+amplitude is too small and the tip presses harder; downhill it is too large and the tip taps less, or not at all, for a
+while. Both show in the phase although the material does not change there.
 """
 
 from pathlib import Path
@@ -47,7 +47,7 @@ def main(folder: Path = Path()) -> None:
                 figure.colorbar(picture, ax=axes, shrink=0.9)
         column[0].set_title(f"{rate:g} lines a second")
         wrong = float(np.sqrt((trace.amplitude_error**2).mean())) * 1e9
-        print(f"{rate:3g} Hz: the amplitude is off by {wrong:.2f} nm (root mean square)")
+        print(f"{rate:3g} Hz: root-mean-square error of the amplitude {wrong:.2f} nm")
     for axes, label in zip(panels[:, 0], ("height (nm)", "amplitude error (nm)", "phase (degrees)"), strict=True):
         axes.set_ylabel(label)
     figure.savefig(folder / "scan_faster.png", dpi=150)

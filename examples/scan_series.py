@@ -1,9 +1,9 @@
-"""What does contrast inversion look like while scanning?
+"""What does contrast inversion look like in a scan?
 
-A soft, lossy matrix with stiff domains over which the tip can oscillate in two ways. Tapped gently, it is attracted
-over both; at a low setpoint it is repelled by the domains, and the phases are of opposite sign. In between it depends
-on how the tip comes: engaged over a domain it stays attracted, while an edge may throw it onto the other branch, on one
-line and not on the next. Those are the streaks, and they move with the line rate.
+A soft, lossy matrix with stiff domains on which the tip can oscillate in two ways. With gentle tapping both are in the
+attractive regime. At a low setpoint the domains are in the repulsive regime, and the phases have opposite signs. In
+between, the result depends on how the tip gets there: engaged on a domain it stays attractive, but an edge may switch
+it to the other branch, on one line and not on the next. This gives streaks, which change with the line rate.
 """
 
 from pathlib import Path

@@ -1,7 +1,8 @@
 """How sharp is an edge between two materials in a phase image?
 
-A tip touches and attracts an area. Where maps change from one pixel to the next, an image of points is as sharp as a
-mask; seen by the tip an edge is as wide as the contact, which is wider where the sample is softer.
+A tip touches and attracts an area, not a point. If every pixel is simulated by itself, a map that changes from one
+pixel to the next gives an unrealistically sharp edge. `Surface.seen_by` makes the edge as wide as the contact, which
+is wider on a softer sample.
 """
 
 from pathlib import Path
@@ -36,7 +37,7 @@ def main(folder: Path = Path()) -> None:
     figure.colorbar(shown, ax=panels[:2], label="phase (degrees)")
     for name, image in images.items():
         panels[2].step(image.x * 1e9, image.phase[ROW], where="mid", label=name)
-    panels[2].set(xlabel="x along the dotted line (nm)", ylabel="phase (degrees)")
+    panels[2].set(xlabel="x along the dotted line (nm)")
     panels[2].legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     figure.savefig(folder / "seen_by_tip.png", dpi=150)
     steps = {name: float(abs(image.phase.diff("x")).max()) for name, image in images.items()}

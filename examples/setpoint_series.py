@@ -1,8 +1,9 @@
 """What does a series of setpoints show?
 
-The same place at four setpoints, from gentle to hard. Sticky rubber in a matrix, on a surface without steps: gently
-tapped the rubber stands out, then it cannot be seen in the height, and tapped hard it lies lower, for the tip sinks in.
-Its phase goes through zero, for it leaves the attractive regime later than the matrix does.
+The same place at four setpoints, from gentle to hard tapping. Sticky rubber in a matrix, on a surface without steps.
+With gentle tapping the rubber appears higher; then it disappears in the height; with hard tapping it appears lower,
+because the tip sinks in. Its phase changes sign, because the rubber leaves the attractive regime later than the
+matrix.
 """
 
 from pathlib import Path

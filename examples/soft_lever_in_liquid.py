@@ -1,8 +1,9 @@
-"""What does a soft lever show in liquid?
+"""What does a soft cantilever show in liquid?
 
-At a quality factor of 3 a lever forgets within a period, its harmonics are large, and first-order averaging is of no
-use. The phase hardly tells a soft gel from one ten times as stiff; the depth does. And it matters how the lever is
-driven: a shaker moves its base by a third of the amplitude, which the detector does not see.
+At a quality factor of 3 the oscillation decays within a period, the higher harmonics are large, and first-order
+averaging fails. The phase hardly distinguishes a soft gel from one ten times as stiff; the indentation does. It also
+matters how the cantilever is driven: a shaker moves its base by a third of the amplitude, which the detector does not
+see.
 """
 
 from pathlib import Path

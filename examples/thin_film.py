@@ -1,10 +1,11 @@
-"""How thin must a film be for phase to see what lies under it?
+"""How thin must a film be for the phase to show what lies under it?
 
-A wedge of a soft polymer on silicon, from 2 to 500 nm, once stuck to the wafer and once slipping on it. The modulus is
-the same everywhere: the contrast is the wafer's, which the tip feels through the film. To the right is the modulus that
-a half-space would need for the same phase: what one reads off such an image without knowing of the film. Without
-adhesion there would be no contrast, for a film has the loss tangent of its material however thin it is. Dotted are
-films into which the tip sinks by more than 0.3 of their thickness, where elasticity is no longer linear.
+A wedge of a soft polymer on silicon, from 2 to 500 nm thick, once bonded to the wafer and once slipping on it. The
+modulus of the polymer is the same everywhere: the contrast comes from the wafer, which the tip feels through the film.
+On the right is the modulus that a half-space would need for the same phase, that is what one would read off such an
+image without knowing about the film. Without adhesion there would be no contrast, because the loss tangent of a film is
+that of its material however thin it is. Dotted lines mark films that are indented by more than 0.3 of their thickness,
+where elasticity is no longer linear.
 """
 
 import warnings

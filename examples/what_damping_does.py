@@ -1,7 +1,8 @@
 """What does the damping of the sample do to the phase?
 
-Without it the phase is that of the setpoint alone, plus or minus, whatever the surface is. With more of it the phase
-falls, and the modulus begins to show: the softer the material, the deeper the tip sinks in, and the more is lost.
+Without damping the phase is determined by the setpoint alone, up to its sign, whatever the surface is. With increasing
+damping the phase decreases, and the modulus begins to matter: the softer the material, the deeper the tip sinks in, and
+the more energy is dissipated.
 """
 
 from dataclasses import replace
@@ -46,7 +47,7 @@ def main(folder: Path = Path()) -> None:
         axes.set_xlim(1, SETPOINTS[-1])  # approaching: from left to right
     left.set(ylabel="phase (degrees)", title="1 GPa")
     left.legend(title="damping alpha1", frameon=False)
-    middle.set(ylabel="energy into the surface (eV a cycle)", title="1 GPa")
+    middle.set(ylabel="energy into the surface (eV per cycle)", title="1 GPa")
     right.set(xlabel="modulus (GPa)", ylabel="phase (degrees)", title=f"setpoint {SETPOINT:g}")
     right.xaxis.set_major_formatter("{x:g}")
     figure.savefig(folder / "what_damping_does.png", dpi=150)

@@ -1,7 +1,7 @@
-"""Which setpoint and which free amplitude tell two materials apart?
+"""Which setpoint and free amplitude distinguish two materials best?
 
-The phase contrast of polystyrene and polyethylene over both, with the lines where it jumps or turns round, and the
-point at which to work: far from any jump, with most of the contrast, and with the least indentation.
+The phase contrast of polystyrene and polyethylene over both, with the lines where it jumps or inverts, and the
+recommended operating point: far from any jump, with most of the contrast, and with the least indentation.
 """
 
 from pathlib import Path

@@ -667,7 +667,7 @@ def test_a_channel_has_a_name() -> None:
 
 
 def test_phases_at_the_end_of_numbers_overflow_nothing() -> None:
-    from phasemap.io.measured import on_one_turn
+    from phasemap.io.flattening import on_one_turn
 
     phases = np.array([-1.7e308, 1.7e308])
     assert np.array_equal(on_one_turn(phases), phases)

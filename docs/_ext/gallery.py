@@ -6,14 +6,19 @@ import builtins
 import re
 import shutil
 import warnings
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 from sphinx.application import Sphinx
 from sphinx_gallery.scrapers import figure_rst
 
+from phasemap import ResultWarning
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
+WARNINGS = ExitStack()  # as they are outside the scripts
 
 
 def picture(_block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
@@ -28,19 +33,27 @@ def picture(_block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str
 
 
 def tidy(_conf: dict[str, Any], script: str, when: str) -> None:
-    """Run each script as the tests do, warnings being errors, and leave nothing of it behind."""
+    """Run each script as the tests do, with the same warnings as errors, and leave nothing of it behind."""
     name = Path(script).stem
     if when == "before":
         mpl.use("agg")
+        WARNINGS.enter_context(warnings.catch_warnings())
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", ResultWarning)  # what a measured file does not say
         builtins.__file__ = str(EXAMPLES / f"{name}.py")  # which the gallery withholds
         return
-    warnings.resetwarnings()
+    plt.close("all")
+    WARNINGS.close()
     for left in EXAMPLES.glob(f"{name}.*"):
         if left.is_dir():
             shutil.rmtree(left)
         elif left.suffix != ".py":
             left.unlink()
+
+
+def place(script: str) -> int:
+    """Show the scripts of a section in the order in which the gallery's page lists them."""
+    return (EXAMPLES.parent / "docs" / "examples.rst").read_text().find(f"/{Path(script).name}\n")
 
 
 def titled(_app: Sphinx, name: str, source: list[str]) -> None:
@@ -63,6 +76,7 @@ CONFIGURATION = {
     "reset_modules": (tidy,),
     "reset_modules_order": "both",
     "within_subsection_order": "FileNameSortKey",
+    "minigallery_sort_order": place,
     "download_all_examples": False,
     "show_signature": False,
     "show_memory": False,

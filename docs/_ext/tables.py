@@ -48,6 +48,7 @@ def scenes() -> dict[str, str]:
 
 def write(app: Sphinx) -> None:
     """Write all tables into docs/generated."""
+    from phasemap.results.quantities import CHANNELS
     from phasemap.results.status import Status
     from phasemap.results.variables import DESCRIPTIONS, FLAGS, FLOATS, IMAGE_VARIABLES, IN_TIME, SCAN_VARIABLES
 
@@ -73,6 +74,10 @@ def write(app: Sphinx) -> None:
         "image_variables": variables(IMAGE_VARIABLES),
         "scan_variables": variables(SCAN_VARIABLES),
         "orbit_variables": variables(others),
+        "channels": table(
+            ("variable", "unit", "what it is", "formula"),
+            [(f"`{one.name}`", one.units, one.long_name, one.source) for one in CHANNELS.values()],
+        ),
         "flags": flags(),
         "statuses": table(("code", "status", "what it means, and what helps"),
                           [(one.code, f"`{one.name}`", one.value) for one in Status]),

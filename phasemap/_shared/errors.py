@@ -48,7 +48,7 @@ class InputError(PhasemapError, ValueError):
     __module__ = "phasemap"
 
     def __init__(self, name: str, value: object, allowed: str, hint: str = "") -> None:
-        super().__init__(f"{_short(name)} is {_shown(value)}; allowed: {allowed}." + (f" {hint}" if hint else ""))
+        super().__init__(f"{on_one_line(name)} is {_shown(value)}; allowed: {allowed}." + (f" {hint}" if hint else ""))
         self.name, self.value, self.allowed, self.hint = name, value, allowed, hint
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, object, str, str]]:
@@ -104,16 +104,21 @@ class SolveError(PhasemapError, RuntimeError):
 def _shown(value: object) -> str:
     """A value as an error repeats it: strings in quotes, and nothing without end."""
     try:
-        return _short(repr(value) if isinstance(value, str) else str(value))
+        return on_one_line(repr(value) if isinstance(value, str) else str(value))
     except (RecursionError, ValueError):  # tables in tables in tables, a whole number of thousands of digits
         return f"a {type(value).__name__} too large to be shown"
 
 
-def _short(text: str) -> str:
-    """The text on one line, its middle left out where it is long."""
+def on_one_line(text: str, most: int = LONGEST) -> str:
+    r"""Return text on one line, its middle left out where it has more letters than that.
+
+    Examples
+    --------
+    >>> on_one_line("two\nlines"), on_one_line("abcdefgh", 4)
+    ('two\\nlines', 'ab ... gh')
+    """
     text = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
-    half = LONGEST // 2
-    return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"
+    return text if len(text) <= most else f"{text[: most // 2]} ... {text[-(most // 2) :]}"
 
 
 __test__ = {"InputError": InputError, "InputErrors": InputErrors}  # doctest looks for classes of this module only

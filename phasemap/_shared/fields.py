@@ -36,7 +36,7 @@ class Number(Generic[T]):
     optional : bool
         Whether None is allowed.
     usual : (float, float), optional
-        The least and the most that anybody works with, zero aside [unit].
+        The least and the most found in practice, zero aside [unit].
     asks : bool
         Whether the field warns of a value outside; False where its owner does, which knows what else decides.
     **bounds : float

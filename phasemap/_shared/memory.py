@@ -14,7 +14,7 @@ from pathlib import Path
 
 from phasemap._shared.errors import InputError, TooLargeError
 
-__all__ = ["VARIABLE", "available", "check_fits", "in_words"]
+__all__ = ["VARIABLE", "available", "check_fits", "size_in_words"]
 
 VARIABLE = "PHASEMAP_MEMORY"
 GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
@@ -45,7 +45,7 @@ def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> No
         return
     free = available()
     if size > free:
-        said = f"{what} needs {in_words(size)} of memory, and {in_words(free)} are free."
+        said = f"{what} needs {size_in_words(size)} of memory, and {size_in_words(free)} are free."
         raise TooLargeError(f"{said} {advice} {VARIABLE}, in bytes, sets another limit.")
 
 
@@ -76,12 +76,12 @@ def available() -> float:
     return limit
 
 
-def in_words(size: float) -> str:
+def size_in_words(size: float) -> str:
     """A number of bytes, with the prefix that suits it.
 
     Examples
     --------
-    >>> in_words(2.88e12), in_words(640)
+    >>> size_in_words(2.88e12), size_in_words(640)
     ('2.88 TB', '640 B')
     """
     power = min(int(math.log10(size)) // 3, 8) if 1 <= size < math.inf else 0

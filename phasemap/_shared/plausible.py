@@ -95,7 +95,7 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
     unit : str
         As in `phasemap._shared.quantities.KINDS`.
     usual : (float, float)
-        The least and the most that anybody works with [unit].
+        The least and the most found in practice [unit].
 
     Raises
     ------

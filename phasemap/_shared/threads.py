@@ -23,6 +23,28 @@ def workers_of(threads: int | None) -> int:
     return min(whole("threads", threads, 1), 64) if threads is not None else _cores()
 
 
+def chunk_of(count: int, workers: int, most: int) -> int:
+    """How many of so many to solve in one go: four turns for each thread, and at most so many together.
+
+    Examples
+    --------
+    >>> chunk_of(100, 2, 1000), chunk_of(100_000, 2, 1000)
+    (13, 1000)
+    """
+    return max(1, min(most, -(-count // (4 * workers))))
+
+
+def bounds_of(count: int, chunk: int) -> list[int]:
+    """Where chunks of so many begin, and where the last one ends, as `spread` takes them.
+
+    Examples
+    --------
+    >>> bounds_of(10, 4), bounds_of(0, 4)
+    ([0, 4, 8, 10], [])
+    """
+    return [*range(0, count, chunk), count] if count else []
+
+
 def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int, progress: Progress | None) -> None:
     """Run ``task(first, last)`` for all neighbours in `bounds`, and report how far one is from the calling thread."""
     parts = list(itertools.pairwise(bounds))

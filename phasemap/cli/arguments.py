@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 __all__ = [
     "add_files", "add_quiet", "add_scene", "add_strict_units", "add_threads", "check_files", "print_files", "whole",
+    "write_files",
 ]  # fmt: skip
 
 SURFACE_UNUSED = "the scene file; its surface is not used"
@@ -101,6 +106,29 @@ def check_files(arguments: argparse.Namespace) -> None:
 
         check_target(plot, arguments.overwrite)
         check_format(plot)
+
+
+def write_files(arguments: argparse.Namespace, found: xr.Dataset, draw: str, **options: Any) -> None:
+    """Write what was found, and its picture, where the command names files for them.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        With output, plot and overwrite.
+    found : xarray.Dataset
+    draw : str
+        The function of `phasemap.plot` that draws it.
+    **options
+        Its further arguments.
+    """
+    if arguments.output is not None:
+        from phasemap.io.netcdf import save
+
+        save(found, arguments.output, arguments.overwrite)
+    if arguments.plot is not None:
+        from phasemap import plot
+
+        getattr(plot, draw)(found, arguments.plot, overwrite=arguments.overwrite, **options)
 
 
 def print_files(arguments: argparse.Namespace, width: int = 12) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.interrupts import interruptible
+from phasemap._shared.sentences import image_size
 from phasemap.cli.arguments import add_quiet, add_threads, whole
 from phasemap.cli.console import progress_bar
 
@@ -85,9 +86,8 @@ def _header(image: xr.Dataset) -> list[str]:
     from phasemap.validation.checking.claims import claims_of
 
     claims = claims_of(image)
-    (ny, nx), (dy, dx) = claims.shape, claims.pixel_size
     control = " ".join(filter(None, (str(claims.control), str(claims.realism) and f"with {claims.realism}")))
     return [
-        f"image    {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm",
+        f"image    {image_size(claims.shape, claims.pixel_size)}",
         f"made by  phasemap {str(image.attrs.get('phasemap_version', ''))[:20]}, solver {claims.solver}, {control}",
     ]

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import NoReturn
 
-from phasemap._shared.errors import InputErrors, PhasemapError
+from phasemap._shared.errors import InputErrors, PhasemapError, on_one_line
 from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
 from phasemap._shared.plausible import once, strict_units
 from phasemap._shared.quantities import is_number
@@ -187,8 +187,5 @@ def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParse
 
 def _complain(sentence: str) -> int:
     """Print a sentence on stderr and return the exit code that goes with it."""
-    line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in sentence)  # names may have any
-    if len(line) > LONGEST:
-        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-    print(f"phasemap: {line}", file=sys.stderr)
+    print(f"phasemap: {on_one_line(sentence, LONGEST)}", file=sys.stderr)  # names of files may have any letter
     return 2

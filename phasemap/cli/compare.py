@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_quiet, check_files, print_files, whole
+from phasemap.cli.arguments import add_files, add_quiet, check_files, print_files, whole, write_files
 from phasemap.cli.colours import add_colours, colours_of
-from phasemap.cli.numbers import number_in, numbers_in
+from phasemap.cli.console import in_two_columns
+from phasemap.cli.words import number_in, numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr
 
-WIDTH = 100  # letters on a line of the summary
 EXAMPLES = """examples:
   phasemap compare measured.nid simulated.nc --plot page.png
   phasemap compare measured.ibw simulated.nc -o result.nc --offset fixed
@@ -62,7 +61,6 @@ def compare(arguments: argparse.Namespace) -> None:
     """Compare two images, write what is asked for, and say what was found."""
     from phasemap.comparison.result import NAMES
     from phasemap.comparison.result import compare as compare_images
-    from phasemap.io.netcdf import save
 
     check_files(arguments)
     if arguments.row is not None and arguments.plot is None:
@@ -78,12 +76,7 @@ def compare(arguments: argparse.Namespace) -> None:
     }
     images = [_load(path) for path in (arguments.measured, arguments.simulated)]
     found = compare_images(*images, **options)
-    if arguments.output is not None:
-        save(found, arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        from phasemap.plot import comparison
-
-        comparison(found, arguments.plot, arguments.overwrite, row=arguments.row, **colours_of(arguments))
+    write_files(arguments, found, "comparison", row=arguments.row, **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print_files(arguments, 17)
@@ -106,11 +99,7 @@ def summary(found: xr.Dataset) -> list[str]:
 
     size = f"{found.sizes['x']} x {found.sizes['y']} pixels"
     lines = [("compared", size), *lines_of(found), ("verdict", verdict_of(found))]
-    return [
-        f"{word if i == 0 else '':<17}{line}"
-        for word, said in lines
-        for i, line in enumerate(textwrap.wrap(said, WIDTH))
-    ]
+    return in_two_columns(lines, 17)
 
 
 def _load(path: Path) -> xr.Dataset:

@@ -1,24 +1,29 @@
-"""What commands say while they work."""
+"""What commands say: while they work, and in their summaries."""
 
 from __future__ import annotations
 
 import sys
+import textwrap
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.notices import ResultWarning
 from phasemap._shared.plausible import PlausibilityWarning
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+WIDTH = 100  # letters on a line of a summary, beside its words
 PATIENCE = 3.0  # seconds without a first result after which a word is due
 STILL_COMPILING = "phasemap: no result yet; kernels are compiled for their first use, later runs load them."
 
 
 @contextmanager
 def patience() -> Iterator[Callable[[], None]]:
-    """Say on stderr why nothing has come yet, unless the function that is lent is called in time."""
+    """Say on stderr why nothing has come yet, unless the function that it gives is called in time."""
     timer = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
     timer.daemon = True
     timer.start()
@@ -38,7 +43,7 @@ def bar_of(unit: str) -> Any:
 
 @contextmanager
 def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
-    """Lend a function of what is done and of all that draws a bar; None where nothing is to be said."""
+    """Give a function of what is done and of all there is to do, which draws a bar; None where that is not wanted."""
     if quiet:
         yield None
         return
@@ -70,6 +75,41 @@ def saying() -> Iterator[Callable[[str], None]]:
     finally:
         if terminal:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str]:
+    """Lay out words, each where it changes, beside what is said of them.
+
+    Parameters
+    ----------
+    said : iterable of (str, str)
+    first : int
+        Width of the column of words.
+
+    Examples
+    --------
+    >>> in_two_columns([("file", "a.nc"), ("file", "b.nc")], 6)
+    ['file  a.nc', '      b.nc']
+    """
+    lines, before = [], ""
+    for word, text in said:
+        for line in textwrap.wrap(text, WIDTH):
+            lines.append(f"{'' if word == before else word:<{first}}{line}")
+            before = word
+    return lines
+
+
+def remarks(found: xr.Dataset, what: str = "pixels") -> list[str]:
+    """What is said below a summary: of motion, of the limits of the model, and of failures."""
+    from phasemap.results.validity import describe_validity
+    from phasemap.results.words import describe_failures, describe_irregular
+
+    said = {
+        "motion": describe_irregular(found, what),
+        "beyond": describe_validity(found, what),
+        "failed": describe_failures(found, what) or ["none"],
+    }
+    return [f"{word:<12}{line}" for word, lines in said.items() for line in lines]
 
 
 @contextmanager

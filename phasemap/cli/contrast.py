@@ -16,10 +16,11 @@ from phasemap.cli.arguments import (
     add_threads,
     check_files,
     print_files,
+    write_files,
 )  # fmt: skip
 from phasemap.cli.colours import add_colours, colours_of
-from phasemap.cli.console import progress_bar
-from phasemap.cli.numbers import numbers_in
+from phasemap.cli.console import progress_bar, remarks
+from phasemap.cli.words import numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,7 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import save
     from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
@@ -75,12 +75,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     found = _map(setup, names, options, arguments.quiet)
     found.attrs["title"] = f"{names[1]} less {names[0]} of {arguments.scene.name}"
-    if arguments.output is not None:
-        save(found, arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        from phasemap.plot import contrast as draw
-
-        draw(found, arguments.plot, arguments.overwrite, **colours_of(arguments))
+    write_files(arguments, found, "contrast", **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print(f"took        {time.perf_counter() - started:.2f} s")
@@ -139,8 +134,7 @@ def summary(found: xr.Dataset) -> list[str]:
     """
     import numpy as np
 
-    from phasemap.results.validity import describe_validity
-    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
+    from phasemap.results.words import describe_flags
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} less {names[0]}"]
@@ -159,7 +153,4 @@ def summary(found: xr.Dataset) -> list[str]:
             lines.append(f"inverts     by a {what} at setpoint {at}")
     if not len(zeros) and not len(jumps):
         lines.append("inverts     nowhere")
-    lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
-    lines += [f"beyond      {line}" for line in describe_validity(found, "points")]
-    lines += [f"failed      {line}" for line in describe_failures(found, "points") or ["none"]]
-    return [*lines, f"recommended {found.attrs['recommendation']}"]
+    return [*lines, *remarks(found, "points"), f"recommended {found.attrs['recommendation']}"]

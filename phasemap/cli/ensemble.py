@@ -1,4 +1,4 @@
-"""``phasemap run`` and ``validate`` where the scene is an ensemble."""
+"""The commands ``phasemap run`` and ``validate`` where the scene is an ensemble."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once
+from phasemap._shared.sentences import counted
 from phasemap.cli.console import bar_of, patience
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def print_ensemble(ensemble: Ensemble) -> None:
 
 @contextmanager
 def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress]:
-    """Lend a progress that is remembered, so that an interrupt can say what is kept."""
+    """Give a function of progress that remembers it, so that an interrupt can say what is kept."""
     kept = "nothing was written"
 
     def progress(done: int, total: int) -> None:
@@ -87,7 +88,7 @@ def _resumable(output: Path, shown: Progress | None = None) -> Iterator[Progress
 
 @contextmanager
 def _bar(first_result: Callable[[], None]) -> Iterator[Progress]:
-    """Lend a progress that draws a bar on stderr if it takes more than a second."""
+    """Give a function of progress that draws a bar on stderr if it takes more than a second."""
     with bar_of(" samples") as bar:
 
         def progress(done: int, total: int) -> None:
@@ -112,4 +113,4 @@ def _count(output: Path, name: str) -> str:
     count = int(counts.sum())
     if not count:
         return "none"
-    return f"{count} of {pixels} pixels ({100 * count / pixels:.3g} %), in {int((counts > 0).sum())} samples"
+    return f"{counted(count, pixels, 'pixels')}, in {int((counts > 0).sum())} samples"

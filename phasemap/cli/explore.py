@@ -1,4 +1,4 @@
-"""``phasemap explore``."""
+"""The command ``phasemap explore``: a page of sliders, served to a browser on this machine."""
 
 from __future__ import annotations
 

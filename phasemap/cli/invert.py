@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import textwrap
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,9 +19,10 @@ from phasemap.cli.arguments import (
     add_threads,
     check_files,
     print_files,
+    write_files,
 )  # fmt: skip
-from phasemap.cli.console import progress_bar
-from phasemap.cli.numbers import numbers_in
+from phasemap.cli.console import in_two_columns, progress_bar
+from phasemap.cli.words import labels_in, one_each
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Microscope
     from phasemap.scenes.scene import Setup
 
-WIDTH = 100  # letters on a line of the summary
-MAPS = ("labels", "label")  # of regions, in a file
 ZEROS = ("phase_zero", "phase_zero_error", "height_zero", "height_zero_error")
 SHOWN = {"modulus": ("GPa", 1e-9), "adhesion": ("J/m²", 1.0), "damping": ("", 1.0)}
 UNITS = {"free": "m", "phase": "degree", "height": "m"}  # of what options are about, by their first word
@@ -113,7 +111,6 @@ class _Given:
 
 def invert(arguments: argparse.Namespace) -> None:
     """Invert, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import save
     from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
@@ -129,14 +126,9 @@ def invert(arguments: argparse.Namespace) -> None:
     if arguments.prior is not None:
         options["prior"] = _material(setup, "--prior", arguments.prior)
     found, notes = _invert(given, setup, options, arguments)
-    if arguments.output is not None:
-        save(found, arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        from phasemap.plot import inversion
-
-        inversion(found, arguments.plot, arguments.overwrite)
+    write_files(arguments, found, "inversion")
     if not arguments.quiet:
-        print("\n".join(_lines(_said_images(given) + [("note", note) for note in notes] + summary(found))))
+        print("\n".join(in_two_columns(_said_images(given) + [("note", note) for note in notes] + summary(found))))
         print(f"took        {time.perf_counter() - started:.2f} s")
         print_files(arguments)
 
@@ -237,19 +229,13 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
     import numpy as np
 
     from phasemap.io.measured import segment_phase
-    from phasemap.io.netcdf import load
 
     if text.isdecimal() and text != "0":
         phase = image["phase"].values
         return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
     if text.isdecimal():
         raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
-    maps = load(text)
-    name = next((name for name in MAPS if name in maps), None)
-    if name is None:
-        held = ", ".join(map(str, maps.data_vars))
-        raise InputError(f"what {text} holds", held, f"a map {' or '.join(MAPS)}, as phasemap scene writes it")
-    return np.asarray(maps[name].values)
+    return labels_in(text)
 
 
 def _known(setup: Setup, text: str | None) -> dict[int, Material]:
@@ -274,12 +260,7 @@ def _list(name: str, text: str | None, count: int, words: tuple[str, ...] = ()) 
     """Numbers, one an image, or a word."""
     if text is None or (name == "phase_zero" and text in words):
         return text
-    option, allowed = f"--{name.replace('_', '-')}", f"a number, or {count} with commas between them, one an image"
-    unit = UNITS.get(name.partition("_")[0], "1")
-    numbers = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
-    if len(numbers) not in (1, count):
-        raise InputError(option, text, allowed)
-    return numbers * (count // len(numbers))
+    return one_each(name, text, UNITS.get(name.partition("_")[0], "1"), count, "an image")
 
 
 def _said_images(given: _Given) -> list[tuple[str, str]]:
@@ -351,13 +332,3 @@ def _said_zeros(found: xr.Dataset) -> str:
 
 def _sentences(found: xr.Dataset, name: str) -> list[tuple[str, str]]:
     return [(name, line) for line in str(found.attrs.get(name, "")).splitlines()]
-
-
-def _lines(said: list[tuple[str, str]]) -> list[str]:
-    """A column of words, each said once, and one of sentences."""
-    lines, before = [], ""
-    for word, text in said:
-        for line in textwrap.wrap(text, WIDTH):
-            lines.append(f"{'' if word == before else word:<12}{line}")
-            before = word
-    return lines

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.notices import untold
+from phasemap._shared.sentences import image_size
 from phasemap.cli.arguments import add_files, add_overrides, add_strict_units, whole
 
 if TYPE_CHECKING:
@@ -75,8 +76,7 @@ def scene(arguments: argparse.Namespace) -> None:
         overwrite=arguments.overwrite,
     )
     _print_warnings(image)
-    (ny, nx), (dy, dx) = made.surface.shape, made.surface.pixel_size
-    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    print(f"image       {image_size(made.surface.shape, made.surface.pixel_size)}")
     for line in output.read_text(encoding="utf-8").splitlines():
         if line.startswith("[materials."):
             name, _, share = line.removeprefix("[materials.").partition("]")

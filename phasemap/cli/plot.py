@@ -60,7 +60,8 @@ def plot(arguments: argparse.Namespace) -> None:
         if arguments.trace is not None:
             trace(ds, arguments.trace, output, arguments.overwrite)
         elif arguments.quantities is not None and is_sweep(ds):
-            curve(ds, output, [name.strip() for name in arguments.quantities.split(",")], arguments.overwrite)
+            names = [name.strip() for name in arguments.quantities.split(",")]
+            curve(ds, output, arguments.overwrite, quantities=names)
         else:
             wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
             options = {"variables": wanted, "mark_irregular": arguments.mark_irregular}

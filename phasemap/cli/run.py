@@ -1,4 +1,4 @@
-"""``phasemap run`` and ``phasemap validate``."""
+"""The commands ``phasemap run``, which simulates a scene's image, and ``phasemap validate``, which checks the scene."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
+from phasemap._shared.sentences import image_size
 from phasemap._shared.units import ELECTRONVOLT
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
-from phasemap.cli.console import progress_bar
+from phasemap.cli.console import progress_bar, remarks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -139,8 +140,7 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
 
 def _print_scene(scene: Scene, modelled: str) -> None:
     """Size, materials, and what acts between them and the tip."""
-    (ny, nx), (dy, dx) = scene.surface.shape, scene.surface.pixel_size
-    print(f"image       {nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm")
+    print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")
@@ -167,8 +167,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.results.validity import describe_validity
-    from phasemap.results.words import describe_failures, describe_flags, describe_irregular
+    from phasemap.results.words import describe_flags
 
     _print_scene(scene, image.attrs["modelled"])
     realism = scene.options["realism"]
@@ -182,9 +181,4 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
-    for line in describe_irregular(image):
-        print(f"motion      {line}")
-    for line in describe_validity(image):
-        print(f"beyond      {line}")
-    for line in describe_failures(image) or ["none"]:
-        print(f"failed      {line}")
+    print("\n".join(remarks(image)))

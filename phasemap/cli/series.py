@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole
-from phasemap.cli.numbers import numbers_in
+from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole, write_files
+from phasemap.cli.console import in_two_columns
+from phasemap.cli.words import labels_in, one_each
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap.experiment.microscope import Microscope
 
-WIDTH = 100  # letters on a line of the summary
 SAID = {"stiffness": "stiffness", "quality_factor": "quality factor", "radius": "tip radius"}
 EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
 one lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
@@ -64,7 +63,6 @@ def series(arguments: argparse.Namespace) -> None:
     """Explain, write what is asked for, and say what was found."""
     from phasemap.inference.series.series import series as explain
     from phasemap.inference.series.settings import scope_of
-    from phasemap.io.netcdf import save
     from phasemap.io.read import read_image
 
     check_files(arguments)
@@ -83,12 +81,7 @@ def series(arguments: argparse.Namespace) -> None:
     )  # fmt: skip
     told = [one for one in told if not any(SAID.get(name, "") in one for name in changed if name in SAID)]
     found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
-    if arguments.output is not None:
-        save(found, arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        from phasemap.plot.series import series as draw
-
-        draw(found, arguments.plot, arguments.overwrite)
+    write_files(arguments, found, "series")
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print_files(arguments)
@@ -119,11 +112,7 @@ def summary(found: xr.Dataset) -> list[str]:
         )
     for word, label in (("notes", "note"), ("verdict", "verdict"), ("advice", "advice")):
         said += [(label, line) for line in found.attrs[word].splitlines()]
-    return [line for label, text in said for line in _wrapped(label, text)]
-
-
-def _wrapped(label: str, text: str) -> list[str]:
-    return textwrap.wrap(f"{label:<12}{text}", WIDTH, subsequent_indent=" " * 12)
+    return in_two_columns(said)
 
 
 def _microscope(images: list[xr.Dataset], path: Path) -> tuple[Microscope, list[str]]:
@@ -157,25 +146,14 @@ def _list(name: str, text: str | None, unit: str, count: int) -> Any:
     """Numbers, one a file, or a word."""
     if text is None or text in ("shared", "free"):
         return text
-    option, allowed = f"--{name.replace('_', '-')}", f"a number, or {count} with commas between them, one a file"
-    values = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
-    if len(values) not in (1, count):
-        raise InputError(option, text, allowed)
-    return values * (count // len(values))
+    return one_each(name, text, unit, count, "a file")
 
 
 def _labels(text: str | None, count: int) -> Any:
     """Maps of regions."""
-    import numpy as np
-
-    from phasemap.io.netcdf import load
-
     if text is None:
         return None
-    maps = [load(part) for part in text.split(",")]
-    for one, part in zip(maps, text.split(","), strict=True):
-        if "labels" not in one:
-            raise InputError(f"what {part} holds", ", ".join(map(str, one.data_vars)), "a map labels")
+    maps = [labels_in(part) for part in text.split(",")]
     if len(maps) not in (1, count):
         raise InputError("--labels", text, f"one file, or {count}")
-    return [np.asarray(one["labels"].values) for one in maps * (count // len(maps))]
+    return maps * (count // len(maps))

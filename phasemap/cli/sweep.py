@@ -19,8 +19,10 @@ from phasemap.cli.arguments import (
     check_files,
     print_files,
     whole,
+    write_files,
 )  # fmt: skip
-from phasemap.cli.numbers import number_in, numbers_in
+from phasemap.cli.console import remarks
+from phasemap.cli.words import number_in, numbers_in
 
 if TYPE_CHECKING:
     import numpy as np
@@ -92,7 +94,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Do the sweep, write what is asked for, and say what was found."""
-    from phasemap.io.netcdf import save
     from phasemap.scenes.scene import load_setup
     from phasemap.scenes.tables import check_choice
 
@@ -105,12 +106,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     found = _sweep(arguments, values, material, setup)
     found.attrs["title"] = f"{name} of {arguments.scene.name}"
-    if arguments.output is not None:
-        save(found, arguments.output, arguments.overwrite)
-    if arguments.plot is not None:
-        from phasemap.plot import curve
-
-        curve(found, arguments.plot, overwrite=arguments.overwrite)
+    write_files(arguments, found, "curve")
     if not arguments.quiet:
         print("\n".join(summary(found)))
         print(f"took        {time.perf_counter() - started:.2f} s")
@@ -237,8 +233,6 @@ def summary(found: xr.Dataset) -> list[str]:
 
     from phasemap._shared.units import readable
     from phasemap.plot.titles import titles
-    from phasemap.results.validity import describe_validity
-    from phasemap.results.words import describe_failures, describe_irregular
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs
@@ -265,8 +259,4 @@ def summary(found: xr.Dataset) -> list[str]:
         ends = ", ".join(say(name, ["jump_from_", "jump_to_"], i) for name in shown)
         word = directions[int(found["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
-    lines += [f"motion      {line}" for line in describe_irregular(found, "points")]
-    lines += [f"beyond      {line}" for line in describe_validity(found, "points")]
-    for line in describe_failures(found, "points") or ["none"]:
-        lines.append(f"failed      {line}")
-    return lines
+    return [*lines, *remarks(found, "points")]

@@ -1,4 +1,4 @@
-"""``phasemap warm``."""
+"""The command ``phasemap warm``: kernels compiled ahead of their first use."""
 
 from __future__ import annotations
 

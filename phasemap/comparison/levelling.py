@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
-from phasemap.io.measured import level_rows, on_one_turn, row_medians
+from phasemap.io.flattening import level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,7 +67,7 @@ def level(
     >>> bool(np.allclose(level(image)["height"], 0, atol=1e-24))
     True
     """
-    from phasemap.results.variables import provenance
+    from phasemap.results.variables import coded, provenance
 
     for name, choice, known in (
         ("height", height, ("rows", "plane")),
@@ -101,8 +101,7 @@ def level(
                 maps = np.stack([_replaced(one, rows) for one, rows in zip(maps, flagged, strict=True)])
                 done[name] = done[name].copy(data=maps.reshape(done[name].shape))
     leading = done[there[0]].dims[:-2]
-    about = {"long_name": "line unlike both its neighbours", "flag_values": np.array([0, 1], np.int8),
-             "flag_meanings": "no yes"}  # fmt: skip
+    about = coded("line unlike both its neighbours", "no", "yes")
     done["outlier_line"] = (
         (*leading, "y"), flagged.astype(np.int8).reshape(*(done.sizes[dim] for dim in leading), shape[0]), about,
     )  # fmt: skip
@@ -160,7 +159,7 @@ def _level_phase(phase: Array, mask: Array, *, rows: bool) -> Array:
 def outlier_lines(values: Array) -> Array:
     """Find single lines that lie above, or below, both their neighbours by far more than lines do.
 
-    A step between two lines, as a change of the tip leaves it, is none.
+    A step between two lines, as a change of the tip leaves it, does not count.
 
     Parameters
     ----------
@@ -182,7 +181,7 @@ def outlier_lines(values: Array) -> Array:
 
 
 def _replaced(values: Array, lines: Array) -> Array:
-    """Lines replaced by the mean of their neighbours that are none themselves."""
+    """Lines replaced by the mean of the nearest lines that are not replaced themselves."""
     if not lines.any():
         return values
     good = np.flatnonzero(~lines)

@@ -16,7 +16,7 @@ def skimage(module: str, purpose: str) -> Any:
     module : str
         Below ``skimage``.
     purpose : str
-        What needs it, as the begin of a sentence.
+        What needs it, as the beginning of a sentence.
 
     Raises
     ------

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import is_uniform, read_only
 from phasemap._shared.checks import number
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import unquestioned
@@ -53,7 +54,7 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     tip : Tip
         Only its radius is used.
     half_angle : float
-        Between the axis and the flank of the cone that the tip goes over into [degree], above 0 and below 90.
+        Between the axis and the flank of the cone into which the tip widens [degree], above 0 and below 90.
 
     Raises
     ------
@@ -119,19 +120,13 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
         [m].
     """
     names = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness")
-    maps: dict[str, Any] = {"topography": None if topography is None else _frozen(topography)}
+    maps: dict[str, Any] = {"topography": None if topography is None else read_only(topography)}
     for name in names:
         values = getattr(surface, name)
-        if values is not None and any(values.strides):  # not the same everywhere
-            maps[name] = _frozen(values.reshape(-1)[pixels])
+        if values is not None and not is_uniform(values):
+            maps[name] = read_only(values.reshape(-1)[pixels])
     with unquestioned():
         return replace(surface, **maps)
-
-
-def _frozen(array: FloatArray) -> FloatArray:
-    """The array, no longer to be written to, so that a surface need not copy it."""
-    array.flags.writeable = False
-    return array
 
 
 def _lower(

@@ -2,7 +2,7 @@
 
 Z is the complex amplitude of z = Re(Z exp(i omega tau)). A detector of the deflection sees Z less what the lever's base
 moves, b; its phase is turned so that it is 0 at free resonance. Where the drive's force acts on the tip b is 0. Solvers
-know z; `phasemap.solvers.held` finds the orbits at which the detector shows the setpoint.
+know z; `phasemap.solvers.detected_setpoint` finds the orbits at which the detector shows the setpoint.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
-MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what anybody works with [Pa, J/m2, Pa s]
+MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what is found in practice [Pa, J/m2, Pa s]
 THICKNESS = (0.2e-9, 1e-4)  # [m]
 
 

@@ -14,7 +14,7 @@ from phasemap._shared.shown import Shown
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS = ("direct", "base")
-FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what anybody works with [Hz, m, m]
+FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what is found in practice [Hz, m, m]
 DETECTIONS = ("fm", "am")
 
 

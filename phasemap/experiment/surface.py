@@ -6,24 +6,25 @@ Row 0 is the top of the image and y increases with the row index; everything is 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
-from phasemap._shared.dask_arrays import chunks_of, is_lazy, lazy_map
+from phasemap._shared.checks import number
+from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.memory import check_fits
-from phasemap._shared.plausible import question, unquestioned
-from phasemap._shared.quantities import NotThatUnit, Scalar, array_in_si, with_unit
+from phasemap._shared.plausible import unquestioned
+from phasemap._shared.quantities import Scalar
 from phasemap._shared.shown import table
 from phasemap._shared.units import say
+from phasemap.experiment.distinct_rows import distinct_materials
+from phasemap.experiment.labels import lazily_looked_up, looked_up
 from phasemap.experiment.material import Material
-from phasemap.experiment.surface_variables import QUANTITIES, Quantity, centres, coordinate_step, variable_in_si
+from phasemap.experiment.surface_maps import common_shape, pixel_sides, property_map
+from phasemap.experiment.surface_variables import QUANTITIES, as_variables, centres, maps_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,11 +35,6 @@ __all__ = ["Surface"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-
-
-LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
-PIXEL = (0.01e-9, 10e-6)  # m, of the pixels that anybody takes
-_NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -138,17 +134,17 @@ class Surface:
         maps = {
             name: found
             for name, value in given.items()
-            if (found := _made(name, value, allow_nan and name != "topography")) is not None
+            if (found := property_map(name, value, allow_nan and name != "topography")) is not None
         }
         for name in ("modulus", "adhesion", "poisson_ratio"):
             if name not in maps:
                 raise InputError(name, None, "one number or a 2-D map")
-        ny_nx = _common_shape(maps, shape)
+        ny_nx = common_shape(maps, shape)
         for name in given:
             one = maps.get(name)
             whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
             object.__setattr__(self, name, whole)
-        object.__setattr__(self, "pixel_size", _pixels(pixel_size))
+        object.__setattr__(self, "pixel_size", pixel_sides(pixel_size))
         object.__setattr__(self, "shape", ny_nx)
         object.__setattr__(self, "allow_nan", bool(allow_nan))
         object.__setattr__(self, "_unique", None)
@@ -193,35 +189,16 @@ class Surface:
         >>> surface.modulus.tolist()
         [[1000000000.0, 3000000000.0], [3000000000.0, 3000000000.0]]
         """
+        distinct = None
         if is_lazy(labels):
-            return _from_lazy_labels(lazy_map("labels", labels, int), materials, pixel_size, topography)
-        label_map = as_array("labels", labels, "a 2-D map of whole numbers")
-        if label_map.ndim != 2 or not label_map.size:
-            raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
-        _check_map("labels", label_map, 36)  # measured, with three maps that are not uniform
-        if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
-            label_map = label_map.astype(np.int64)
-        if label_map.dtype.kind not in "iub":
-            hint = "Try labels.astype(int)."
-            if label_map.dtype.kind in "SUO":
-                hint = "Number the names: names, numbers = numpy.unique(labels, return_inverse=True)."
-            raise InputError("type of labels", label_map.dtype.name, "whole numbers", hint)
-        names, table, viscous = _material_table(materials)
-        index = _positions(label_map, names)
-        used = np.bincount(index.reshape(-1), minlength=len(names)) > 0
-        first, merged = _factorise(list(table[used].T))
-        renumber = np.full(len(names), -1, np.int32)
-        renumber[used] = merged
-        rows, inverse = _read_only(table[used][first]), _read_only(renumber[index])
-        columns = [column[0] if (column == column[0]).all() else _read_only(column[inverse]) for column in rows.T]
-        damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
-        sides, relief = _pixels(pixel_size), _made("topography", topography, False)
+            maps = lazily_looked_up(labels, materials)
+        else:
+            maps, distinct = looked_up(labels, materials)
+        sides, relief = pixel_sides(pixel_size), property_map("topography", topography, False)
+        shape = np.shape(labels) if distinct is None else distinct[1].shape
         with unquestioned():  # each Material was looked at when it was made
-            surface = cls(
-                columns[0], columns[1], damping, viscosity, columns[3], relief, *columns[4:], pixel_size=sides,
-                shape=label_map.shape,
-            )  # fmt: skip
-        object.__setattr__(surface, "_unique", (rows, inverse))
+            surface = cls(**maps, topography=relief, pixel_size=sides, shape=shape)
+        object.__setattr__(surface, "_unique", distinct)
         return surface
 
     @classmethod
@@ -255,14 +232,7 @@ class Surface:
         >>> Surface.from_dataset(surface.to_dataset()) == surface
         True
         """
-        names = [str(name) for name in dataset.data_vars]
-        for needed in ("modulus", "adhesion"):
-            if needed not in dataset.data_vars:
-                raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
-        given = {name: variable_in_si(dataset[name], name) for name in QUANTITIES if name in dataset.data_vars}
-        sides = coordinate_step(dataset, "y"), coordinate_step(dataset, "x")
-        shape = dataset.sizes["y"], dataset.sizes["x"]
-        return cls(**given, pixel_size=sides, shape=shape, allow_nan=allow_nan)
+        return cls(**maps_of(dataset), allow_nan=allow_nan)
 
     def to_dataset(self) -> xr.Dataset:
         """Describe the surface as a Dataset that survives netCDF.
@@ -279,22 +249,8 @@ class Surface:
         >>> dict(ds.sizes), ds["adhesion"].attrs["units"]
         ({'y': 2, 'x': 3}, 'J m-2')
         """
-        import xarray as xr
-
         y, x = self.coords()
-        coords = {
-            "y": ("y", y, {"long_name": "position from the top of the image", "units": "m", "axis": "Y"}),
-            "x": ("x", x, {"long_name": "position from the left of the image", "units": "m", "axis": "X"}),
-        }
-        variables = {
-            name: (("y", "x"), value, {"long_name": quantity.long_name, "units": quantity.unit})
-            for name, quantity in QUANTITIES.items()
-            if (value := getattr(self, name)) is not None
-        }
-        dataset = xr.Dataset(variables, coords, {"Conventions": "CF-1.11"})
-        for name in ("y", "x"):
-            dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates
-        return dataset
+        return as_variables({name: getattr(self, name) for name in QUANTITIES}, y, x)
 
     def coords(self) -> tuple[FloatArray, FloatArray]:
         """Positions of the pixel centres from the top left corner of the image.
@@ -370,16 +326,7 @@ class Surface:
         self._refuse_lazy()
         found = self._unique
         if found is None:
-            columns = self.columns
-            varying = [column.reshape(-1) for column in columns if not _is_uniform(column)]
-            if varying:
-                first, flat = _factorise(varying)
-                pixels = np.divmod(first, self.shape[1])
-                rows, inverse = np.column_stack([column[pixels] for column in columns]), flat.reshape(self.shape)
-            else:
-                rows = np.array([[column[0, 0] for column in columns]])
-                inverse = np.broadcast_to(np.int32(0), self.shape)
-            found = _read_only(rows), _read_only(inverse)
+            found = distinct_materials(self.columns)
             object.__setattr__(self, "_unique", found)
         return found
 
@@ -443,7 +390,7 @@ class Surface:
         Parameters
         ----------
         tip : Tip
-            A sphere of its radius that goes over into a cone.
+            A sphere of its radius that continues as a cone.
         half_angle : float, optional
             Of that cone [degree]; 20 by default.
 
@@ -534,250 +481,3 @@ class Surface:
                 ends = [say(float(end.reduce(value, None)), QUANTITIES[name].unit) for end in (np.fmin, np.fmax)]
                 found[name] = " to ".join(dict.fromkeys(ends))
         return found
-
-
-def _from_lazy_labels(labels: Any, materials: Any, pixel_size: Any, topography: Any) -> Surface:
-    """Materials that are looked up when a block of the labels is computed."""
-    names, table, viscous = _material_table(materials)
-    columns = [
-        column[0] if (column == column[0]).all() else labels.map_blocks(_looked_up, names, column, dtype=np.float64)
-        for column in table.T
-    ]
-    damping, viscosity = (None, columns[2]) if viscous else (columns[2], None)
-    return Surface(
-        columns[0], columns[1], damping, viscosity, columns[3], topography, *columns[4:], pixel_size=pixel_size,
-        shape=labels.shape,
-    )  # fmt: skip
-
-
-def _looked_up(labels: NDArray[Any], names: list[int], column: FloatArray) -> FloatArray:
-    """One property of the material of each label."""
-    return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
-
-
-def _pixels(value: object) -> tuple[float, float]:
-    """The (dy, dx) of a pixel [m]."""
-    dy, dx = pixel_pair(value)
-    question("pixel_size", max(dy, dx), "m", PIXEL)
-    return dy, dx
-
-
-def _made(name: str, value: Any, allow_nan: bool) -> Any:
-    """What the user gave as a map that a surface keeps; None stays None."""
-    found = _in_si(name, value)
-    if found is None:
-        return None
-    return lazy_map(name, found) if is_lazy(found) else _as_map(name, found, allow_nan)
-
-
-def _in_si(name: str, value: Any) -> Any:
-    """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
-    if hasattr(value, "dims") and hasattr(value, "coords"):
-        for dim in value.coords.keys() & {"y", "x"} & set(value.dims):
-            coordinate_step(value, dim)  # refuses what is upside down or not even
-        return variable_in_si(value, name)
-    unit = QUANTITIES[name].unit
-    try:
-        return array_in_si(value, unit)
-    except NotThatUnit:
-        shown = value if isinstance(value, str) else "with another unit"
-        raise InputError(name, shown, f"one number or a 2-D map, in {unit} or each {with_unit(unit)}") from None
-
-
-def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
-    """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
-    quantity = QUANTITIES[name]
-    if isinstance(value, np.ma.MaskedArray):
-        value = _unmasked(name, value)
-    given = as_array(name, value, "one number or a 2-D map")
-    if given.ndim == 0 and quantity.endless and given == math.inf:
-        return _read_only(np.array(math.inf))
-    if given.ndim == 0:
-        one = number(name, given.item(), quantity.unit, **quantity.bounds)
-        question(name, one, quantity.unit, quantity.usual)
-        return _read_only(np.array(one))
-    if given.ndim != 2 or not given.size:
-        raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
-    if given.dtype.kind not in "fiu":
-        raise InputError(f"type of {name}", given.dtype.name, "real numbers")
-    if not _is_uniform(given):
-        _check_map(name, given, 8)
-    full = (given[:1, :1] if _is_uniform(given) else given).astype(np.float64, order="C", copy=False)
-    if full is given and not _is_frozen(full):
-        full = full.copy()
-    low, high = full.min(), full.max()  # NaN if there is one
-    if not (_inside(low, quantity) and _inside(high, quantity)):
-        bad = ~_inside(full, quantity)
-        if allow_nan:
-            bad &= ~np.isnan(full)
-        if bad.any():
-            _raise_for_pixel(name, full, bad)
-    ends = (low, high) if low <= high else (np.fmin.reduce(full, None), np.fmax.reduce(full, None))
-    if math.isfinite(most := float(max(ends, key=abs))):
-        question(name, most, quantity.unit, quantity.usual)
-    bits = full.view(np.int64)
-    if not low < high and (bits == bits[0, 0]).all():
-        return np.broadcast_to(_read_only(np.array(full[0, 0])), given.shape)
-    return _read_only(full)
-
-
-def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
-    """Return what the user gave as an array of whatever type.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    try:
-        return np.asarray(value)
-    except (MemoryError, RecursionError):
-        raise
-    except Exception:  # ValueError mostly; what other libraries' arrays raise is theirs
-        raise InputError(name, "a list of rows of unequal length", allowed) from None
-
-
-def _unmasked(name: str, value: np.ma.MaskedArray[Any, Any]) -> NDArray[Any]:
-    """Return a masked array with NaN where it is masked."""
-    if value.dtype.kind not in "fiu":
-        raise InputError(f"type of {name}", value.dtype.name, "real numbers")
-    _check_map(name, value, 8)
-    return np.asarray(np.ma.filled(value.astype(np.float64), np.nan))
-
-
-def _check_map(name: str, given: NDArray[Any], per_pixel: int) -> None:
-    """Refuse a map that would not fit into memory; one that numpy repeats (`broadcast_to`) may be of any size."""
-    ny, nx = given.shape[-2:] if given.ndim > 1 else (1, given.size)
-    check_fits(f"{name} with {ny} x {nx} pixels", float(given.size) * per_pixel, "Take fewer pixels, or one number.")
-
-
-def _inside(value: Any, quantity: Quantity) -> Any:
-    """Whether each of `value` is finite and within the bounds."""
-    least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
-    there = ~np.isnan(value) if quantity.endless else np.isfinite(value)
-    return there & (value >= least) & (value > above) & (value <= most)
-
-
-def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
-    """Raise `InputError` for the first bad pixel and say how many there are."""
-    quantity = QUANTITIES[name]
-    value = full.reshape(-1)[bad.argmax()]
-    hint = _where(bad)
-    if math.isnan(value):
-        hint += " Fill it from its neighbours" + (
-            "." if name == "topography" else ", or give allow_nan=True to leave it without a material."
-        )
-    raise InputError(name, value, in_words(quantity.unit, **quantity.bounds), hint)
-
-
-def _where(bad: NDArray[np.bool_]) -> str:
-    """Say where the first bad pixel is and how many there are."""
-    row, col = divmod(int(bad.argmax()), bad.shape[1])
-    count = int(bad.sum())
-    return f"It is at row {row}, column {col}" + (f"; {count} such pixels." if count > 1 else ".")
-
-
-def _common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> tuple[int, int]:
-    """Return the one shape that `shape` and all maps have."""
-    first, agreed = "", (0, 0)
-    if shape is not None:
-        first, agreed = "the one asked for", shape_pair(shape)
-    for name, array in maps.items():
-        if array.ndim and not first:
-            first, agreed = f"that of {name}", (array.shape[0], array.shape[1])
-        elif array.ndim and array.shape != agreed:
-            raise InputError(f"shape of {name}", array.shape, f"{agreed}, {first}")
-    if not first:
-        raise InputError("shape", None, "(rows, columns), where no map is given")
-    return agreed
-
-
-def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
-    """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
-    if isinstance(materials, Sequence) and not isinstance(materials, str):
-        materials = dict(enumerate(materials))
-    if not isinstance(materials, Mapping) or not materials:
-        raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
-    for label, material in materials.items():
-        if not isinstance(label, (int, np.integer)):
-            raise InputError("label of a material", label, "a whole number")
-        if not isinstance(material, Material):
-            raise InputError(f"material {label}", material, "a Material")
-    names = sorted(int(label) for label in materials)
-    chosen = [materials[name] for name in names]
-    viscous = any(m.viscosity for m in chosen)
-    damped = next((n for n, m in zip(names, chosen, strict=True) if m.damping), None)
-    if viscous and damped is not None:
-        raise InputError(
-            f"damping of material {damped}",
-            materials[damped].damping,
-            "viscosity in its place, as in another of the materials",
-            "The two are compared only once the lever and the tip are known.",
-        )
-    rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
-    table = np.array(rows, dtype=np.float64)
-    if any(m.thickness is not None for m in chosen):
-        endless = [math.inf if m.thickness is None else m.thickness for m in chosen]
-        table = np.column_stack([table, endless])
-    return names, table, viscous
-
-
-def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
-    """Return where in the sorted `names` each label is."""
-    if labels.dtype.kind == "b":
-        labels = labels.view(np.uint8)
-    limits = np.iinfo(labels.dtype)
-    fitting = [name for name in names if limits.min <= name <= limits.max]
-    known = np.array(fitting, labels.dtype)
-    index = np.minimum(np.searchsorted(known, labels), max(len(known) - 1, 0))
-    unknown = known[index] != labels if fitting else np.ones(labels.shape, np.bool_)
-    if unknown.any():
-        strange = np.unique(labels[unknown]).tolist()
-        shown = ", ".join(str(label) for label in strange[:5]) + (" and more" if len(strange) > 5 else "")
-        raise InputError("label without a material", shown, "labels " + ", ".join(map(str, names)), _where(unknown))
-    return index + names.index(fitting[0])
-
-
-def _factorise(columns: Sequence[FloatArray]) -> tuple[NDArray[np.intp], IntArray]:
-    """Find the distinct rows of equally long columns, by their bits: where each occurs, and which one each entry is."""
-    size = columns[0].size
-    count, codes = _codes(np.ascontiguousarray(columns[0]).view(np.int64))
-    for column in columns[1:]:
-        if count == size:
-            break
-        more, code = _codes(np.ascontiguousarray(column).view(np.int64))
-        codes *= more
-        codes += code
-        count, codes = _codes(codes)
-    first = np.empty(count, np.intp)
-    first[codes[::-1]] = np.arange(size - 1, -1, -1)  # the last assignment holds
-    return first, codes.astype(np.int32)
-
-
-def _codes(values: NDArray[np.int64]) -> tuple[int, NDArray[np.intp]]:
-    """Return how many distinct values there are and the rank of each."""
-    ordered = np.sort(values)
-    distinct = ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))]
-    if len(distinct) <= 1024:  # searching a small table is faster than sorting indices, a large one slower
-        return len(distinct), np.searchsorted(distinct, values)
-    del ordered
-    return len(distinct), np.unique(values, return_inverse=True)[1]
-
-
-def _is_uniform(array: NDArray[Any]) -> bool:
-    """Whether the array is one number seen everywhere, as `numpy.broadcast_to` makes it."""
-    return not any(array.strides)
-
-
-def _is_frozen(array: object) -> bool:
-    """Whether nobody can write to the array any more."""
-    while isinstance(array, np.ndarray):
-        if array.flags.writeable:
-            return False
-        array = array.base
-    return array is None
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    array.flags.writeable = False
-    return array

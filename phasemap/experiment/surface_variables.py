@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import read_only
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import NotThatUnit, scaled
@@ -40,6 +42,36 @@ QUANTITIES = {
 }
 
 
+def maps_of(dataset: xr.Dataset) -> dict[str, Any]:
+    """Read the arguments of `phasemap.Surface` from a Dataset that has its properties as variables."""
+    names = [str(name) for name in dataset.data_vars]
+    for needed in ("modulus", "adhesion"):
+        if needed not in dataset.data_vars:
+            raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
+    given = {name: variable_in_si(dataset[name], name) for name in QUANTITIES if name in dataset.data_vars}
+    sides = coordinate_step(dataset, "y"), coordinate_step(dataset, "x")
+    return {**given, "pixel_size": sides, "shape": (dataset.sizes["y"], dataset.sizes["x"])}
+
+
+def as_variables(maps: Mapping[str, Any], y: FloatArray, x: FloatArray) -> xr.Dataset:
+    """Return the maps that are there as variables over the pixel centres `y` and `x` [m]."""
+    import xarray as xr
+
+    coords = {
+        "y": ("y", y, {"long_name": "position from the top of the image", "units": "m", "axis": "Y"}),
+        "x": ("x", x, {"long_name": "position from the left of the image", "units": "m", "axis": "X"}),
+    }
+    variables = {
+        name: (("y", "x"), maps[name], {"long_name": quantity.long_name, "units": quantity.unit})
+        for name, quantity in QUANTITIES.items()
+        if maps[name] is not None
+    }
+    dataset = xr.Dataset(variables, coords, {"Conventions": "CF-1.11"})
+    for name in ("y", "x"):
+        dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates
+    return dataset
+
+
 def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     """Return a variable of a Dataset as an array in SI with y before x, or of no dimension; a lazy one stays that."""
     if set(variable.dims) not in ({"y", "x"}, set()):
@@ -50,7 +82,7 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     if values.dtype.kind not in "fiu":  # which `Surface` refuses
         return values
     found = _scaled(values, variable, name, QUANTITIES[name].unit)
-    return found if found is values or is_lazy(found) else _frozen(np.asarray(found))
+    return found if found is values or is_lazy(found) else read_only(np.asarray(found))
 
 
 def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
@@ -90,8 +122,3 @@ def _scaled(values: Any, variable: xr.DataArray, name: str, unit: str) -> Any:
 def centres(count: int, step: float) -> FloatArray:
     """Return the centres of `count` pixels."""
     return (np.arange(count, dtype=np.float64) + 0.5) * step
-
-
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    array.flags.writeable = False
-    return array

@@ -1,7 +1,7 @@
 """The live explorer: a page in the browser with a slider for every knob of the microscope and the materials.
 
 `subject` is what is explored, `setting` one position of all knobs; `answers` solves a setting by the functions that
-anybody calls (`phasemap.simulate`, `sweep_distance`, `contrast`), `words` says why the contrast has its sign, and
+any user calls (`phasemap.simulate`, `sweep_distance`, `contrast`), `words` says why the contrast has its sign, and
 `saving` writes what was found. `server` speaks HTTP and `explore` starts it.
 
 The page is plain HTML, style and script (folder `page`) over the server of the standard library. Bokeh and Panel were

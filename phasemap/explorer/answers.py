@@ -1,6 +1,6 @@
 """What the page asks: the image, the curves, and the map of the contrast, each at one setting.
 
-Every answer is made of what anybody calls: `phasemap.simulate`, `sweep_distance` and `contrast`.
+Every answer is made of public functions: `phasemap.simulate`, `sweep_distance` and `contrast`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Start the explorer."""
+"""`phasemap.explore`: the explorer started from Python."""
 
 from __future__ import annotations
 

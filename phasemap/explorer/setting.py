@@ -1,4 +1,4 @@
-"""One position of all knobs: what the page sends, checked and turned into what `phasemap.simulate` takes."""
+"""One position of all sliders: what the page sends, checked and turned into what `phasemap.simulate` takes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEYS = ("setpoint", "free_amplitude", "frequency", "radius", "materials", "pair"
 
 @dataclass(frozen=True)
 class Setting:
-    """One position of all knobs.
+    """One position of all sliders.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ __all__ = ["Checkpoint", "discard", "fill_kept"]
 
 EVERY = 2.0  # seconds of work that may be lost
 GROWTH = 4  # at most, of what is done at a time
-PROBED = (1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which one's own law is known by its forces
+PROBED = (1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which a user's law is known by its forces
 LIST = "names"  # of what is in a file, for a damaged one may have lost some
 PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._shared.threads import spread
+from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
-from phasemap.imaging.interpolation import Atlas, Oracle, build
+from phasemap.imaging.interpolation import Atlas, ExactOrbits, build
 from phasemap.imaging.interpolation.axes import Axes
-from phasemap.imaging.interpolation.oracle import FUNCTIONS
+from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS
 from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
@@ -169,7 +169,7 @@ def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None
         job.report(sum(filled))
 
     if atlas.pieces:
-        spread(fill, [*range(0, job.pixels, BLOCK), job.pixels], job.workers, report)
+        spread(fill, bounds_of(job.pixels, BLOCK), job.workers, report)
 
 
 def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
@@ -179,9 +179,9 @@ def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
     axes = Axes.around(stiffness[valid], damping[valid]) if valid.any() else Axes(False, 0.0)
     sample = axes.points(stiffness[valid], adhesion[valid], damping[valid]).T
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
-    oracle = Oracle(job.scope, job.amplitude, axes, job.workers, finer)
+    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer)
     shuffled = np.random.default_rng(1).permutation(len(sample))
-    return axes, build(oracle, np.ascontiguousarray(sample[shuffled]), survey.count, tolerances_of(job))
+    return axes, build(exact, np.ascontiguousarray(sample[shuffled]), survey.count, tolerances_of(job))
 
 
 def _columns_of(names: tuple[str, ...]) -> list[int]:

@@ -39,7 +39,7 @@ class Table(NamedTuple):
     values: Values
 
 
-class Tip(NamedTuple):
+class TipState(NamedTuple):
     """How a tip comes to a line: on which branch, and at which tip offset [m]."""
 
     branch: int = NOWHERE
@@ -93,9 +93,9 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     return Table(materials, job.in_chunks(materials, solve, progress))
 
 
-def _fill(job: Job, plan: Table | None, canvas: Canvas, state: Tip | None) -> Tip:
+def _fill(job: Job, plan: Table | None, canvas: Canvas, state: TipState | None) -> TipState:
     """Fill the canvas, trace and retrace, from how the tip comes to how it leaves."""
-    tip = Tip() if state is None else state
+    tip = TipState() if state is None else state
     if plan is not None:
         whole = Block(0, job.surface.shape[0], plan.materials, numbers_of(job, plan.materials))
         return _walk(job, canvas, whole, plan, tip)
@@ -129,7 +129,7 @@ def _line(job: Job, y: int) -> Array:
     return job.surface.materials(slice(y * pixels, (y + 1) * pixels))
 
 
-def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: Tip) -> Tip:
+def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -> TipState:
     """Fill in lines to which the tip comes, and return how it leaves them."""
     from phasemap._kernels.scanning.quasi_static import walk
 
@@ -142,19 +142,19 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: Tip) -> Tip
         part = slice(first * pixels, min(first + step, block.last) * pixels)
         materials = np.array(block.numbers(part), np.int32).reshape(-1, pixels)
         slots = np.empty((len(LINES), *materials.shape), np.int8)
-        tip = Tip(*walk(materials, orbits, anew, tip.branch, tip.z0, slots))
+        tip = TipState(*walk(materials, orbits, anew, tip.branch, tip.z0, slots))
         for direction in range(len(LINES)):
             at = (slots[direction] * np.int64(count) + materials).reshape(-1)
             canvas.put(part, {name: value[at] for name, value in values.items()}, direction)
     return tip
 
 
-def _freeze(tip: Tip) -> Values:
+def _freeze(tip: TipState) -> Values:
     return {"branch": np.array(tip.branch), "tip_offset": np.array(tip.z0)}
 
 
-def _thaw(arrays: Values) -> Tip:
-    return Tip(int(arrays["branch"]), float(arrays["tip_offset"]))
+def _thaw(arrays: Values) -> TipState:
+    return TipState(int(arrays["branch"]), float(arrays["tip_offset"]))
 
 
 SIMULATOR = Simulator(_check, _most, _plan, _fill, freeze=_freeze, thaw=_thaw)

@@ -1,4 +1,4 @@
-"""From a surface to an image."""
+"""`phasemap.simulate`: from a surface and a microscope to an image."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 """Inference: from what was measured to what the material is, and how sure that is.
 
 `curves` fits single sweeps, `images` stacks of images, pixel by pixel or region by region. Both first ask which
-branch was measured, then for the best parameters, and last what the data leave open.
+branch was measured, then for the best parameters, and last what the data leave open. `series` explains files of which
+settings are missing, by draws of all that is unknown.
 """

@@ -1,4 +1,4 @@
-"""Whether the header of a classic netCDF file (netCDF-3) is one, for the library believes every count in it.
+"""Check of the header of a classic netCDF file (netCDF-3), since the library believes every count in it.
 
 The format is that of the NetCDF Classic Format Specification: lists of dimensions, attributes and variables, each a
 tag, a count and its entries. One wrong bit of a count makes the library take gigabytes and seconds, or minutes.

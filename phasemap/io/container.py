@@ -1,4 +1,4 @@
-"""Whether a .gwy file is one: its reader believes every length in it, and never ends where some are wrong.
+"""Check of a .gwy file: its reader believes every length in it, and never ends where some are wrong.
 
 A Gwyddion file is an object: a name, a size, and components, each a name, a letter for its type, and its value.
 """

@@ -1,4 +1,4 @@
-"""What is made of a measured image: level height, aligned rows, and the materials that its phase tells apart.
+"""What is made of a measured image: one of its scans, and the materials that its phase or its height tells apart.
 
 Thresholding is left to scikit-image, which comes with ``pip install "afm-phasemap[read]"``.
 """
@@ -9,6 +9,7 @@ import json
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import FileError, InputError
+from phasemap.io.flattening import finite_map
 from phasemap.io.gwyddion import extra
 
 if TYPE_CHECKING:
@@ -17,18 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = [
-    "align_rows",
-    "level_height",
-    "level_rows",
-    "on_one_turn",
-    "one_scan",
-    "row_medians",
-    "segment_height",
-    "segment_phase",
-]
-
-MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
+__all__ = ["align_and_segment", "one_scan", "segment_height", "segment_phase"]
 
 
 def one_scan(
@@ -108,7 +98,7 @@ def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
     >>> segment_phase(np.repeat([[-27.0, -7.0]], 8, axis=0).repeat(4, axis=1), 2)[0]
     array([0, 0, 0, 0, 1, 1, 1, 1])
     """
-    return _align_and_segment(phase, n)[1]
+    return align_and_segment(phase, n)[1]
 
 
 def segment_height(height: np.ndarray, n: int) -> np.ndarray:
@@ -141,10 +131,10 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
     """
     import numpy as np
 
-    height = _finite_map("height", height)
+    height = finite_map("height", height)
     x = np.arange(height.shape[1])
     steps = np.median(np.diff(height, axis=1)) if len(x) > 1 else 0.0
-    first = _align_and_segment(1e9 * (height - steps * x), n)[1]
+    first = align_and_segment(1e9 * (height - steps * x), n)[1]
     parts = [first == label for label in range(n) if (first == label).any()]
     counts = np.array([part.sum(axis=1) for part in parts])  # the tilt that is left, within rows of one population
     along = sum(
@@ -152,170 +142,7 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
         for part, own in zip(parts, counts, strict=True)
     )
     slope = float((along * height).sum() / max(float(np.square(along).sum()), 1e-300))
-    return _align_and_segment(1e9 * (height - slope * x), n)[1]
-
-
-def align_rows(phase: np.ndarray, n: int = 2) -> np.ndarray:
-    """Remove what changes from row to row and is not material.
-
-    A row's own median is not its offset where the share of the materials changes from row to row. So a row's offset is
-    the median distance of its pixels from the level of their own population, and populations and offsets are found in
-    turn.
-
-    Parameters
-    ----------
-    phase : array_like, shape (rows, columns)
-        [degree]
-    n : int
-        How many materials there are, 2 to 4.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        [degree]; the median of the whole image is kept.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> steps = np.array([0.0, 0.0, 30.0, 30.0])[:, None]
-    >>> aligned = align_rows(np.array([-20.0, -20.0, 0.0, 0.0]) + steps)
-    >>> bool(np.all(aligned == aligned[0]))
-    True
-    """
-    return _align_and_segment(phase, n)[0]
-
-
-def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.ndarray:
-    """Take the tilt and the row offsets out of a height image.
-
-    Parameters
-    ----------
-    height : array_like, shape (rows, columns)
-        [m]
-    reference : array_like of bool, optional
-        Pixels that are meant to be level (one material, no particles); None takes all. Rows that have none take their
-        offset from their neighbours.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        [m]; the median of the reference pixels is 0.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> y, x = np.mgrid[:4, :5]
-    >>> bool(np.allclose(level_height(3e-9 * x - 2e-9 * y), 0, atol=1e-20))
-    True
-    """
-    import numpy as np
-
-    height = _finite_map("height", height)
-    if reference is None:
-        reference = np.ones(height.shape, bool)
-    elif reference.shape != height.shape or reference.sum() < 3:
-        raise InputError(
-            "shape and number of pixels in reference",
-            (reference.shape, int(reference.sum())),
-            f"{height.shape}, at least 3",
-        )
-    return level_rows(height, reference)
-
-
-def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Take out the tilt along rows and the median of every row.
-
-    The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
-    the rows hold the tilt.
-
-    Parameters
-    ----------
-    height : ndarray, shape (rows, columns)
-        [m]; may hold NaN where pixels do not count.
-    counts : ndarray of bool
-        Pixels that count, at least one; rows that have none take their offset from their neighbours.
-
-    Returns
-    -------
-    ndarray
-        [m]
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> level_rows(np.array([[1.0, 2.0, 3.0], [7.0, 8.0, 99.0]]), np.array([[1, 1, 1], [1, 1, 0]], bool))[1]
-    array([ 0.,  0., 90.])
-    """
-    import numpy as np
-
-    x = np.indices(height.shape, float)[1]
-    share = np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    along = np.where(counts, x - (x * counts).sum(axis=1, keepdims=True) / share, 0.0)
-    slope = (along * np.where(counts, height, 0.0)).sum() / ((along * along).sum() or 1.0)
-    flat: np.ndarray = height - slope * x
-    flat -= row_medians(flat, counts)
-    return flat
-
-
-def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Median of what counts in each row, as a column; rows without any take it from their neighbours.
-
-    Parameters
-    ----------
-    values : ndarray, shape (rows, columns)
-    counts : ndarray of bool
-        Pixels that count, at least one.
-
-    Returns
-    -------
-    ndarray, shape (rows, 1)
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> row_medians(np.array([[1.0, 3.0], [9.0, 9.0], [5.0, 7.0]]), np.array([[1, 1], [0, 0], [1, 1]], bool))[:, 0]
-    array([2., 4., 6.])
-    """
-    import numpy as np
-
-    rows = np.flatnonzero(counts.any(axis=1))
-    medians = [np.median(values[row, counts[row]]) for row in rows]
-    column: np.ndarray = np.interp(np.arange(len(values)), rows, medians)[:, None]
-    return column
-
-
-def on_one_turn(phase: np.ndarray) -> np.ndarray:
-    """Bring together a phase that ran over the end of its range, such as from 179 to -179 degrees.
-
-    Parameters
-    ----------
-    phase : ndarray
-        [degree]; may hold NaN.
-
-    Returns
-    -------
-    ndarray
-        [degree]; as it was where it spans half a turn or less, which is all that a tapping lever does. Else whole turns
-        are added so that all lies within half a turn of the mean direction, on the turn where most of it was.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> on_one_turn(np.array([178.0, 179.0, -179.0])), on_one_turn(np.array([-80.0, 95.0]))
-    (array([178., 179., 181.]), array([-80.,  95.]))
-    """
-    import numpy as np
-
-    finite = np.isfinite(phase)
-    known = phase[finite]
-    if not known.size or abs(known).max() > MOST_DEGREES or np.ptp(known) <= 180:
-        return phase
-    mean = np.degrees(np.angle(np.exp(1j * np.radians(known)).mean()))
-    turns = np.round((known - mean) / 360)
-    different, pixels = np.unique(turns, return_counts=True)
-    together = phase.copy()
-    together[finite] -= 360 * (turns - different[pixels.argmax()])
-    return together
+    return align_and_segment(1e9 * (height - slope * x), n)[1]
 
 
 def _channels(image: xr.Dataset) -> list[str]:
@@ -328,11 +155,41 @@ def _channels(image: xr.Dataset) -> list[str]:
         return [str(name) for name in image.data_vars]
 
 
-def _align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Align rows and label populations, from the start that leaves the least spread within the populations."""
+def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Remove what changes from row to row and is not material, and tell `n` materials apart.
+
+    A row's own median is not its offset where the share of the materials changes from row to row. So a row's offset is
+    the median distance of its pixels from the level of their own population, and populations and offsets are found in
+    turn, from the start that leaves the least spread within the populations.
+
+    Parameters
+    ----------
+    phase, n
+        As in `segment_phase`.
+
+    Returns
+    -------
+    aligned : ndarray, shape (rows, columns)
+        [degree]; the median of the whole image is kept.
+    labels : ndarray of int, shape (rows, columns)
+        As `segment_phase` gives them.
+
+    Raises
+    ------
+    InputError
+        As `segment_phase`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> steps = np.array([0.0, 0.0, 30.0, 30.0])[:, None]
+    >>> aligned, _ = align_and_segment(np.array([-20.0, -20.0, 0.0, 0.0]) + steps, 2)
+    >>> bool(np.all(aligned == aligned[0]))
+    True
+    """
     import numpy as np
 
-    phase = _finite_map("phase", phase)
+    phase = finite_map("phase", phase)
     if isinstance(n, bool) or not isinstance(n, int) or not 2 <= n <= 4:
         raise InputError("number of materials", n, "2 to 4")
     otsu = extra("skimage.filters", "telling materials apart by their phase", "read").threshold_multiotsu
@@ -388,16 +245,3 @@ def _between(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
         above = next((i for i in range(last + 1, 256) if counts[i]), last + 1)
         moved.append((edges[last + 1] + edges[above]) / 2)
     return np.array(moved)
-
-
-def _finite_map(name: str, values: np.ndarray) -> np.ndarray:
-    """Return `values` as a finite 2-D float array."""
-    import numpy as np
-
-    array = np.asarray(values, float)
-    if array.ndim != 2 or array.size == 0:
-        raise InputError(f"shape of {name}", array.shape, "(rows, columns) of a 2-D map")
-    if not np.isfinite(array).all():
-        row, column = np.argwhere(~np.isfinite(array))[0]
-        raise InputError(name, array[row, column], "finite values", f"It is at row {row}, column {column}.")
-    return array

@@ -145,7 +145,7 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator[Path]:
-    """Lend a temporary name in the folder of `path`; what was written there becomes `path` if all went well.
+    """Give a temporary name in the folder of `path`; what was written there becomes `path` if all went well.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Images in netCDF, of phasemap's or of anybody's, in the one form that all of phasemap works on."""
+"""Images in netCDF, written by phasemap or by others, in the one form that all of phasemap works on."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import FileError
+from phasemap.io.flattening import on_one_turn
 from phasemap.io.kinds import KINDS, METRES
-from phasemap.io.measured import on_one_turn
 from phasemap.io.metadata import of_simulation
 from phasemap.io.netcdf import load
 

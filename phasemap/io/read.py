@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import tell
+from phasemap.io.flattening import on_one_turn
 from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.kinds import KINDS, Kind
-from phasemap.io.measured import on_one_turn
 from phasemap.io.netcdf_image import NETCDF, read_netcdf
 from phasemap.io.vendors import mode_of, scan_data
 

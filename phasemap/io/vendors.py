@@ -1,6 +1,6 @@
 """What vendors' files say of a scan, in canonical names and SI units.
 
-A value that a vendor fills in before anybody measured it is not taken over; a sentence says so.
+A value that a vendor fills in before it is measured is not taken over; a sentence says so.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PRACTICE = {
     "quality_factor": (0.5, 1e6), "free_amplitude": (5e-11, 1e-6), "setpoint_amplitude": (5e-11, 1e-6),
     "setpoint": (0.01, 1.0), "line_rate": (1e-3, 1e4), "amplitude_sensitivity": (1e-10, 1e-5),
 }  # fmt: skip
-"""What anybody taps with; of some values files hold numbers that are of another unit."""
+"""What is used in practice; of some values files hold numbers in another unit."""
 SAME_LEVER = 0.05  # a resonance farther from the drive frequency than this part is a catalogue's
 _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency": 75e3, "AmpInvOLS": 1.09e-7}
 

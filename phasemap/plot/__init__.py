@@ -1,8 +1,9 @@
 """Pictures: of an image, a comparison of two, a sweep, one of its periods, and the contrast between materials.
 
-`plot` looks at what a Dataset holds and calls the function for it; each kind of picture has a file of its own on top
-of `figure` and `titles`. A picture is drawn from the Dataset alone, with matplotlib's Figure and without pyplot:
-nothing is shown, no global state is touched, and start-up stays short.
+`plot`, in `images`, looks at what a Dataset holds and calls the function for it. Each kind of picture has a file of its
+own, and all are drawn on a `page`, with `titles`, `colours` and what `figure` has for all. A picture is drawn from the
+Dataset alone, with matplotlib's Figure and without pyplot: nothing is shown, no global state is touched, and start-up
+stays short.
 """
 
 from phasemap.plot.contrasts import contrast

@@ -21,7 +21,19 @@ if TYPE_CHECKING:
 
     Given = Scalar | Mapping[str, Scalar] | None
 
-__all__ = ["CHOSEN", "FAILED", "MAPS", "Colours", "Scale", "given_colours", "limits_of", "scale_of", "units_of"]
+__all__ = [
+    "CHOSEN",
+    "FAILED",
+    "FAILED_TEXT",
+    "MAPS",
+    "PALETTE",
+    "Colours",
+    "Scale",
+    "given_colours",
+    "limits_of",
+    "scale_of",
+    "units_of",
+]
 
 MAPS = {
     "height": "afmhot", "phase": "cividis", "amplitude_error": "gray", "contrast": "coolwarm", "residual": "coolwarm",
@@ -29,7 +41,10 @@ MAPS = {
 }  # fmt: skip
 """The colour map of a quantity, wherever it is drawn; differences have one that is grey at 0."""
 OTHERS = "viridis"
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Colours of lines, symbols and regions: those of Okabe and Ito, which the colour-blind tell apart."""
 FAILED = "#00e646"  # green is in none of them
+FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points that failed
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast
 MARGIN = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
 UNITS = {"height": "m", "phase": "degree", "amplitude_error": "m"}  # where a variable does not say
@@ -111,7 +126,7 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
     Raises
     ------
     InputError
-        If a variable is not drawn, or a limit or a colour map is none.
+        If a variable is not drawn, or a limit or a colour map is not valid.
 
     Examples
     --------

@@ -11,7 +11,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
-from phasemap.plot.colours import FAILED, Colours, given_colours
+from phasemap.plot.colours import FAILED, FAILED_TEXT, PALETTE, Colours, given_colours
 from phasemap.plot.contrast_map import (
     LINES,
     REGIMES,
@@ -23,6 +23,7 @@ from phasemap.plot.contrast_map import (
     keys_of,
     ticks_of,
 )
+from phasemap.plot.figure import shortened
 from phasemap.plot.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
 
@@ -36,10 +37,9 @@ if TYPE_CHECKING:
 
 __all__ = ["contrast", "is_contrast"]
 
-COLOURS = ("#0072B2", "#D55E00")  # of the two materials: Okabe and Ito's blue and vermilion
+COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4
 LONG = 20  # letters of both names that fill the legend
-GREEN = "#00803a"  # of what is said about points that failed
 FEW = 60  # setpoints up to which they are marked
 ZERO: dict[str, Any] = {
     "marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "0.1", "markeredgewidth": 1.0,
@@ -129,7 +129,10 @@ def _notes(ds: xr.Dataset) -> list[str | tuple[str, str]]:
         f"★ {ds.attrs['recommendation']} {ds.attrs.get('recommendation_rule', '')}",
         *describe_irregular(ds, "points"),
     ]
-    return [*((line, "0.1") for line in said), *((f"■ {line}", GREEN) for line in describe_failures(ds, "points"))]
+    return [
+        *((line, "0.1") for line in said),
+        *((f"■ {line}", FAILED_TEXT) for line in describe_failures(ds, "points")),
+    ]
 
 
 def _shown(ds: xr.Dataset) -> list[int]:
@@ -227,9 +230,7 @@ def _draw_strip(axes: Axes, ds: xr.Dataset, names: list[str]) -> None:
             axes.barh(1 - i, high - low, left=low, height=0.86, color=colour, linewidth=0, gid=f"{name} {word}")
             if (high - low) / (edges[-1] - edges[0]) > 0.014 * len(word):
                 axes.text((low + high) / 2, 0.97 - i, word, fontsize=6.5, ha="center", va="center", color="0.15")
-    axes.set(
-        yticks=[1, 0], yticklabels=[name if len(name) < 13 else f"{name[:11]}…" for name in names], ylim=(-0.5, 1.5)
-    )
+    axes.set(yticks=[1, 0], yticklabels=[shortened(name, 12) for name in names], ylim=(-0.5, 1.5))
     axes.tick_params(axis="x", length=0)
     axes.spines[["left", "bottom"]].set_visible(False)
 

@@ -1,4 +1,4 @@
-"""What all pictures share: scale bars, and what they say about values that are missing."""
+"""What pictures share beside their page: scale bars, lengths of sides, names cut short, formats of files."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import os
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.units import readable
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.axes import Axes
 
-LENGTH_UNITS = (("µm", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 RESOLUTION = 200  # of a saved picture [dots per inch]
 
 
@@ -29,15 +30,29 @@ def check_format(path: str | os.PathLike[str]) -> None:
         raise InputError("the picture's suffix", suffix, "one of " + ", ".join(f".{name}" for name in formats))
 
 
-def length_unit(length: float) -> tuple[str, float]:
-    """Choose the largest unit in which `length` is at least 1.
+def side_lengths(ds: xr.Dataset) -> tuple[float, float]:
+    """Width and height of an image [m], to the outer edges of the pixels; a lone row or column is as wide as others.
 
     Examples
     --------
-    >>> length_unit(4e-7)
-    ('nm', 1e-09)
+    >>> import xarray as xr
+    >>> side_lengths(xr.Dataset(coords={"y": [1.0], "x": [0.0, 2.0, 4.0]}))
+    (6.0, 2.0)
     """
-    return next(((unit, size) for unit, size in LENGTH_UNITS if length >= size), LENGTH_UNITS[1])
+    pitch = {dim: float(ds[dim][1] - ds[dim][0]) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
+    width, height = (ds.sizes[dim] * (pitch[dim] or max(pitch.values()) or 1.0) for dim in ("x", "y"))
+    return width, height
+
+
+def shortened(text: str, most: int) -> str:
+    """Return text, or its beginning where there is no room for all of it.
+
+    Examples
+    --------
+    >>> shortened("polystyrene", 5)
+    'poly…'
+    """
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def draw_scale_bar(axes: Axes, width: float) -> None:
@@ -53,7 +68,7 @@ def draw_scale_bar(axes: Axes, width: float) -> None:
     from matplotlib.patheffects import withStroke
 
     length = _round_length(width / 3)
-    unit, size = length_unit(length * (1 + 1e-9))
+    unit = readable(length, "m")
     outline = [withStroke(linewidth=4.5, foreground="black")]
     left, place = 0.05 * width, axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
     axes.plot(
@@ -68,7 +83,7 @@ def draw_scale_bar(axes: Axes, width: float) -> None:
         scaley=False,
     )
     axes.annotate(
-        f"{length / size:.0f} {unit}",
+        f"{length / unit.size:.0f} {unit.text}",
         (left + length / 2, 0.06),
         xycoords=place,
         xytext=(0, 4),

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import FAILED, Scale, given_colours, scale_of, units_of
+from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of
 from phasemap.plot.contrasts import contrast, is_contrast
-from phasemap.plot.figure import draw_scale_bar
+from phasemap.plot.figure import draw_scale_bar, side_lengths
 from phasemap.plot.materials import inversion, is_inversion
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
@@ -36,7 +36,6 @@ DOT: dict[str, Any] = {
     "marker": "o", "markersize": 2.2, "markerfacecolor": "white", "markeredgecolor": "black", "markeredgewidth": 0.5,
     "linestyle": "",
 }  # fmt: skip
-GREEN = "#00803a"  # of what is said about pixels that failed
 
 # Sizes on the page [inch].
 WIDE, STEP, LEFT, TITLE, GAP, HISTOGRAM, AXIS = 3.5, 4.31, 0.3, 0.3, 0.06, 0.5, 0.52
@@ -92,7 +91,7 @@ def plot(
     ------
     InputError
         If `ds` holds nothing of these, or not the variables to be drawn, the format is unknown, a limit or colour map
-        is none, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
+        is not valid, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
     FileError
         If `path` cannot be written.
 
@@ -140,12 +139,12 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
     from phasemap.plot.page import Page
 
     rows = list(_rows(ds))
-    length = _side_lengths(ds)
+    length = side_lengths(ds)
     tall = WIDE * min(max(length[1] / length[0], 0.2), 2.0)
     step = TITLE + tall + GAP + HISTOGRAM + AXIS
     notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
     notes += [(f"△ {line}", "0.25") for line in describe_validity(ds)]
-    notes += [(f"■ {line}", GREEN) for line in describe_failures(ds)]
+    notes += [(f"■ {line}", FAILED_TEXT) for line in describe_failures(ds)]
     page = Page(LEFT + STEP * len(scales), len(rows) * step, [_title(ds)], notes=notes, left=LEFT)
     for row, (words, one) in enumerate(rows):
         for column, (name, scale) in enumerate(scales.items()):
@@ -209,19 +208,12 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
         raise InputError("the dataset", "without motion", "an image that has this variable, to mark irregular pixels")
 
 
-def _side_lengths(ds: xr.Dataset) -> tuple[float, float]:
-    """Width and height of the image [m], to the outer edges of the pixels."""
-    pitch = {dim: float(ds[dim][1] - ds[dim][0]) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
-    width, height = (ds.sizes[dim] * (pitch[dim] or max(pitch.values()) or 1.0) for dim in ("x", "y"))
-    return width, height
-
-
 def _draw_image(axes: Axes, ds: xr.Dataset, name: str, scale: Scale) -> Any:
     """One channel with its scale bar and the pixels that failed."""
     from matplotlib.colors import ListedColormap
     from scipy.ndimage import maximum_filter
 
-    width, height = _side_lengths(ds)
+    width, height = side_lengths(ds)
     extent = (0.0, width, height, 0.0)  # row 0 at the top
     shown = scale.shown(ds[name].values)
     image = axes.imshow(shown, cmap=scale.cmap, norm=scale.norm, extent=extent, aspect="auto")

@@ -132,7 +132,7 @@ def _few_numbers(axes: Axes, image: AxesImage) -> None:
 
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray) -> None:
-    """Paint one set of pixels grey and hatch it, and paint another green."""
+    """Show one set of pixels grey and hatched, and another green."""
     from matplotlib.colors import ListedColormap
 
     for pixels, color in ((hatched, UNSURE), (lost, FAILED)):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap.plot.colours import PALETTE
 from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["regions"]
 
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # of Okabe and Ito
 SURE = 1.96  # standard errors, to either side
 STYLES = ("-", "--", ":", "-.")  # of free amplitudes
 MARKERS = ("o", "s", "^", "D")
@@ -73,12 +73,12 @@ def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
     labels = ds["label"].values
     shown = np.full(labels.shape, np.nan)
     for i, name in enumerate(ds["region"].values):
-        shown[labels == name] = i % len(COLORS)
+        shown[labels == name] = i % len(PALETTE)
     rows, columns = labels.shape
     pitch = [float(ds[dim][1] - ds[dim][0]) if dim in ds.coords and ds.sizes[dim] > 1 else 0.0 for dim in ("y", "x")]
     tall, wide = (count * (size or 1.0) for count, size in zip((rows, columns), pitch, strict=True))
     axes.imshow(
-        shown, cmap=ListedColormap(COLORS), vmin=-0.5, vmax=len(COLORS) - 0.5, extent=(0, wide, tall, 0),
+        shown, cmap=ListedColormap(PALETTE), vmin=-0.5, vmax=len(PALETTE) - 0.5, extent=(0, wide, tall, 0),
         interpolation="nearest",
     )  # fmt: skip
     axes.set_facecolor("0.85")
@@ -90,7 +90,7 @@ def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
     """Medians of the regions with their errors, over the setpoint, and the fit."""
     amplitudes = np.unique(ds["free_amplitude"].values)
     for i in range(ds.sizes["region"]):
-        color = COLORS[i % len(COLORS)]
+        color = PALETTE[i % len(PALETTE)]
         for k, amplitude in enumerate(amplitudes):
             some = np.flatnonzero(ds["free_amplitude"].values == amplitude)
             some = some[np.argsort(ds["setpoint"].values[some])]
@@ -119,7 +119,7 @@ def _draw_property(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None
     for i in range(ds.sizes["region"]):
         value, error = factor * float(ds[name][i]), SURE * float(ds[f"{name}_error"][i])
         word = words[int(ds["determination"].sel(property=name)[i])]
-        color = COLORS[i % len(COLORS)]
+        color = PALETTE[i % len(PALETTE)]
         face = color if word in ("determined", "given") else "white"
         ends = [[value * -np.expm1(-error)], [value * np.expm1(error)]]
         axes.errorbar(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap.plot.colours import PALETTE
 from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["series"]
 
-COLORS = ("#3b6fb6", "#d9772b", "#4d9a57", "#a4508b", "#7a6a53")  # of regions
 MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
 SURE = 1.96
 MOST = 6  # files that are shown
@@ -108,7 +108,7 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
     """Contrast against setpoint: measured with its error, fitted, and what the fit says between."""
     level, curve_of = ds["level"].values, ds["curve_of"].values
     for region in range(1, ds.sizes["region"]):
-        color = COLORS[region % len(COLORS)]
+        color = PALETTE[region % len(PALETTE)]
         for curve in range(ds.sizes["curve"]):
             low, high = (ds[name].values[curve, region] for name in ("curve_low", "curve_high"))
             axes.fill_between(level, low, high, color=color, alpha=0.12, linewidth=0)
@@ -136,7 +136,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
     """Both branches of every region, and where each file is."""
     level, sign = ds["level"].values, int(ds["likeliest_sign"])
     for region in range(ds.sizes["region"]):
-        color = COLORS[region % len(COLORS)]
+        color = PALETTE[region % len(PALETTE)]
         for curve in range(ds.sizes["curve"]):
             style = ("-", "--", ":", "-.")[curve % 4]
             for branch in range(2):

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.units import readable
 from phasemap.comparison.words import lines_of, names_of, verdict_of
-from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours, given_colours, limits_of
-from phasemap.plot.figure import draw_scale_bar, length_unit
+from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
+from phasemap.plot.figure import draw_scale_bar, shortened, side_lengths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["comparison", "is_comparison"]
 
-COLOURS = ("0.15", "#D55E00")  # of the two images: black and Okabe and Ito's vermilion
+COLOURS = ("0.15", PALETTE[1])  # of the two images
 LEAST_SPAN = 0.1  # degrees
 DWARFS, MOST_SPIKES = 4.0, 6  # times as high as the other histogram; labelled at most
 FLAT, TALL = 0.25, 1.6  # height over width of the maps on the page, at least and at most
@@ -98,11 +99,12 @@ def comparison(
     asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
     lines = [(word, wrapped) for word, said in lines_of(ds) for wrapped, word in _wrapped(word, said, 128)]
     verdict = textwrap.wrap(verdict_of(ds), 105)
-    tall = MAP * min(max(_sides(ds)[1] / _sides(ds)[0], FLAT), TALL)
+    width, height = side_lengths(ds)
+    tall = MAP * min(max(height / width, FLAT), TALL)
     below = TITLE + tall + 0.38
     words = below + PANEL + AXIS
     page = Page(WIDTH, words + LINE * (len(lines) + 1), [*verdict, _source(ds)], titles=len(verdict))
-    first, second = (_short(name, SHORT) for name in names_of(ds))
+    first, second = (shortened(name, SHORT) for name in names_of(ds))
     lefts = [MARGIN, MARGIN + MAP + GAP, MARGIN + 2 * MAP + GAP + BAR]
     titles = (f"{first} phase", f"{second} phase", f"residual: {first} less {second}")
     pictures = [page.picture(left, TITLE, MAP, tall, title) for left, title in zip(lefts, titles, strict=True)]
@@ -137,21 +139,10 @@ def _wrapped(word: str, said: str, most: int) -> list[tuple[str, str]]:
     return [(line, word if i == 0 else "") for i, line in enumerate(textwrap.wrap(said, most))]
 
 
-def _short(text: str, most: int) -> str:
-    """A text, or its begin where there is no room for all of it."""
-    return text if len(text) <= most else text[: most - 1] + "…"
-
-
 def _middle(ds: xr.Dataset) -> int:
     """The row nearest to the middle in which anything is compared."""
     rows = np.flatnonzero((ds["label"].values >= 0).any(axis=1))
     return int(rows[np.abs(rows - ds.sizes["y"] // 2).argmin()])
-
-
-def _sides(ds: xr.Dataset) -> tuple[float, float]:
-    """Width and height of the maps [m], to the outer edges of the pixels."""
-    width, height = (float(ds[dim][-1] - ds[dim][0]) * ds.sizes[dim] / (ds.sizes[dim] - 1) for dim in ("x", "y"))
-    return width, height
 
 
 def _limits(ds: xr.Dataset, asked: Colours = CHOSEN) -> tuple[float, float]:
@@ -166,7 +157,7 @@ def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked
     import matplotlib
     from matplotlib.colors import Normalize
 
-    width, tall = _sides(ds)
+    width, tall = side_lengths(ds)
     low, high = _limits(ds, asked)
     phase, rest = Normalize(low, high), Normalize(-(high - low) / 2, (high - low) / 2)
     colours = asked.cmap or MAPS["phase"]
@@ -219,18 +210,18 @@ def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None
 
 def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
     """Phase and height along one row of either image."""
-    unit, size = length_unit(_sides(ds)[0])
+    unit = readable(side_lengths(ds)[0], "m")
     line = ds.isel(y=row)
     heights = np.array([line[f"{name}_height"].values for name in ("measured", "simulated")])
     known = heights[np.isfinite(heights)]
-    height_unit, height_size = length_unit(float(np.ptp(known)) if known.size else 0.0)
-    x = line["x"].values / size
+    height_unit = readable((float(np.ptp(known)) if known.size else 0.0) or 1e-9, "m")
+    x = line["x"].values / unit.size
     for i, (name, colour) in enumerate(zip(("measured", "simulated"), COLOURS, strict=True)):
         phase.plot(x, line[name].values, color=colour, linewidth=0.9)
-        height.plot(x, heights[i] / height_size, color=colour, linewidth=0.9)
+        height.plot(x, heights[i] / height_unit.size, color=colour, linewidth=0.9)
     phase.set_ylabel("phase (degrees)", fontsize=8.5)
-    height.set_ylabel(f"height ({height_unit})", fontsize=8.5)
-    height.set_xlabel(f"x ({unit}), along the row that ▸ and ◂ mark", fontsize=8.5)
+    height.set_ylabel(height_unit.label("height"), fontsize=8.5)
+    height.set_xlabel(f"{unit.label('x')}, along the row that ▸ and ◂ mark", fontsize=8.5)
     phase.tick_params(labelbottom=False)
     phase.set_xlim(x[0], x[-1])
     for axes in (phase, height):
@@ -239,13 +230,13 @@ def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
 
 def _source(ds: xr.Dataset) -> str:
     """Where the images come from, and their size."""
-    width, tall = _sides(ds)
-    unit, size = length_unit(max(width, tall))
+    width, tall = side_lengths(ds)
+    unit = readable(max(width, tall), "m")
     said = [
-        _short(f"{ds.attrs[f'{name}_name']}: {ds.attrs[f'{name}_source']}", LONG)
+        shortened(f"{ds.attrs[f'{name}_name']}: {ds.attrs[f'{name}_source']}", LONG)
         for name in ("measured", "simulated")
         if f"{name}_source" in ds.attrs
     ]
     scale = "" if FLAT <= tall / width <= TALL else ", not drawn to scale"
-    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels, {width / size:.3g} × {tall / size:.3g} {unit}{scale}")
+    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels, {width / unit.size:.3g} × {unit.say(tall, 3)}{scale}")
     return "   ·   ".join(said)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
+from phasemap.plot.colours import PALETTE
 from phasemap.plot.sweep_axis import Sweep
 from phasemap.plot.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["curve", "holds_amplitude", "is_sweep"]
 
-COLOURS = ("#0072B2", "#D55E00")  # of the two directions: Okabe and Ito's blue and vermilion
+COLOURS = PALETTE[:2]  # of the two directions
 WIDTHS = (5.0, 2.2)  # the second direction is drawn over the first, and must not hide it [points]
 ORBITS = "0.1"
 FALLING = ("approach", "down")  # directions in which the axis falls
@@ -40,8 +42,9 @@ WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.6
 def curve(
     ds: xr.Dataset,
     path: str | os.PathLike[str] | None = None,
+    overwrite: bool | Sequence[str] = False,
+    *,
     quantities: Sequence[str] | None = None,
-    overwrite: bool = False,
 ) -> Figure:
     """Draw a sweep: one panel for each quantity, over the axis that is swept.
 
@@ -57,11 +60,11 @@ def curve(
         What `phasemap.sweep_distance` or another sweep returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    quantities : sequence of str, optional
-        Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
-        holds the amplitude, tip offset and phase.
     overwrite : bool
         Whether an existing file may be replaced.
+    quantities : sequence of str, optional
+        Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
+        holds the amplitude, tip offset and phase. As third argument, where they stood, they go on for a release.
 
     Returns
     -------
@@ -84,6 +87,12 @@ def curve(
     """
     from phasemap.plot.page import Page
 
+    if not isinstance(overwrite, bool):
+        warnings.warn(
+            "`curve` takes overwrite as its third argument, as other pictures do: give quantities by name.",
+            DeprecationWarning, stacklevel=2,
+        )  # fmt: skip
+        quantities, overwrite = overwrite, False
     names = _check(ds, quantities)
     sweep = Sweep.of(ds)
     keys = _keys(sweep)

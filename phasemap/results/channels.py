@@ -331,6 +331,7 @@ def with_channels(
     """The image with derived channels, and without what only they needed; `names` are its variables that stay."""
     if not derived:
         return image
-    found = channels(image, derived, scope=scope)
+    wanted = [CHANNELS[name] for name in derived]
+    found = dict(_derive(wanted, image, scope, image["amplitude"], image["phase"], {}))
     extra = [name for name in all_variables_of(control) if name in image and name not in names]
-    return image.drop_vars(extra).assign({name: found[name] for name in derived})
+    return image.drop_vars(extra).assign(found)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.sentences import counted
 from phasemap._shared.units import say
 
 if TYPE_CHECKING:
@@ -119,5 +120,4 @@ def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Itera
 
 def _of(which: np.ndarray, what: str) -> str:
     """How many of how many."""
-    count = int(np.count_nonzero(which))
-    return f"{count} of {which.size} {what} ({100 * count / which.size:.3g} %)"
+    return counted(int(np.count_nonzero(which)), which.size, what)

@@ -1,4 +1,4 @@
-"""What the variables of an image are called, what they mean, and in which units; one table for every Dataset."""
+"""Names, meanings and units of variables, and the words of flags: one table for every Dataset."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ T = TypeVar("T", float, Array, "xr.DataArray")
 
 CONVENTIONS = "CF-1.11"
 SOLVER_NAMES = ("averaging", "orbit", "march", "interpolated", "corrected")  # in the order of their codes
+STABILITY = ("unstable", "stable")  # likewise
 
 
 class Variable(NamedTuple):
@@ -188,6 +189,19 @@ def flag_attributes(name: str) -> dict[str, Any]:
         "flag_values": np.array(values, np.int8),
         "flag_meanings": " ".join(meanings),
     }
+
+
+def coded(long_name: str, *meanings: str, first: int = 0) -> dict[str, Any]:
+    """CF attributes of a flag variable whose codes count up from the first.
+
+    Examples
+    --------
+    >>> coded("stability of the orbit", "unstable", "stable")["flag_meanings"]
+    'unstable stable'
+    """
+    words = " ".join(word.replace(" ", "_") for word in meanings)
+    codes = np.arange(first, first + len(meanings), dtype=np.int8)
+    return {"long_name": long_name, "flag_values": codes, "flag_meanings": words}
 
 
 def float_attributes(name: str) -> dict[str, str]:

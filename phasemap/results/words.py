@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from phasemap._shared.sentences import counted
 from phasemap._shared.units import say
 from phasemap.results.status import Status
 
@@ -41,7 +42,7 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     codes, counts = np.unique(ds["status"].values, return_counts=True)
     total = ds["status"].size
     return [
-        f"{count} of {total} {what} ({100 * count / total:.3g} %): {Status.of(int(code)).value}"
+        f"{counted(int(count), total, what)}: {Status.of(int(code)).value}"
         for code, count in zip(codes, counts, strict=True)
         if code != 0
     ]
@@ -79,8 +80,7 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
         if name in ds
     ]
     most = f", spread up to {' and '.join(spreads)}" if spreads else ""
-    total = ds["motion"].size
-    return [f"{count} of {total} {what} ({100 * count / total:.3g} %) irregular: mean amplitude and phase{most}"]
+    return [f"{counted(count, ds['motion'].size, what)} irregular: mean amplitude and phase{most}"]
 
 
 def describe_flags(flags: xr.DataArray) -> str:

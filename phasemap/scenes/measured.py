@@ -17,7 +17,8 @@ from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface import Surface
-from phasemap.io.measured import level_height, one_scan, segment_height, segment_phase
+from phasemap.io.flattening import level_height
+from phasemap.io.measured import one_scan, segment_height, segment_phase
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
 from phasemap.io.read import read_image

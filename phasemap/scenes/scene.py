@@ -14,24 +14,29 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import FileError, InputError, Word
-from phasemap._shared.fields import Number
 from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
+from phasemap.experiment.control import Control
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
-from phasemap.experiment.realism import Realism, TipChange, check_realism
-from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing, read_tables
+from phasemap.experiment.microscope import Microscope
+from phasemap.scenes.objects import (
+    control_of,
+    interaction_table,
+    materials_of,
+    microscope_of,
+    object_of,
+    realism_of,
+    scan_of,
+    table_of,
+)  # fmt: skip
+from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,15 +45,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Scene", "Setup", "load_scene", "load_setup", "scene_from_json", "scene_from_tables"]
 
-T = TypeVar("T")
-
-CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
 TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
     "output",
 )  # fmt: skip
-LAWS: dict[str, type[ContactLaw]] = {law.name: law for law in (Cone, Film, FlatPunch, MaugisDugdale, Neck)}
-LOW_Q = 50.0  # below this it matters what the detector sees
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
 
@@ -153,10 +153,10 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     """
     tables = read_tables(path, overrides)
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
-    scan, complaints = _table(tables, "scan"), Complaints()
-    setpoint = complaints.of(_scan, scan) if "setpoint" in scan else None
+    scan, complaints = table_of(tables, "scan"), Complaints()
+    setpoint = complaints.of(scan_of, scan) if "setpoint" in scan else None
     with _asking(scan):
-        microscope, materials = complaints.of(_microscope, tables), complaints.of(_materials, tables)
+        microscope, materials = complaints.of(microscope_of, tables), complaints.of(materials_of, tables)
         complaints.make()
         assert microscope is not None and materials is not None
         return Setup(microscope, materials, None if setpoint is None else setpoint[0])
@@ -208,7 +208,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
         Where relative file names start.
     surface : Surface, optional
         Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
-        checked in no time.
+        checked at once.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     (128, 256)
     """
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
-    with _asking(_table(tables, "scan")):
+    with _asking(table_of(tables, "scan")):
         return _scene(tables, folder, surface)
 
 
@@ -231,20 +231,20 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     from phasemap.scenes.surface import build_surface
 
     complaints = Complaints()
-    scan = complaints.of(_scan, _table(tables, "scan"))
-    microscope = complaints.of(_microscope, tables)
-    accuracy = complaints.of(_object, tables, "accuracy", Accuracy)
-    control = complaints.of(_control, {"kind": "engage", **_table(tables, "control")})
-    output = _table(tables, "output")
+    scan = complaints.of(scan_of, table_of(tables, "scan"))
+    microscope = complaints.of(microscope_of, tables)
+    accuracy = complaints.of(object_of, tables, "accuracy", Accuracy)
+    control = complaints.of(control_of, {"kind": "engage", **table_of(tables, "control")})
+    output = table_of(tables, "output")
     complaints.of(_check_output, output, control, microscope)
-    materials = complaints.of(_materials, tables)
+    materials = complaints.of(materials_of, tables)
     files: dict[str, str] = {}
     if surface is None:
-        named = materials if materials is not None else dict.fromkeys(_table(tables, "materials"), Material(1e9))
-        made = complaints.of(build_surface, _table(tables, "surface"), named, folder)
+        named = materials if materials is not None else dict.fromkeys(table_of(tables, "materials"), Material(1e9))
+        made = complaints.of(build_surface, table_of(tables, "surface"), named, folder)
         if made is not None and microscope is not None and scan is not None:
             surface, files = complaints.of(_under_tip, tables["surface"], made[0], microscope, scan[0]), made[1]
-    realism = complaints.of(_realism, _table(tables, "realism"), control, surface and surface.shape[0])
+    realism = complaints.of(realism_of, table_of(tables, "realism"), control, surface and surface.shape[0])
     complaints.make()
     assert scan is not None and microscope is not None and accuracy is not None and control is not None
     assert materials is not None and surface is not None and realism is not None
@@ -254,7 +254,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         "surface": tables["surface"],
         "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
         **dataclasses.asdict(microscope),
-        "interaction": _config_of(microscope.interaction),
+        "interaction": interaction_table(microscope.interaction),
         "control": describe(control),
         "accuracy": dataclasses.asdict(accuracy),
         "realism": dataclasses.asdict(realism),
@@ -298,14 +298,14 @@ def scene_from_json(text: str, folder: Path) -> Scene:
         files = dict(tables.pop("files"))
     except (ValueError, TypeError, KeyError, RecursionError):
         raise InputError("scene", text, "what Scene.to_json gives: the tables of a scene, and its files") from None
-    realism = _table(tables, "realism")
+    realism = table_of(tables, "realism")
     if realism.get("tip_change", 0) is None:  # no table that a scene could have
         tables["realism"] = {key: value for key, value in realism.items() if key != "tip_change"}
     with unquestioned():  # who made it was told then
         scene = scene_from_tables(tables, folder)
     for name, digest in scene.config["files"].items():
         if digest != files.get(name):
-            raise FileError(f"cannot use {name}: it is not the file that was read then, whose SHA-256 was other.")
+            raise FileError(f"cannot use {name}: it is not the file that was read then, whose SHA-256 was different.")
     return scene
 
 
@@ -315,69 +315,6 @@ def _asking(scan: Table) -> AbstractContextManager[None]:
     if not isinstance(strict, bool):
         raise InputError("[scan] strict_units", strict, "true or false")
     return strict_units() if strict else nullcontext()
-
-
-def _scan(table: Table) -> tuple[float, Table]:
-    """The setpoint, and the table with its defaults."""
-    from phasemap.solvers.problem import check_setpoint
-    from phasemap.solvers.solver import SOLVERS
-
-    scan = {"solver": "auto", **table}
-    check_keys("[scan]", scan, ("setpoint", "solver", "strict_units"), ("setpoint",))
-    complaints = Complaints()
-    setpoint = complaints.of(construct, "[scan]", {"setpoint": scan["setpoint"]}, check_setpoint)
-    complaints.of(check_choice, "[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
-    complaints.make()
-    assert setpoint is not None
-    return setpoint, scan
-
-
-def _microscope(tables: Table) -> Microscope:
-    """The microscope of the tables for its parts."""
-    complaints = Complaints()
-    lever, tip = (complaints.of(_object, tables, name, cls) for name, cls in (("cantilever", Cantilever), ("tip", Tip)))
-    drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables)
-    complaints.make()
-    assert isinstance(lever, Cantilever) and isinstance(tip, Tip)
-    assert isinstance(drive, Drive) and isinstance(interaction, Interaction)
-    if lever.quality_factor < LOW_Q and "excitation" not in _table(tables, "drive"):
-        warnings.warn(
-            f"Q is {lever.quality_factor:g} and [drive] does not say excitation: set it to 'base' for a shaker under "
-            "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
-            stacklevel=2,
-        )
-    return Microscope(lever, tip, drive, interaction)
-
-
-def _drive(tables: Table) -> Drive:
-    """The drive, which may have a second mode."""
-    table = _table(tables, "drive")
-    if table.get("second") is not None:
-        table = {**table, "second": _from_table("[drive.second]", table["second"], Mode)}
-    drive: Drive = _from_table("[drive]", table, Drive)
-    return drive
-
-
-def _interaction(tables: Table) -> Interaction:
-    """The interaction, whose contact may be a law with parameters."""
-    table = _table(tables, "interaction")
-    if isinstance(contact := table.get("contact"), dict):
-        name = "[interaction.contact]"
-        if "law" not in contact:
-            raise missing(name, "law")
-        check_choice(f"{name} law", contact["law"], LAWS)
-        parameters = {key: value for key, value in contact.items() if key != "law"}
-        table = {**table, "contact": _from_table(name, parameters, LAWS[contact["law"]])}
-    interaction: Interaction = _from_table("[interaction]", table, Interaction)
-    return interaction
-
-
-def _config_of(interaction: Interaction) -> Table:
-    """The table of which `_interaction` makes the same."""
-    table = dataclasses.asdict(interaction)
-    if isinstance(interaction.contact, ContactLaw):
-        table["contact"] = {"law": interaction.contact.name, **table["contact"]}
-    return table
 
 
 def _under_tip(table: Table, surface: Surface, scope: Microscope, setpoint: float) -> Surface:
@@ -400,78 +337,3 @@ def _check_output(table: Table, control: Control | None, microscope: Microscope 
     if control is not None and microscope is not None:
         second = microscope.drive.second is not None
         construct("[output]", {"variables": variables}, split, control=control, second=second)
-
-
-def _realism(table: Table, control: Control | None, lines: int | None) -> Realism:
-    """The realism of its table, which has one of its own for a change of the tip."""
-    if "tip_change" in table:
-        table = {**table, "tip_change": _from_table("[realism.tip_change]", table["tip_change"], TipChange)}
-    realism: Realism = _from_table("[realism]", table, Realism)
-    if control is None or lines is None:
-        return realism
-    return construct("[realism]", {"realism": realism}, check_realism, control=control, lines=lines)
-
-
-def _materials(tables: Table) -> dict[str, Material]:
-    """The materials by name."""
-    complaints = Complaints()
-    found = {
-        name: complaints.of(_from_table, f"[materials.{name}]", table, Material)
-        for name, table in _table(tables, "materials").items()
-    }
-    complaints.make()
-    return {name: material for name, material in found.items() if material is not None}
-
-
-def _table(tables: Table, name: str) -> Table:
-    """A table of the scene, empty where it is not given."""
-    table = tables.get(name, {})
-    if not isinstance(table, dict):
-        raise InputError(f"[{name}]", table, "a table")
-    return table
-
-
-def _object(tables: Table, name: str, cls: Callable[..., T]) -> T:
-    """The object of the table that has its name."""
-    found: T = _from_table(f"[{name}]", _table(tables, name), cls)
-    return found
-
-
-def _control(table: Table) -> Control:
-    """The control of its kind; a key of another kind is told from a misspelt one."""
-    check_choice("[control] kind", table["kind"], CONTROLS)
-    kind, table = table["kind"], {key: value for key, value in table.items() if key != "kind"}
-    keys = {name: {field.name for field in dataclasses.fields(cls)} for name, cls in CONTROLS.items()}  # type: ignore[arg-type]
-    for key, value in table.items():
-        others = [name for name in CONTROLS if key in keys[name]]
-        if others and kind not in others:
-            belongs = f"It belongs to kind = {' or '.join(map(repr, others))}."
-            raise InputError(f"[control] {key}", value, f"nothing where kind is {kind!r}", belongs)
-    control: Control = _from_table("[control]", table, CONTROLS[kind])
-    return control
-
-
-def _from_table(name: str, table: object, cls: Any) -> Any:
-    """A frozen dataclass from the table of its fields, or from a preset and what is other."""
-    fields = dataclasses.fields(cls)
-    required = [field.name for field in fields if field.default is dataclasses.MISSING]
-    allowed = [field.name for field in fields]
-    if hasattr(cls, "preset"):
-        allowed.append("preset")
-        if isinstance(table, dict) and "preset" in table:
-            _check_table(name, table, cls, allowed)
-            others = {key: value for key, value in table.items() if key != "preset"}
-            return construct(name, others, partial(cls.preset, table["preset"]))
-    _check_table(name, table, cls, allowed, required)
-    assert isinstance(table, dict)
-    return construct(name, table, cls)
-
-
-def _check_table(name: str, table: object, cls: type, allowed: list[str], required: Iterable[str] = ()) -> None:
-    """Refuse keys that are unknown or missing, and numbers that are not allowed, all at once."""
-    complaints = Complaints()
-    complaints.of(check_keys, name, table, allowed, required)
-    for key, value in table.items() if isinstance(table, dict) else ():
-        if isinstance(field := vars(cls).get(key), Number):
-            complaints.of(construct, name, {"value": value}, field.check)
-    complaints.make()

@@ -23,25 +23,20 @@ contact and the reach of the attraction, as `phasemap.Surface.seen_by` makes the
 from __future__ import annotations
 
 import inspect
-import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import number
-from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap._shared.files import digest_of, size_of
-from phasemap._shared.memory import check_fits
+from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
 from phasemap.experiment.material import Material
+from phasemap.scenes.surface_files import SUFFIXES, Files, read_array
 
 if TYPE_CHECKING:
-    from importlib.machinery import ModuleSpec
-
     import numpy as np
 
     from phasemap.experiment.microscope import Microscope, Tip
@@ -49,9 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = ["build_surface", "dilate", "seen"]
 
-TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "topography")
-SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 
@@ -97,7 +90,7 @@ def build_surface(
         raise missing("[surface]", "kind")
     kind = table["kind"]
     check_choice("[surface] kind", kind, ["labels", "maps", "measured", *generators])
-    files = _Files(folder)
+    files = Files(folder)
     arguments = {key: value for key, value in table.items() if key not in ("kind", *TIP)}
     if kind == "maps":
         surface = _from_maps(arguments, files)
@@ -149,43 +142,12 @@ def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint
     return surface.seen_by(scope, setpoint) if wanted else surface
 
 
-class _Files:
-    """Finds the files that a scene names, and remembers what was in them."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.digests: dict[str, str] = {}
-
-    def find(self, key: str, name: object) -> Path:
-        """The path of a file that the scene names under `key`."""
-        if not isinstance(name, str) or not name:
-            raise InputError(f"[surface] {key}", name, "a file name")
-        path = self.folder / name
-        if name.startswith("package:"):
-            package, _, inside = name.removeprefix("package:").partition("/")
-            spec = _installed(package)
-            if spec is None or not spec.submodule_search_locations:
-                raise FileError(f"cannot read {name}: the package {package!r} is not installed.")
-            path = Path(spec.submodule_search_locations[0], inside)
-        what = f"{path}, named in [surface] {key}"
-        check_fits(what, size_of(path, what), "Take a smaller map.")
-        self.digests[name] = digest_of(path, what)
-        return path
-
-
-def _installed(package: str) -> ModuleSpec | None:
-    """Where an installed package lies; it is not imported."""
-    try:
-        return find_spec(package) if package.isidentifier() else None
-    except ValueError:  # __main__, say, was not found as others are
-        return None
-
-
 def _from_labels(
-    table: dict[str, Any], materials: Mapping[str, Material], files: _Files, generator: Callable[..., np.ndarray] | None
+    table: dict[str, Any], materials: Mapping[str, Material], files: Files, generator: Callable[..., np.ndarray] | None
 ) -> Surface:
     """A map of labels, given or generated, and the material of each."""
-    from phasemap.experiment.surface import Surface, as_array
+    from phasemap._shared.arrays import as_array
+    from phasemap.experiment.surface import Surface
     from phasemap.scenes.tables import check_keys, construct
 
     own = ("materials", "pixel_size", "topography", "heights")
@@ -212,7 +174,7 @@ def _from_labels(
     return construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
 
 
-def _from_maps(table: dict[str, Any], files: _Files) -> Surface:
+def _from_maps(table: dict[str, Any], files: Files) -> Surface:
     """Maps of properties, one by one or together in a netCDF file."""
     from phasemap.experiment.surface import Surface
     from phasemap.io.netcdf import load
@@ -229,12 +191,13 @@ def _from_maps(table: dict[str, Any], files: _Files) -> Surface:
     return construct("[surface]", maps, Surface)
 
 
-def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: _Files) -> Surface:
+def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: Files) -> Surface:
     """The height of a measured image as topography, and its phase populations as materials."""
     import numpy as np
 
     from phasemap.experiment.surface import Surface
-    from phasemap.io.measured import level_height, one_scan, segment_phase
+    from phasemap.io.flattening import level_height
+    from phasemap.io.measured import one_scan, segment_phase
     from phasemap.io.read import read_image
     from phasemap.scenes.tables import check_keys
 
@@ -268,20 +231,20 @@ def _arguments(function: Callable[..., object]) -> tuple[list[str], list[str]]:
     return required, [argument.name for argument in every if argument.name not in required]
 
 
-def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> Any:
+def _map(key: str, value: object, files: Files, surface: Mapping[str, Any]) -> Any:
     """A number, rows of numbers, the array in a file, or a generated field with the shape and pixels of the surface."""
     from phasemap.scenes.tables import check_choice, check_keys, construct
 
     if isinstance(value, str):
         if Path(value).suffix.lower() not in SUFFIXES and is_number(value):
             return value
-        return _read_array(key, files.find(key, value), key)
+        return read_array(key, files.find(key, value), key)
     if not isinstance(value, dict):
         return value
     name = f"[surface.{key}]"
     if "generator" not in value:
         check_keys(name, value, ("file", "variable", "generator"), ("file",))
-        return _read_array(key, files.find(key, value["file"]), value.get("variable", key))
+        return read_array(key, files.find(key, value["file"]), value.get("variable", key))
     fields = _generators("Field")
     check_choice(f"{name} generator", value["generator"], fields)
     generator = fields[value["generator"]]
@@ -298,55 +261,6 @@ def _map(key: str, value: object, files: _Files, surface: Mapping[str, Any]) -> 
     for argument in given.keys() & arguments:
         raise InputError(f"{name} {argument}", arguments[argument], "nothing, for it is that of the surface")
     return construct(name, arguments, generator, **given)
-
-
-def _read_array(key: str, path: Path, variable: object) -> np.ndarray:
-    """The array in a .npy, .csv, .txt or netCDF file."""
-    import numpy as np
-
-    readers: dict[str, Callable[[], np.ndarray]] = {
-        ".npy": lambda: _read_npy(path),
-        ".csv": lambda: np.loadtxt(path, delimiter=",", ndmin=2),
-        ".txt": lambda: np.loadtxt(path, ndmin=2),
-        ".nc": lambda: _read_variable(path, variable),
-    }
-    suffix = path.suffix.lower()
-    if suffix in (".csv", ".txt"):
-        check_fits(f"{path}, named in [surface] {key},", TEXT * path.stat().st_size, "Take a smaller map.")
-    if suffix not in readers:
-        raise InputError(f"[surface] {key}", path.name, "a file that ends in " + ", ".join(readers))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)  # loadtxt only warns of a file without numbers
-            return readers[suffix]()
-    except PhasemapError:
-        raise
-    except Exception as error:  # numpy passes on what its parsers raise where a file is damaged
-        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
-        raise FileError(f"cannot read {path}, named in [surface] {key}: {reason}.") from error
-
-
-def _read_npy(path: Path) -> np.ndarray:
-    """The array in a .npy file, not an archive, which `numpy.load` reads too and which may unpack to gigabytes."""
-    import numpy as np
-
-    values = np.load(path, allow_pickle=False)  # takes no memory for what is declared and not there
-    if not isinstance(values, np.ndarray):
-        values.close()
-        raise ValueError("it is an archive, not an array")
-    return values
-
-
-def _read_variable(path: Path, variable: object) -> np.ndarray:
-    """One variable of a netCDF file."""
-    from phasemap.io.netcdf import load
-
-    dataset = load(path)
-    if variable not in list(dataset.data_vars):
-        held = ", ".join(map(repr, dataset.data_vars))
-        raise FileError(f"cannot use {path}: there is no variable {variable!r}; it holds {held}.")
-    values: np.ndarray = dataset[str(variable)].values
-    return values
 
 
 def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndarray:
@@ -367,7 +281,7 @@ def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
     """A topography to which the heights of labels can be added."""
     import numpy as np
 
-    from phasemap.experiment.surface import as_array
+    from phasemap._shared.arrays import as_array
 
     with suppress(NotThatUnit):  # which leaves text, and that is refused below
         given = array_in_si(given, "m")

@@ -1,4 +1,4 @@
-"""The cheapest solver that meets the accuracy asked for."""
+"""The solver "auto": for each material the cheapest one that meets the accuracy asked for."""
 
 from __future__ import annotations
 

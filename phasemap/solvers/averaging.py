@@ -1,4 +1,4 @@
-"""First-order averaging."""
+"""The solver "averaging": orbits to first order."""
 
 from __future__ import annotations
 

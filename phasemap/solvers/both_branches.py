@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
 from phasemap._kernels.scanning.slots import Orbits
-from phasemap._shared.threads import Progress, spread
+from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
+from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.energy import close
-from phasemap.solvers.held import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.march import ETA, March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.solvers.problem import Work
@@ -111,8 +111,7 @@ def stable_branches(
         _others(work, solver, accuracy, first, last, rows, status, used)
         _limit(work, accuracy.periods, first, last, rows, status, reach)
 
-    size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
-    spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
+    spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
     close(rows, work.lever)
     return Branches(rows, status, used, reach)
 

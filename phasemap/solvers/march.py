@@ -1,4 +1,4 @@
-"""The full equation of motion, marched in time."""
+"""The solver "march": the full equation of motion in time, until its motion is steady."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exact periodic orbits."""
+"""The solver "orbit": exact periodic orbits, with estimates of their errors."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Work:
         return np.where(solvable, col.GOOD, np.where(creates, col.CREATES_ENERGY, col.INVALID)).astype(np.int8)
 
 
-LEAST_USUAL = 1e-3  # setpoint that anybody works with; an amplitude in metres is far below
+LEAST_USUAL = 1e-3  # setpoint used in practice; an amplitude in metres is far below
 
 
 def check_setpoint(setpoint: object) -> float:

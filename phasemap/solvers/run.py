@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._shared.threads import Progress, spread, workers_of
+from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.solvers.detected_setpoint import hold
 from phasemap.solvers.energy import close
-from phasemap.solvers.held import hold
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import Solver
 
@@ -40,11 +40,10 @@ def run(
         rows[valid], status[valid], used[valid] = found
         return rows, status, used
     workers = workers_of(threads)
-    size = max(1, min(solver.rows_per_chunk, -(-count // (4 * workers))))
 
     def solve(first: int, last: int) -> None:
         solver.solve(work, accuracy, first, last, rows, status, used)
 
-    spread(solve, [*range(0, count, size), count] if count else [], workers, progress)
+    spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
     close(rows, work.lever)
     return rows, status, used

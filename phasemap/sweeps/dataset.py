@@ -1,4 +1,4 @@
-"""The Dataset of a sweep."""
+"""The Dataset of a sweep: its variables in both directions, the curves behind them, folds and jumps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import (
     FLOATS,
+    STABILITY,
     branch_of,
+    coded,
     describe,
     flag_attributes,
     float_attributes,
@@ -130,9 +132,8 @@ def _curve(curves: Curves, axis: Axis, value: Callable[[np.ndarray], np.ndarray]
             attributes = {"long_name": axis.long_name, "units": axis.units}
             data[prefix + axis.name] = (dim, value(some[:, axis.column]), attributes)
         data[prefix + "piece"] = (dim, number[part], {"long_name": "number of the connected piece"})
-    meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "unstable stable"}
     flags = stable(rows, axis.held) | (rows[:, col.KIND] == axis.fold)
-    data["curve_stable"] = ("point", flags.astype(np.int8), {"long_name": "stability of the orbit", **meaning})
+    data["curve_stable"] = ("point", flags.astype(np.int8), coded("stability of the orbit", *STABILITY))
     return data
 
 
@@ -143,10 +144,9 @@ def _jumps(curves: Curves, jumps: list[Jump], axis: Axis, value: Callable[[np.nd
     before, after = (curves.seen(np.array(some).reshape(len(jumps), col.FULL)) for some in ends)
     attributes = {"long_name": axis.long_name + " at the jump", "units": axis.units}
     codes = np.array([jump.direction for jump in jumps], np.int8)
-    meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": " ".join(axis.directions)}
     data: Variables = {
         "jump_" + axis.name: ("jump", value(before[:, axis.column]), attributes),
-        "jump_direction": ("jump", codes, {"long_name": "direction of the sweep that jumps", **meaning}),
+        "jump_direction": ("jump", codes, coded("direction of the sweep that jumps", *axis.directions)),
     }
     for word, some in (("from", before), ("to", after)):
         for name in ("amplitude", "phase", "tip_offset"):

@@ -13,10 +13,10 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.solvers.continuation.complete import FAINT, complete, held_curves, mend
-from phasemap.solvers.continuation.hold import Feedback, Place
-from phasemap.solvers.continuation.in_time import Adrift
+from phasemap.solvers.continuation.off_orbit import OffOrbit
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
+from phasemap.solvers.continuation.slow_feedback import Place, SlowFeedback
 from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
 from phasemap.sweeps.dataset import Axis, dataset
 
@@ -72,7 +72,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
     free = scope.driven_amplitude
-    feedback = Feedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
+    feedback = SlowFeedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
     n = len(axis)
     down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
     up, _ = _hold(feedback, place, range(n), 1)
@@ -124,9 +124,9 @@ def _at(parts: list[Segment], x: float) -> Segment | None:
     return next((part for part in parts if part.row_at(x) is not None), None)
 
 
-def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | Adrift | None:
+def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | OffOrbit | None:
     """Where a sweep down to x has ended."""
-    if isinstance(visit.ended, Adrift):
+    if isinstance(visit.ended, OffOrbit):
         return visit.ended
     row = visit.rows[0]
     there = [part for part in parts if part.row_at(x) is not None]
@@ -134,7 +134,7 @@ def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | Adrift | No
     return same[0] if same else (there[-1] if there and np.isnan(row[col.AMPLITUDE]) else None)
 
 
-def _hold(feedback: Feedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
+def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
     """Hold one amplitude after the other."""
     curves = feedback.curves
     n = len(curves.wanted)
@@ -190,21 +190,21 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     """Up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves.pieces, col.PARAMETER, held=True)
 
-    def landing(edge: np.ndarray, m: float) -> Segment | Adrift | None:
+    def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
-        return engaged(m, edge) or (Adrift(edge) if question.scope.interaction.law.hysteretic else None)
+        return engaged(m, edge) or (OffOrbit(edge) if question.scope.interaction.law.hysteretic else None)
 
-    def engaged(m: float, edge: np.ndarray | None = None) -> Segment | Adrift | None:
+    def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.at(name, float(scale.value(m)))
-        feedback = Feedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
+        feedback = SlowFeedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None
         held = feedback.seek(place, 0, 0)
         if held.place is None or held.row is None:
             return None
-        return held.place.on if isinstance(held.place.on, Adrift) else like(parts, m, held.row)
+        return held.place.on if isinstance(held.place.on, OffOrbit) else like(parts, m, held.row)
 
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DEPTHS = "-5 nm:2 nm:281"
-USUAL = (0.0, 1e-5)  # m, of depths and distances that anybody looks at
+USUAL = (0.0, 1e-5)  # m, of depths and distances of interest
 
 
 def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> xr.Dataset:

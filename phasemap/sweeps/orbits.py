@@ -12,7 +12,16 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import FLOATS, branch_of, describe, flag_attributes, float_attributes, provenance
+from phasemap.results.variables import (
+    FLOATS,
+    STABILITY,
+    branch_of,
+    coded,
+    describe,
+    flag_attributes,
+    float_attributes,
+    provenance,
+)
 from phasemap.solvers.problem import check_setpoint, work_of_material
 
 if TYPE_CHECKING:
@@ -96,7 +105,6 @@ def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
     data = {name: ("orbit", FLOATS[name].value(rows), float_attributes(name)) for name in names}
     found = xr.Dataset(data, {"orbit": ("orbit", np.arange(len(rows)), {"long_name": "orbit, far to near"})})
     found["branch"] = ("orbit", branch_of(rows), flag_attributes("branch"))
-    meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "unstable stable"}
     stable = (rows[:, col.FLOQUET] < 1).astype(np.int8)
-    found["stable"] = ("orbit", stable, {"long_name": "stability of the orbit at fixed tip offset", **meaning})
+    found["stable"] = ("orbit", stable, coded("stability of the orbit at fixed tip offset", *STABILITY))
     return found

@@ -18,7 +18,7 @@ from phasemap.solvers.problem import check_setpoint
 if TYPE_CHECKING:
     import xarray as xr
 
-OFFSETS = (0.0, 1e-4)  # m, where anybody holds a tip
+OFFSETS = (0.0, 1e-4)  # m, where a tip is held in practice
 
 
 def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, samples: int = 0) -> xr.Dataset:

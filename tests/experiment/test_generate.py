@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from phasemap import generate
 from phasemap._shared.errors import InputError
+from phasemap.experiment.generate import discs
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface import Surface
 
@@ -154,7 +155,7 @@ def test_a_gradient_goes_evenly_from_start_to_stop(start: float, stop: float, ax
 def test_particles_cover_the_fraction_asked_for(fraction: float, spread: float, periodic: bool, seed: int) -> None:
     if not periodic:
         fraction *= 0.8  # whole discs have less room near the border
-    largest, draw = [], generate._radii
+    largest, draw = [], discs._radii
 
     def remember(rng: np.random.Generator, radius: float, spread: float, area: float) -> np.ndarray:
         more = draw(copy.deepcopy(rng), radius, spread, 2 * area)  # with those that would have come next
@@ -162,7 +163,7 @@ def test_particles_cover_the_fraction_asked_for(fraction: float, spread: float, 
         return draw(rng, radius, spread, area)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(generate, "_radii", remember)
+        patch.setattr(discs, "_radii", remember)
         image = generate.particles(
             (128, 160), 1.0, radius=6.0, area_fraction=fraction, spread=spread, periodic=periodic, seed=seed
         )
@@ -174,13 +175,13 @@ def test_particles_cover_the_fraction_asked_for(fraction: float, spread: float, 
 @pytest.mark.parametrize("periodic", [True, False])
 def test_particles_do_not_overlap(monkeypatch: pytest.MonkeyPatch, fraction: float, periodic: bool) -> None:
     placed = []
-    place = generate._without_overlap
+    place = discs._without_overlap
 
     def remember(rng: np.random.Generator, radii: np.ndarray, sides: np.ndarray, periodic: bool) -> np.ndarray:
         placed.append((radii, sides, place(rng, radii, sides, periodic)))
         return placed[0][2]
 
-    monkeypatch.setattr(generate, "_without_overlap", remember)
+    monkeypatch.setattr(discs, "_without_overlap", remember)
     generate.particles(
         (200, 260), 1.0, radius=6.0, area_fraction=fraction * (1.0 if periodic else 0.9), spread=0.3, periodic=periodic
     )
@@ -203,7 +204,7 @@ def test_equal_particles_have_the_radius_asked_for() -> None:
 
 
 def test_particles_of_a_wide_spread_have_that_spread() -> None:
-    radii = generate._radii(np.random.default_rng(0), 2.0, 0.4, 1e5)
+    radii = discs._radii(np.random.default_rng(0), 2.0, 0.4, 1e5)
     assert radii.mean() == pytest.approx(2.0, rel=0.02)
     assert radii.std() == pytest.approx(0.8, rel=0.05)
     assert np.pi * (radii**2).sum() == pytest.approx(1e5, rel=1e-3)

@@ -17,8 +17,11 @@ from pathlib import Path
 
 GUIDES = [
     "tomllib", "phasemap.scenes.scene", "phasemap.scenes.surface", "phasemap.scenes.ensemble",
-    "phasemap.scenes.samples",
-    "phasemap.experiment.surface", "phasemap.experiment.generate", "phasemap._shared.checks", "phasemap._shared.errors",
+    "phasemap.scenes.samples", "phasemap.scenes.objects", "phasemap.scenes.surface_files",
+    "phasemap.experiment.surface", "phasemap.experiment.surface_maps", "phasemap.experiment.labels",
+    "phasemap.experiment.generate.arguments",
+    "phasemap.experiment.generate.discs", "phasemap.experiment.generate.regular", "phasemap.experiment.generate.waves",
+    "phasemap._shared.checks", "phasemap._shared.errors",
 ]  # fmt: skip
 """Modules whose branches count; numba could not compile those that it reads."""
 ROOTS = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]

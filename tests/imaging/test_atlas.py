@@ -13,7 +13,7 @@ import phasemap as pm
 from phasemap import generate
 from phasemap._kernels import columns as col
 from phasemap._kernels.materials import interpolate as kernel
-from phasemap.imaging.interpolation import Atlas, Oracle
+from phasemap.imaging.interpolation import Atlas, ExactOrbits
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.imaging.interpolation.borders import find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
@@ -204,17 +204,17 @@ def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
 
 class TestParts:
     def test_a_jump_lies_where_engagement_jumps(self) -> None:
-        oracle = Oracle(AIR, 0.7 * AIR.driven_amplitude, Axes(True, 0.0), 1)
+        exact = ExactOrbits(AIR, 0.7 * AIR.driven_amplitude, Axes(True, 0.0), 1)
         stiffness = np.log(np.array([2e9, 6e9]))
-        jump, graze = find_borders(oracle, (*stiffness, 0.0, 0.0), 0.05, 0.3)
+        jump, graze = find_borders(exact, (*stiffness, 0.0, 0.0), 0.05, 0.3)
         assert (jump.sudden, graze.sudden) == (True, False)
         x0, x1 = np.log(np.array([2.3e9, 3.7e9, 5.1e9])), np.zeros(3)
         height = jump.height(x0, x1)
         assert jump.error < 1e-5 * height.min()
         for share, sign in ((-1, 1), (1, -1)):
-            phase = oracle(np.column_stack([x0, x1, height * (1 + 5e-5 * share)]))[:, 1]
+            phase = exact(np.column_stack([x0, x1, height * (1 + 5e-5 * share)]))[:, 1]
             assert np.all(np.sign(phase) == sign)
-        depth = oracle(np.column_stack([x0, x1, graze.height(x0, x1)]))[:, 3]
+        depth = exact(np.column_stack([x0, x1, graze.height(x0, x1)]))[:, 3]
         assert np.all(abs(depth) < 1e-14)
 
     def test_coordinates_go_there_and_back(self) -> None:

@@ -198,12 +198,12 @@ def test_a_part_that_does_not_fit_is_made_again(misfit: str, tmp_path: Path) -> 
 @pytest.mark.usefixtures("eager")
 def test_the_state_of_another_lever_is_never_handed_to_compiled_code() -> None:
     from phasemap._kernels import columns as col
-    from phasemap.imaging.feedback.lines import Tip
+    from phasemap.imaging.feedback.lines import TipState
 
-    state = Tip(col.AVERAGING).freeze()
+    state = TipState(col.AVERAGING).freeze()
     for wrong in ({**state, "y": state["y"][:1]}, {**state, "loop": np.zeros(1)}, {**state, "engine": np.array(9)}):
         with pytest.raises((KeyError, ValueError)):
-            Tip.thaw(wrong)
+            TipState.thaw(wrong)
 
 
 @pytest.mark.usefixtures("eager")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.compilation import kernel
+from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import (
     Law,
     contact_force,
@@ -21,7 +21,7 @@ from phasemap._kernels.orbits.along import along
 from phasemap._kernels.orbits.around import COS, DEPTH, MOST, RATE, ROWS, SIN, TOUCHES, WEIGHT, harmonic, moves
 from phasemap._kernels.orbits.response import nodes as free
 from phasemap._kernels.orbits.response.passes import STATE
-from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES, WIDE
+from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
 
 TURNS = 20  # harmonics of the force's slope that are looked at
 
@@ -37,16 +37,30 @@ def _jumps(law: Law, p: np.ndarray, amplitude: float, depth: float) -> float:
     return (made / math.sqrt(1.0 - c * c) + broken / math.sqrt(1.0 - last * last)) / amplitude
 
 
-@kernel
-def _turn(slopes: np.ndarray, j: int, share: float, c: float, s: float) -> None:
-    """Add the share of a node to the harmonics of the slope, shape (2, TURNS), from the first on."""
-    if j == 0:
-        slopes[:] = 0.0
-    cos_n, sin_n = c, s
-    for n in range(TURNS):
-        slopes[0, n] += share * cos_n
-        slopes[1, n] -= share * sin_n
-        cos_n, sin_n = cos_n * c - sin_n * s, sin_n * c + cos_n * s
+@kernel(fastmath=ANY_ORDER)
+def _harmonics(at: np.ndarray, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
+    """Harmonics `first` ... of what is at the nodes with their weights: sums of it with cos(n theta) and -sin(n theta).
+
+    From node to node nothing depends on what was before, so that several go at once: all nodes first, then the next n.
+
+    Parameters
+    ----------
+    at : ndarray, shape (ROWS, MOST)
+        The nodes.
+    load : ndarray, shape (MOST,)
+    out : ndarray, shape (2, any)
+        Filled.
+    """
+    cosines, sines = at[COS].copy(), at[SIN].copy()
+    for n in range(1, first + out.shape[1]):
+        re, im = 0.0, 0.0
+        for j in range(count):
+            c, s = cosines[j], sines[j]
+            re += load[j] * c
+            im -= load[j] * s
+            cosines[j], sines[j] = c * at[COS, j] - s * at[SIN, j], s * at[COS, j] + c * at[SIN, j]
+        if n >= first:
+            out[0, n - first], out[1, n - first] = re, im
 
 
 @kernel
@@ -84,7 +98,8 @@ def force_rows(
     of stiffness 0 where there is none: SIDEBANDS are filled in with one.
     """
     at, f, state = np.zeros((ROWS, MOST)), np.zeros((free.FIELDS, free.ALL)), np.zeros(STATE)
-    slopes = np.zeros((2, TURNS))
+    slopes, waves = np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS))
+    slope_at, force_at = np.zeros(MOST), np.zeros(MOST)
     inverse_k = 1.0 / lever[col.STIFFNESS]
     for i in range(len(rows)):
         row, p = out[i], parameters(rows[i])
@@ -96,9 +111,8 @@ def force_rows(
         if count == 0:
             count = harmonic(law, p, amplitude, row[col.INDENTATION], at)
         gradient, drag = _jumps(law, p, amplitude, row[col.INDENTATION]), 0.0
-        row[WAVES:WIDE] = 0.0
         for j in range(count):
-            d, c, s, weight = at[DEPTH, j], at[COS, j], at[SIN, j], at[WEIGHT, j]
+            d, weight = at[DEPTH, j], at[WEIGHT, j]
             if at[TOUCHES, j] == 0.0:
                 g = inverse_k * longrange_force(law, min(d, 0.0), p)
                 slope = longrange_slope(law, min(d, 0.0), p)
@@ -111,19 +125,15 @@ def force_rows(
                     drag += weight * alpha
                     g += alpha * lever[col.OMEGA] * at[RATE, j]
             gradient += weight * slope
-            if second[col.STIFFNESS] > 0.0:
-                _turn(slopes, j, weight * slope / (2.0 * math.pi), c, s)
-            share, cos_n, sin_n = weight * g / math.pi, c, s
-            for n in range(col.HARMONICS):
-                cos_n, sin_n = cos_n * c - sin_n * s, sin_n * c + cos_n * s
-                row[WAVES + 2 * n] -= share * cos_n
-                row[WAVES + 2 * n + 1] += share * sin_n
+            slope_at[j], force_at[j] = weight * slope / (2.0 * math.pi), weight * g / math.pi
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
+        _harmonics(at, count, force_at, 2, waves)
         for n in range(col.HARMONICS):  # the lever's answer to the force
             multiple = (n + 2) * lever[col.OMEGA]
             x, y = 1.0 - multiple * multiple, 2.0 * lever[col.ALPHA0] * multiple
             below = 1.0 / (x * x + y * y)
-            re, im = row[WAVES + 2 * n], row[WAVES + 2 * n + 1]
+            re, im = -waves[0, n], -waves[1, n]
             row[WAVES + 2 * n], row[WAVES + 2 * n + 1] = (re * x + im * y) * below, (im * x - re * y) * below
         if second[col.STIFFNESS] > 0.0:
+            _harmonics(at, count, slope_at, 1, slopes)
             _sidebands(lever, second, slopes, row)

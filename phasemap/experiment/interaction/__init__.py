@@ -33,7 +33,7 @@ __all__ = [
     "Neck",
 ]  # fmt: skip
 
-TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of one's own law is tried before work starts
+TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of a user's law is tried before work starts
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,7 +45,7 @@ class Interaction(Shown):
     contact : str or ContactLaw
         "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length), "punch" (flat),
         "cone", "film" (on a rigid base, which it sticks to) or "slipping film", in capitals or not; or a law object:
-        `FlatPunch`, `Cone`, `MaugisDugdale` and `Neck` take parameters, and one's own law is a class derived from
+        `FlatPunch`, `Cone`, `MaugisDugdale` and `Neck` take parameters, and a law of your own is a class derived from
         `ContactLaw`. "spring" is the old name of "punch".
     decay_length : float, optional
         d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no such force.
@@ -128,7 +128,7 @@ class Interaction(Shown):
         Raises
         ------
         InputError
-            If the formulas of one's own law fail, or the law does not go together with a film.
+            If the formulas of a user's law fail, or the law does not go together with a film.
         """
         import numpy as np
 
@@ -172,7 +172,7 @@ class Interaction(Shown):
         Raises
         ------
         InputError
-            If numba cannot compile the formulas of one's own law.
+            If numba cannot compile the formulas of a user's law.
         """
         from phasemap._kernels.law import law_of
 
@@ -209,7 +209,7 @@ class Interaction(Shown):
                 pull = law.pull(contact_stiffness, adhesion, radius)
             except InputError:
                 raise
-            except Exception as error:  # whatever one's own law does
+            except Exception as error:  # whatever a user's law does
                 if not self._is_own:
                     raise
                 raise InputError(
@@ -229,7 +229,7 @@ class Interaction(Shown):
         return rows
 
     def _try(self, rows: np.ndarray) -> None:
-        """Call the formulas of one's own law, as Python, with the first material."""
+        """Call the formulas of a user's law, as Python, with the first material."""
         import numpy as np
 
         law = self.law

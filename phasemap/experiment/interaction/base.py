@@ -1,4 +1,4 @@
-"""What a contact law is."""
+"""The base class of contact laws: one formula F(d), from which all else that solvers ask of a law follows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEP, LEAST = 4e-3, 1e-15
 
 
 class ContactLaw(ABC):
-    """Force between tip and surface in contact. One's own law is a class derived from this one with one formula.
+    """Force between tip and surface in contact. A law of your own is a class derived from this one, with one formula.
 
     `force` and `slope` are scalar formulas in plain Python, compiled on first use: they take the indentation d [m] and
     a row of parameters p. They may call other plain functions and those of `math`; p is indexed, nothing else.

@@ -1,4 +1,4 @@
-"""A conical tip."""
+"""Contact of a conical tip."""
 
 from __future__ import annotations
 

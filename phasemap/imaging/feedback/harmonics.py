@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning.higher_harmonics import lifts
-from phasemap._shared.threads import spread
+from phasemap._shared.threads import bounds_of, spread
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 
@@ -50,7 +50,7 @@ def lifts_of(job: Job, work: Work) -> Lifts:
     def solve(first: int, last: int) -> None:
         lifts(work.law, rows, work.lever, amplitudes, limits, first, last, found)
 
-    spread(solve, [*range(0, len(some), CHUNK), len(some)], job.workers, None)
+    spread(solve, bounds_of(len(some), CHUNK), job.workers, None)
     sides = []
     for side in (0, 1):
         values = np.where(np.isnan(found[:, side]), found[:, 1 - side], found[:, side])

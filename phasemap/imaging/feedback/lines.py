@@ -31,7 +31,7 @@ ETA = 0.7  # size of the march's steps: 2e-4 degree
 ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
 
 
-class Tip:
+class TipState:
     """The state that goes from pixel to pixel: the lever's, and the loop's with the range that engaging gave it."""
 
     def __init__(self, engine: int) -> None:
@@ -45,7 +45,7 @@ class Tip:
         return arrays if self.loop is None else {**arrays, "loop": self.loop}
 
     @classmethod
-    def thaw(cls, arrays: Mapping[str, Array]) -> Tip:
+    def thaw(cls, arrays: Mapping[str, Array]) -> TipState:
         """From what `freeze` gave.
 
         Raises
@@ -63,7 +63,7 @@ class Tip:
                 raise ValueError(name)
         return tip
 
-    def copy(self) -> Tip:
+    def copy(self) -> TipState:
         """One that moves on by itself."""
         return copy.deepcopy(self)
 
@@ -113,7 +113,7 @@ class Lines:
         first = work.part(starts)
         self.orbits = run(by_name("auto"), first, ENGAGED, threads=job.workers)[0]
 
-    def scan(self, row: int, tip: Tip) -> None:
+    def scan(self, row: int, tip: TipState) -> None:
         """Scan one line there and back, after engaging if the tip is not."""
         nx = self.job.surface.shape[1]
         topography = self.job.surface.topography

@@ -11,7 +11,7 @@ from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import engage_in_time
 from phasemap.experiment.control import Feedback
 from phasemap.imaging.feedback.harmonics import lifts_of
-from phasemap.imaging.feedback.lines import ENGAGED, Tip
+from phasemap.imaging.feedback.lines import ENGAGED, TipState
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
@@ -64,5 +64,5 @@ def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndar
     loop[of.LOW], loop[of.HIGH] = -np.inf, np.inf
     nudged[col.TIP_OFFSET] -= NUDGE * job.amplitude
     quiet = generator(0, "unused: without noise")
-    done = engage_in_time(work.law, row, work.lever, loop, 0.0, nudged, Tip(engine).state, quiet)
+    done = engage_in_time(work.law, row, work.lever, loop, 0.0, nudged, TipState(engine).state, quiet)
     return bool(done == col.GOOD and loop[of.CALM] > 0.0)

@@ -14,7 +14,7 @@ from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.feedback.harmonics import Lifts, lifts_of
-from phasemap.imaging.feedback.lines import ENGAGED, Lines, Tip
+from phasemap.imaging.feedback.lines import ENGAGED, Lines, TipState
 from phasemap.imaging.feedback.loop import check, drive_frequency
 from phasemap.imaging.feedback.settling import quietened
 from phasemap.imaging.feedback.tuning import LinearLoop
@@ -106,7 +106,7 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
     return col.AVERAGING if name == "averaging" else col.MARCH
 
 
-def _fill(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None:
+def _fill(job: Job, plan: Plan, canvas: Canvas, state: TipState | None) -> TipState | None:
     """Fill the canvas of some lines, to which the tip comes in a state, and return that in which it leaves."""
     materials, numbers = job.surface.unique()
     lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.lifts, canvas)
@@ -115,7 +115,7 @@ def _fill(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None
     if plan.control.engage == "line":
         spread(partial(_engaged_anew, lines), bounds, job.workers, _counted(job))
     else:
-        tip = Tip(plan.engine) if state is None else state.copy()
+        tip = TipState(plan.engine) if state is None else state.copy()
         spread(partial(_carried, lines, tip), bounds, 1, _counted(job))
     canvas.note({**plan.notes, "ringing_lines": int((~lines.calm).sum())})
     return tip
@@ -123,10 +123,10 @@ def _fill(job: Job, plan: Plan, canvas: Canvas, state: Tip | None) -> Tip | None
 
 def _engaged_anew(lines: Lines, first: int, last: int) -> None:
     for row in range(first, last):
-        lines.scan(row, Tip(lines.engine))
+        lines.scan(row, TipState(lines.engine))
 
 
-def _carried(lines: Lines, tip: Tip, first: int, last: int) -> None:
+def _carried(lines: Lines, tip: TipState, first: int, last: int) -> None:
     for row in range(first, last):
         lines.scan(row, tip)
 
@@ -160,12 +160,12 @@ NOTES = {
 }
 
 
-def _freeze(tip: Tip | None) -> Values:
+def _freeze(tip: TipState | None) -> Values:
     return {} if tip is None else tip.freeze()
 
 
-def _thaw(arrays: Values) -> Tip | None:
-    return Tip.thaw(arrays) if arrays else None
+def _thaw(arrays: Values) -> TipState | None:
+    return TipState.thaw(arrays) if arrays else None
 
 
 SIMULATOR = Simulator(_check, _most, _plan, _fill, NOTES, _freeze, _thaw)

@@ -7,6 +7,6 @@ fast. What an interpolant is worth is measured with exact orbits at materials of
 
 from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.builder import build
-from phasemap.imaging.interpolation.oracle import Oracle
+from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
-__all__ = ["Atlas", "Oracle", "build"]
+__all__ = ["Atlas", "ExactOrbits", "build"]

@@ -1,4 +1,4 @@
-"""An atlas as plain arrays, and its evaluation."""
+"""An atlas, all interpolants over the materials of an image and where each holds, as plain arrays; its evaluation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.cells import Piece
-from phasemap.imaging.interpolation.oracle import FUNCTIONS
+from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation import chebyshev, folds
 from phasemap.imaging.interpolation.chebyshev import clipped, unscaled
-from phasemap.imaging.interpolation.oracle import DEPTH, FUNCTIONS, HEIGHT, Oracle
+from phasemap.imaging.interpolation.exact_orbits import DEPTH, FUNCTIONS, HEIGHT, ExactOrbits
 
 Array = NDArray[np.float64]
 
@@ -78,22 +78,22 @@ class _Lines:
         return np.nan_to_num(step, nan=0.0, posinf=np.inf)
 
 
-def _above(oracle: Oracle, feet: Array, heights: Array, function: int) -> Array:
-    """A function of the orbits at heights (lines, points) above feet (lines, 2)."""
-    return _orbits(oracle, feet, heights)[..., function]
+def _above(exact: ExactOrbits, bases: Array, heights: Array, function: int) -> Array:
+    """A function of the orbits at heights (lines, points) above bases (lines, 2)."""
+    return _orbits(exact, bases, heights)[..., function]
 
 
-def _orbits(oracle: Oracle, feet: Array, heights: Array) -> Array:
+def _orbits(exact: ExactOrbits, bases: Array, heights: Array) -> Array:
     points = np.empty((*heights.shape, 3))
-    points[..., :2] = feet[:, None]
+    points[..., :2] = bases[:, None]
     points[..., 2] = heights
-    return oracle(points.reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))
+    return exact(points.reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))
 
 
-def _scan(oracle: Oracle, feet: Array, low: Array, high: Array) -> _Lines:
+def _scan(exact: ExactOrbits, bases: Array, low: Array, high: Array) -> _Lines:
     share = np.linspace(0, 1, SCAN)
     heights = low[:, None] + (high - low)[:, None] * share
-    orbits = _orbits(oracle, feet, heights)
+    orbits = _orbits(exact, bases, heights)
     return _Lines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
 
 
@@ -111,11 +111,11 @@ class _Brackets:
         step = abs(self.offset_high - self.offset_low)
         return np.where(np.isfinite(self.offset_high) != np.isfinite(self.offset_low), np.inf, np.nan_to_num(step))
 
-    def halved(self, oracle: Oracle, feet: Array, where: NDArray[np.bool_]) -> _Brackets:
+    def halved(self, exact: ExactOrbits, bases: Array, where: NDArray[np.bool_]) -> _Brackets:
         """Keep, on the lines `where`, the half in which the tip offset changes more."""
         middle = 0.5 * (self.low + self.high)
-        offset = np.full(len(feet), np.nan)
-        offset[where] = _above(oracle, feet[where], middle[where][:, None], HEIGHT)[:, 0]
+        offset = np.full(len(bases), np.nan)
+        offset[where] = _above(exact, bases[where], middle[where][:, None], HEIGHT)[:, 0]
         lower = _Brackets(self.low, middle, self.offset_low, offset).step
         upper = _Brackets(middle, self.high, offset, self.offset_high).step
         up, down = where & (upper > lower), where & ~(upper > lower)
@@ -134,13 +134,13 @@ def _largest_step(lines: _Lines) -> _Brackets:
     )
 
 
-def _jumps(oracle: Oracle, feet: Array, lines: _Lines) -> tuple[_Brackets, NDArray[np.bool_]]:
+def _jumps(exact: ExactOrbits, bases: Array, lines: _Lines) -> tuple[_Brackets, NDArray[np.bool_]]:
     """Bracket the largest step on every line, and whether it is a jump."""
     brackets = _largest_step(lines)
     before = brackets.step
     where = before > 0
     for _ in range(HALVINGS):
-        brackets = brackets.halved(oracle, feet, where)
+        brackets = brackets.halved(exact, bases, where)
     with np.errstate(invalid="ignore"):
         jumps = where & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
     return brackets, jumps
@@ -150,7 +150,7 @@ class Undecided(Exception):
     """The borders over this box do not form whole layers."""
 
 
-def find_borders(oracle: Oracle, box: tuple[float, float, float, float], low: float, high: float) -> list[Border]:
+def find_borders(exact: ExactOrbits, box: tuple[float, float, float, float], low: float, high: float) -> list[Border]:
     """Borders above a box of (x0, x1) that matter for adhesions between low and high, from below.
 
     Raises
@@ -158,43 +158,43 @@ def find_borders(oracle: Oracle, box: tuple[float, float, float, float], low: fl
     Undecided
         If a border exists over a part of the box only, or is not smooth.
     """
-    feet = _feet(box)
-    lines = _scan(oracle, feet, np.full(len(feet), low), np.full(len(feet), high))
-    brackets, jumps = _jumps(oracle, feet, lines)
+    bases = _bases(box)
+    lines = _scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high))
+    brackets, jumps = _jumps(exact, bases, lines)
     touching = lines.depths > 0
     grazing = np.isfinite(lines.depths).all() and bool(touching.any() and not touching.all())
     found: list[Border] = []
     if jumps.any():
         if not jumps.all():
-            brackets = _followed(oracle, feet, brackets, jumps, low, high)
-        jump = _Located(oracle, box, low, high).jump(brackets)
+            brackets = _followed(exact, bases, brackets, jumps, low, high)
+        jump = _Located(exact, box, low, high).jump(brackets)
         found.append(jump.border)
         above = jump.depth_above
         if not (np.isfinite(above).all() or np.isnan(above).all()) or (above > 0).any() != (above > 0).all():
             raise Undecided
         grazing = bool((above > 0).all() and (lines.depths[:, -1] < 0).any())
     if grazing:
-        found.append(_Located(oracle, box, low, high).graze(found[0] if found else None))
+        found.append(_Located(exact, box, low, high).graze(found[0] if found else None))
     for lower, upper in itertools.pairwise(found):
         _check_order(lower, upper)
     return found
 
 
-def _feet(box: tuple[float, float, float, float]) -> Array:
-    """Centre and corners of a box, each once."""
+def _bases(box: tuple[float, float, float, float]) -> Array:
+    """Centre and corners of a box of stiffness and damping, each once: along the adhesion, a line stands on each."""
     middle = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
     corners = [(x0, x1) for x0 in box[:2] for x1 in box[2:]]
     return np.array(list(dict.fromkeys([middle, *corners])))
 
 
 def _followed(
-    oracle: Oracle, feet: Array, brackets: _Brackets, jumps: NDArray[np.bool_], low: float, high: float
+    exact: ExactOrbits, bases: Array, brackets: _Brackets, jumps: NDArray[np.bool_], low: float, high: float
 ) -> _Brackets:
     """Look for the jump beyond the adhesions met, on the lines that have none among them."""
     missing = np.flatnonzero(~jumps)
     count = len(missing)
-    lines = _scan(oracle, feet[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
-    more, found = _jumps(oracle, feet[missing], lines)
+    lines = _scan(exact, bases[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
+    more, found = _jumps(exact, bases[missing], lines)
     if not found.all():
         raise Undecided
     joined = []
@@ -226,7 +226,7 @@ class _Jump:
 class _Located:
     """A border over a box, by interpolation between the nodes at which it is located."""
 
-    oracle: Oracle
+    exact: ExactOrbits
     box: tuple[float, float, float, float]
     low: float
     high: float
@@ -243,7 +243,7 @@ class _Located:
     def jump(self, brackets: _Brackets) -> _Jump:
         """Locate a jump at more and more nodes, from the brackets at centre and corners."""
         least = 0.5 * float(np.min(brackets.step))
-        if self.oracle.scope.frequency_ratio != 1:
+        if self.exact.scope.frequency_ratio != 1:
             return self._halving(brackets, least)
         border = self._at_folds(brackets)
         if border is None:
@@ -252,15 +252,15 @@ class _Located:
 
     def _at_folds(self, brackets: _Brackets) -> Border | None:
         """The border as the end of the attractive branch, if that can be followed."""
-        feet = _feet(self.box)
-        known = folds.start(self.oracle, feet, brackets.high)
+        bases = _bases(self.box)
+        known = folds.start(self.exact, bases, brackets.high)
         if known is None:
             return None
         sizes = self._sizes(3)
         nodes = self._nodes(sizes)
-        guess, off = folds.plane(feet, known, nodes, self.box)
+        guess, off = folds.plane(bases, known, nodes, self.box)
         while max(sizes) <= FINEST:
-            ends = folds.follow_all(self.oracle, nodes, guess, off)
+            ends = folds.follow_all(self.exact, nodes, guess, off)
             heights = None if ends is None else folds.lost(ends)
             if ends is None or heights is None:
                 return None
@@ -276,7 +276,7 @@ class _Located:
     def _measured(self, border: Border, ends: list[folds.Ends], sizes: tuple[int, int]) -> Border | None:
         """The border with its error, from the true one at some points between the nodes."""
         between = _between(self.box)
-        found = folds.follow_all(self.oracle, between, folds.interpolated(ends, sizes, between, self.box)[0], 0.0)
+        found = folds.follow_all(self.exact, between, folds.interpolated(ends, sizes, between, self.box)[0], 0.0)
         heights = None if found is None else folds.lost(found)
         if heights is None:
             return None
@@ -291,15 +291,15 @@ class _Located:
 
     def _depth_above(self, border: Border) -> Array:
         """Depth of the contact right above the border, after engagement."""
-        feet = _feet(self.box)
-        height = border.height(feet[:, 0], feet[:, 1])
+        bases = _bases(self.box)
+        height = border.height(bases[:, 0], bases[:, 1])
         room = max(BESIDE, 4 * border.error / float(height.min())) * height
-        return _above(self.oracle, feet, (height + room)[:, None], DEPTH)[:, 0]
+        return _above(self.exact, bases, (height + room)[:, None], DEPTH)[:, 0]
 
     def _halving(self, brackets: _Brackets, least: float) -> _Jump:
-        feet = _feet(self.box)
+        bases = _bases(self.box)
         rough = 0.5 * (brackets.low + brackets.high)
-        guess, spread = _plane(feet, rough, self.box)
+        guess, spread = _plane(bases, rough, self.box)
         border = None
         for size in SIZES:
             sizes = self._sizes(size)
@@ -315,11 +315,11 @@ class _Located:
             return _Jump(border, self._depth_above(border))
         raise Undecided
 
-    def _bisect(self, feet: Array, centre: Array, half: Array, least: float) -> _Brackets:
+    def _bisect(self, bases: Array, centre: Array, half: Array, least: float) -> _Brackets:
         """Locate the jump near `centre`; a step larger than `least` is one."""
         for _ in range(6):
             low, high = np.maximum(centre - half, 0.0), centre + half
-            offsets = _above(self.oracle, feet, np.column_stack([low, high]), HEIGHT)
+            offsets = _above(self.exact, bases, np.column_stack([low, high]), HEIGHT)
             brackets = _Brackets(low, high, offsets[:, 0], offsets[:, 1])
             missed = ~(brackets.step > least)
             if not missed.any():
@@ -328,7 +328,7 @@ class _Located:
         else:
             raise Undecided
         while (where := brackets.high - brackets.low > EXACT * centre).any():
-            brackets = brackets.halved(self.oracle, feet, where)
+            brackets = brackets.halved(self.exact, bases, where)
         if not (brackets.step > 0.5 * least).all():
             raise Undecided
         return brackets
@@ -351,9 +351,9 @@ class _Located:
                 return border
         raise Undecided
 
-    def _root(self, feet: Array, low: Array, high: Array) -> Array:
+    def _root(self, bases: Array, low: Array, high: Array) -> Array:
         """Zero of the depth between low, where the tip touches, and high, where it does not (Illinois)."""
-        depths = _above(self.oracle, feet, np.column_stack([low, high]), DEPTH)
+        depths = _above(self.exact, bases, np.column_stack([low, high]), DEPTH)
         f_low, f_high = depths[:, 0].copy(), depths[:, 1].copy()
         if not ((f_low > 0) & (f_high < 0)).all():
             raise Undecided
@@ -361,7 +361,7 @@ class _Located:
         at = low
         for _ in range(40):
             at = (low * f_high - high * f_low) / (f_high - f_low)
-            f = _above(self.oracle, feet, at[:, None], DEPTH)[:, 0]
+            f = _above(self.exact, bases, at[:, None], DEPTH)[:, 0]
             if not np.isfinite(f).all():
                 raise Undecided
             if (abs(f) < 1e-15).all():
@@ -386,10 +386,10 @@ def _between(box: tuple[float, float, float, float]) -> Array:
 
 
 def _plane(
-    feet: Array, heights: Array, box: tuple[float, float, float, float]
+    bases: Array, heights: Array, box: tuple[float, float, float, float]
 ) -> tuple[Callable[[Array], Array], float]:
     """Surface through heights at centre and corners, and how far it misses them."""
-    matrix = folds.basis(feet, box)
+    matrix = folds.basis(bases, box)
     fitted = np.linalg.lstsq(matrix, heights, rcond=None)[0]
     missed = float(abs(matrix @ fitted - heights).max())
     return (lambda at: folds.basis(at, box) @ fitted), missed

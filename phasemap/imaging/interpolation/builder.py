@@ -1,4 +1,4 @@
-"""How an atlas comes about: borders first, then cells between them, cut where they are too rough."""
+"""How an atlas is built: borders first, then cells between them, cut where they are too rough."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, best_form, fit
 from phasemap.imaging.interpolation.chebyshev import unscaled
-from phasemap.imaging.interpolation.oracle import Oracle
+from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float, float, float]  # low and high of x0, x1, x2
@@ -25,12 +25,12 @@ MARGIN = 2e-4  # least share of a layer next to a jump that is left to exact orb
 DEEPEST = 14  # cuts one after another
 
 
-def build(oracle: Oracle, sample: Array, count: int, tolerances: Array) -> Atlas:
+def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> Atlas:
     """Make an atlas for the materials of an image.
 
     Parameters
     ----------
-    oracle : Oracle
+    exact : ExactOrbits
     sample : ndarray, shape (n, 3)
         Points drawn from the image, each once; without any, the atlas is empty.
     count : int
@@ -40,8 +40,8 @@ def build(oracle: Oracle, sample: Array, count: int, tolerances: Array) -> Atlas
     if not len(sample):
         return Atlas.of([[LEAF, OUTSIDE, -1, -1]], [0.0], [], [])
     extent = np.ptp(sample, axis=0)
-    builder = _Builder(oracle, tolerances, count / len(sample), np.where(extent > 0, extent, 1.0))
-    builder.column(_box_of(sample, oracle.axes.lowest), sample, 0)
+    builder = _Builder(exact, tolerances, count / len(sample), np.where(extent > 0, extent, 1.0))
+    builder.column(_box_of(sample, exact.axes.lowest), sample, 0)
     return Atlas.of(builder.nodes, builder.values, builder.borders, builder.pieces)
 
 
@@ -56,8 +56,8 @@ def _box_of(points: Array, lowest: Array) -> Box:
 class _Builder:
     """Grows the tree of an atlas."""
 
-    def __init__(self, oracle: Oracle, tolerances: Array, weight: float, extent: Array) -> None:
-        self.oracle, self.tolerances, self.weight = oracle, tolerances, weight
+    def __init__(self, exact: ExactOrbits, tolerances: Array, weight: float, extent: Array) -> None:
+        self.exact, self.tolerances, self.weight = exact, tolerances, weight
         self.extent = extent
         self.nodes: list[list[int]] = []
         self.values: list[float] = []
@@ -78,7 +78,7 @@ class _Builder:
             return self._node(LEAF, OUTSIDE)
         low, high = box[4], box[5]
         try:
-            borders = find_borders(self.oracle, (box[0], box[1], box[2], box[3]), low, high)
+            borders = find_borders(self.exact, (box[0], box[1], box[2], box[3]), low, high)
         except Undecided:
             return self._cut_column(box, materials, depth)
         if borders:
@@ -120,7 +120,7 @@ class _Builder:
         if not self._budget(materials):
             return self._node(LEAF, OUTSIDE)
         cell = Cell((*box[:4], 0.0, 1.0), lower, upper)
-        cell = replace(cell, form=best_form(self.oracle, cell, self.tolerances))
+        cell = replace(cell, form=best_form(self.exact, cell, self.tolerances))
         x0, x1 = materials[:, 0], materials[:, 1]
         low = lower.height(x0, x1) if isinstance(lower, Border) else lower
         high = upper.height(x0, x1) if isinstance(upper, Border) else upper
@@ -131,7 +131,7 @@ class _Builder:
     def cell(self, cell: Cell, materials: Array, depth: int) -> int:
         """A leaf with the interpolant of a cell, or the two halves of it."""
         budget = self._budget(materials)
-        found = fit(self.oracle, cell, self.tolerances, materials, budget) if budget else None
+        found = fit(self.exact, cell, self.tolerances, materials, budget) if budget else None
         if isinstance(found, Piece):
             self.pieces.append(found)
             return self._node(LEAF, len(self.pieces) - 1)

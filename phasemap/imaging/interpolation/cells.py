@@ -12,7 +12,7 @@ from phasemap._kernels.materials.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH,
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
-from phasemap.imaging.interpolation.oracle import HEIGHT, PHASE, Oracle
+from phasemap.imaging.interpolation.exact_orbits import HEIGHT, PHASE, ExactOrbits
 
 Array = NDArray[np.float64]
 End = float | Border
@@ -154,8 +154,8 @@ def evaluate(coefs: Array, inside: Array) -> Array:
 class Fit:
     """An interpolant in the making: exact orbits on a grid that grows along the coordinate that needs it."""
 
-    def __init__(self, oracle: Oracle, cell: Cell, first: int = FIRST) -> None:
-        self.oracle, self.cell = oracle, cell
+    def __init__(self, exact: ExactOrbits, cell: Cell, first: int = FIRST) -> None:
+        self.exact, self.cell = exact, cell
         sizes = [first if high > low else 1 for low, high in map(cell.side, range(3))]
         self.values = self._solve([chebyshev.nodes(size) for size in sizes])
 
@@ -165,14 +165,14 @@ class Fit:
         inside = np.column_stack([t.reshape(-1) for t in grid])
         points = self.cell.points(*(unscaled(inside[:, axis], *self.cell.side(axis)) for axis in range(3)))
         if known is None:
-            values = self.oracle(points)
+            values = self.exact(points)
         else:
             guesses = evaluate(known, inside)
             off = sum(chebyshev.tail(known, axis, 3)[HEIGHT] for axis in range(3))
-            values = self.oracle.near(points, guesses, np.full(len(points), NEAR * off + NEAREST))
+            values = self.exact.near(points, guesses, np.full(len(points), NEAR * off + NEAREST))
             lost = np.isnan(values).any(axis=1)
             if lost.any():
-                values[lost] = self.oracle(points[lost])
+                values[lost] = self.exact(points[lost])
         return values.reshape(*grid[0].shape, -1)
 
     @property
@@ -209,23 +209,23 @@ class Fit:
         return np.array([float((chebyshev.tail(coefs, axis, 3) / tolerances).max()) for axis in range(3)])
 
 
-def fit(oracle: Oracle, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
+def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
     """Interpolate in a cell, with at most `budget` exact orbits.
 
     Parameters
     ----------
-    oracle : Oracle
+    exact : ExactOrbits
     cell : Cell
     tolerances : ndarray, shape (functions,)
     materials : ndarray, shape (n, 3)
         Points of the image in this cell, on some of which the interpolant is tried.
     budget : int
     """
-    asked = oracle.asked
+    asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:
         return Rough(0, hopeless=True)
-    making = Fit(oracle, cell)
-    trial = _Trial(oracle, cell, materials, tolerances)
+    making = Fit(exact, cell)
+    trial = _Trial(exact, cell, materials, tolerances)
     grown, before = -1, np.full(3, np.inf)
     while True:
         if not np.isfinite(making.values).all():
@@ -242,7 +242,7 @@ def fit(oracle: Oracle, cell: Cell, tolerances: Array, materials: Array, budget:
             return Rough(0, hopeless=True)
         growing = [axis for axis in order if making.sizes[axis] < MOST]
         axis = order[0]
-        if axis not in growing or oracle.asked - asked + making.growth(axis) > budget:
+        if axis not in growing or exact.asked - asked + making.growth(axis) > budget:
             return Rough(axis)
         grown, before = axis, tails
         making.grow(axis)
@@ -258,8 +258,8 @@ def _bad_axis(values: Array) -> int:
 class _Trial:
     """Exact orbits at materials of the image, to measure an interpolant by; solved when first asked for."""
 
-    def __init__(self, oracle: Oracle, cell: Cell, materials: Array, tolerances: Array) -> None:
-        self.oracle, self.cell, self.tolerances = oracle, cell, tolerances
+    def __init__(self, exact: ExactOrbits, cell: Cell, materials: Array, tolerances: Array) -> None:
+        self.exact, self.cell, self.tolerances = exact, cell, tolerances
         count = int(np.clip(len(materials) * TRIED, *TRIALS))
         chosen = np.unique(np.linspace(0, len(materials) - 1, count).astype(np.intp))
         self.points = materials[chosen]
@@ -269,7 +269,7 @@ class _Trial:
     def passed(self, coefs: Array) -> Piece | None:
         """Return the piece if its estimated errors are within the tolerances."""
         if self.values is None:
-            self.values = self.oracle(self.points)
+            self.values = self.exact(self.points)
         coefs = np.where(abs(coefs) < NEGLIGIBLE * self.tolerances, 0.0, coefs)
         errors = abs(evaluate(coefs, self.inside) - self.values)
         if not np.isfinite(errors).all():
@@ -280,7 +280,7 @@ class _Trial:
         return Piece(self.cell, coefs, (estimates + FLOOR * self.tolerances)[[HEIGHT, PHASE]])
 
 
-def best_form(oracle: Oracle, cell: Cell, tolerances: Array) -> int:
+def best_form(exact: ExactOrbits, cell: Cell, tolerances: Array) -> int:
     """The form of u along which orbits in the middle of a layer change most evenly."""
     forms = [PLAIN]
     lower, upper = isinstance(cell.lower, Border), isinstance(cell.upper, Border)
@@ -291,6 +291,6 @@ def best_form(oracle: Oracle, cell: Cell, tolerances: Array) -> int:
     line = (middle[0], middle[0], middle[1], middle[1], *cell.side(2))
     rough = {}
     for form in forms:
-        tails = Fit(oracle, replace(cell, box=line, form=form), 17).tails(tolerances)
+        tails = Fit(exact, replace(cell, box=line, form=form), 17).tails(tolerances)
         rough[form] = float(np.nan_to_num(tails, nan=np.inf).max())
     return min(forms, key=lambda form: rough[form])

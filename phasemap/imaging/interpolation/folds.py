@@ -1,4 +1,4 @@
-"""Where the attractive branch ends, from orbits beside its end.
+"""Folds: the adhesion at which the attractive branch ends, extrapolated from orbits beside its end.
 
 At fixed amplitude, two orbits meet where the branch ends, the stable one and one nearer to the surface, and beyond that
 adhesion there is none. So the adhesion is a smooth function of the tip offset with a minimum there, w = w_f + c (z -
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped, scaled
-from phasemap.imaging.interpolation.oracle import HEIGHT, Oracle
+from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
 
 Array = NDArray[np.float64]
 
@@ -64,11 +64,11 @@ class Ends:
         return cls(table[:, 0], table[:, 2:], np.exp(table[:, 1]))
 
 
-def follow(oracle: Oracle, feet: Array, guess: Ends, off: float, amplitude: float) -> Ends | None:
-    """Find the ends above feet (n, 2) from guesses that are `off` at most, relatively; None if that fails anywhere."""
+def follow(exact: ExactOrbits, bases: Array, guess: Ends, off: float, amplitude: float) -> Ends | None:
+    """Find the ends above bases (n, 2) from guesses that are `off` at most, relatively; None if that fails anywhere."""
     ends, off, nearest = guess, max(off, 10 * NEAREST), NEAREST
     for _ in range(MOST):
-        found = _around(oracle, feet, ends, off * np.array(SHARES), amplitude)
+        found = _around(exact, bases, ends, off * np.array(SHARES), amplitude)
         if found is None:
             off *= 1.6
             if off < ENOUGH:
@@ -83,7 +83,7 @@ def follow(oracle: Oracle, feet: Array, guess: Ends, off: float, amplitude: floa
     return None
 
 
-def _around(oracle: Oracle, feet: Array, ends: Ends, shares: Array, amplitude: float) -> Ends | None:
+def _around(exact: ExactOrbits, bases: Array, ends: Ends, shares: Array, amplitude: float) -> Ends | None:
     """Ends from orbits at these shares beyond them, largest first.
 
     Next to the end, Newton's method needs an orbit from slightly farther away to start from.
@@ -92,35 +92,35 @@ def _around(oracle: Oracle, feet: Array, ends: Ends, shares: Array, amplitude: f
         return None
     steps = [step for step in STEPS if step > 2 * shares[0]]
     chain = np.concatenate([steps, shares])
-    count, tries = len(feet), len(chain)
+    count, tries = len(bases), len(chain)
     adhesion = ends.adhesion[:, None] * (1 + chain)
-    points = np.column_stack([np.repeat(feet, tries, axis=0), adhesion.reshape(-1)])
+    points = np.column_stack([np.repeat(bases, tries, axis=0), adhesion.reshape(-1)])
     above = np.sqrt(ends.adhesion[:, None] * chain / ends.curvature[:, None])
     guesses = np.repeat(ends.orbit, tries, axis=0)
     guesses[:, HEIGHT] += above.reshape(-1)
     away = 3 * above.reshape(-1)
-    values = oracle.near(points, guesses, away, amplitude, tries).reshape(count, tries, -1)
+    values = exact.near(points, guesses, away, amplitude, tries).reshape(count, tries, -1)
     used = slice(None, len(steps) - 1 if steps else None, -1)
     return minimum(adhesion[:, used], values[:, used]) if np.isfinite(values[:, used]).all() else None
 
 
-def around(oracle: Oracle) -> tuple[float, ...]:
+def around(exact: ExactOrbits) -> tuple[float, ...]:
     """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
-    narrowest = NARROWEST * oracle.scope.driven_amplitude
-    if oracle.amplitude >= narrowest:
-        return (oracle.amplitude,)
+    narrowest = NARROWEST * exact.scope.driven_amplitude
+    if exact.amplitude >= narrowest:
+        return (exact.amplitude,)
     return (1 - SPREAD) * narrowest, narrowest, (1 + SPREAD) * narrowest
 
 
-def start(oracle: Oracle, feet: Array, adhesion: Array) -> list[Ends] | None:
-    """Find the ends above feet (n, 2) at these amplitudes, from adhesions slightly beyond them."""
-    amplitudes = around(oracle)
+def start(exact: ExactOrbits, bases: Array, adhesion: Array) -> list[Ends] | None:
+    """Find the ends above bases (n, 2) at these amplitudes, from adhesions slightly beyond them."""
+    amplitudes = around(exact)
     middle = amplitudes[len(amplitudes) // 2]
     tried = adhesion[:, None] * (1 + np.array(FIRST))
-    points = np.column_stack([np.repeat(feet, len(FIRST), axis=0), tried.reshape(-1)])
-    values = oracle(points, middle).reshape(*tried.shape, -1)
+    points = np.column_stack([np.repeat(bases, len(FIRST), axis=0), tried.reshape(-1)])
+    values = exact(points, middle).reshape(*tried.shape, -1)
     rough = minimum(tried, values) if np.isfinite(values).all() else None
-    ends = None if rough is None else follow(oracle, feet, rough, 0.0, middle)
+    ends = None if rough is None else follow(exact, bases, rough, 0.0, middle)
     if ends is None:
         return None
     moved = []
@@ -128,12 +128,12 @@ def start(oracle: Oracle, feet: Array, adhesion: Array) -> list[Ends] | None:
         orbit = ends.orbit.copy()
         orbit[:, HEIGHT] += amplitude - middle
         moved.append(Ends(ends.adhesion, orbit, ends.curvature))
-    return follow_all(oracle, feet, moved, 0.0 if len(amplitudes) == 1 else SPREAD**2)
+    return follow_all(exact, bases, moved, 0.0 if len(amplitudes) == 1 else SPREAD**2)
 
 
-def follow_all(oracle: Oracle, feet: Array, guesses: list[Ends], off: float) -> list[Ends] | None:
+def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float) -> list[Ends] | None:
     """`follow` at each of the amplitudes."""
-    every = [follow(oracle, feet, guess, off, a) for guess, a in zip(guesses, around(oracle), strict=True)]
+    every = [follow(exact, bases, guess, off, a) for guess, a in zip(guesses, around(exact), strict=True)]
     found = [ends for ends in every if ends is not None]
     return found if len(found) == len(every) else None
 
@@ -191,12 +191,12 @@ def basis(at: Array, box: tuple[float, float, float, float]) -> Array:
 
 
 def plane(
-    feet: Array, known: list[Ends], nodes: Array, box: tuple[float, float, float, float]
+    bases: Array, known: list[Ends], nodes: Array, box: tuple[float, float, float, float]
 ) -> tuple[list[Ends], float]:
     """Ends of the branch above nodes, from those at centre and corners, and how far off they may be, relatively."""
     every = np.column_stack([ends.table for ends in known])
     scale = abs(every).max(axis=0) + 1e-300
-    matrix = basis(feet, box)
+    matrix = basis(bases, box)
     fitted = np.linalg.lstsq(matrix, every / scale, rcond=None)[0]
     off = abs(matrix @ fitted - every / scale)[:, 0].max()
     return _apart((basis(nodes, box) @ fitted) * scale, len(known)), float(off)

@@ -69,7 +69,7 @@ def _bits(materials: Array) -> NDArray[np.uint64]:
 
 
 def digests_of(materials: Array) -> NDArray[np.uint64]:
-    """64 bits of each material that differ where the materials differ, as good as surely.
+    """64 bits of each material that almost surely differ where the materials differ.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What was measured."""
+"""Measured curves: amplitude and phase against frequency or distance, with their errors, checked."""
 
 from __future__ import annotations
 

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.sentences import listed
 from phasemap.inference.curves.data import DIRECTIONS, Data
 from phasemap.inference.curves.parameters import Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.curves.result import SHOWN, Fit
 from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
-from phasemap.results.variables import float_attributes
+from phasemap.results.variables import coded, float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 
 if TYPE_CHECKING:
@@ -107,8 +108,7 @@ def _add(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None
             curve[word.format(name)] = (dims, full, {**about, "long_name": said.format(name)})
     flags = np.zeros((2, len(data.values)), np.int8)
     flags[rows] = off
-    meaning = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "visited off_branch"}
-    curve["off_branch"] = (dims, flags, {"long_name": "whether the sweep visits the datum's branch", **meaning})
+    curve["off_branch"] = (dims, flags, coded("whether the sweep visits the datum's branch", "visited", "off_branch"))
 
 
 def _not_determined(problem: Problem, solution: Solution, known: Knowledge) -> dict[str, str]:
@@ -132,9 +132,8 @@ def _not_determined(problem: Problem, solution: Solution, known: Knowledge) -> d
                 most = (parameter.value(q) + 2 * parameter.error(q, float(known.errors[i]))) * factor
                 found[name] += f" Anything from 0 to about {most:.2g} {word}".rstrip() + " fits as well."
     if together:
-        listed = " and ".join(filter(None, (", ".join(together[:-1]), together[-1])))
         found |= dict.fromkeys(together, "")
-        found[together[0]] = f"{listed} are not determined one by one: hold one of them."
+        found[together[0]] = f"{listed(together)} are not determined one by one: hold one of them."
     return found
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.sentences import listed
 from phasemap.inference.images.joint import Fitted, Joint
 from phasemap.inference.images.model import PARAMETERS
 from phasemap.inference.images.verdict import UNKNOWN
@@ -75,9 +76,9 @@ def say_regions(names: list[int], codes: NDArray[np.int8], information: Array, u
             continue
         parts = []
         for code, word in ((DETERMINED, "determined"), (OPEN, "not identifiable")):
-            listed = [name for name, one in zip(PARAMETERS, own, strict=True) if one == code]
-            if listed:
-                parts.append(f"{_listed(listed)} {word}")
+            those = [name for name, one in zip(PARAMETERS, own, strict=True) if one == code]
+            if those:
+                parts.append(f"{listed(those)} {word}")
         for k, name in enumerate(PARAMETERS):
             if own[k] == COMBINED:
                 other, partner = every[int(np.argmax(correlation[every.index((region, name))]))]
@@ -116,7 +117,3 @@ def advise(joint: Joint, found: Fitted, plan: Plan, names: list[int]) -> list[st
         if more > (now[kept] <= UNKNOWN).sum():
             said.append(f"It would help to {what}: {more} of {kept.sum()} properties would be determined.")
     return [*said, "It would help to add images at another free amplitude, and at setpoints farther apart."]
-
-
-def _listed(names: list[str]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

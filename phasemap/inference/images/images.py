@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap._shared.threads import Progress, spread, workers_of
+from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.model import make_model
@@ -125,10 +125,10 @@ def _solve(stack: Stack, prior: Material, factor: float, threads: int | None, pr
     grid = make_grid(model)
     answer = Answer.empty(len(stack), len(stack.scopes))
     workers = workers_of(threads)
-    size = min(max(-(-len(stack) // (4 * workers)), BLOCKS[0]), BLOCKS[1])
+    size = max(BLOCKS[0], chunk_of(len(stack), workers, BLOCKS[1]))
     spread(
         lambda first, last: solve_part(model, grid, stack, slice(first, last), answer),
-        [*range(0, len(stack), size), len(stack)], workers, progress,
+        bounds_of(len(stack), size), workers, progress,
     )  # fmt: skip
     return answer
 

@@ -1,4 +1,4 @@
-"""Materials of regions from measured images whose zeros of phase and height nobody knows."""
+"""Materials of regions from measured images whose zeros of phase and height are unknown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, list_of_images
 from phasemap.inference.images.starts import Candidates, Starts, make_starts
 from phasemap.inference.images.verdict import AVERAGED, FLAGS, POOR, UNLIKELY, Answer, settings_of, variables_of
 from phasemap.inference.images.zeros import FREE, SHARED, Plan, make_plan
-from phasemap.results.variables import describe, provenance
+from phasemap.results.variables import coded, describe, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -162,7 +162,7 @@ def _materials(known: Mapping[int, Material], names: list[int]) -> dict[int, Mat
     Raises
     ------
     InputError
-        If they are none, of regions that are not there, or of all.
+        If they are not Materials, are of regions that are not there, or of all.
     """
     for name, one in known.items():
         if name not in names:
@@ -246,10 +246,7 @@ def _dataset(
     ds = xr.Dataset({**variables_of(answer, ("region",), (regions,), FLAGS_OF_REGIONS), **settings_of(stack)})
     ds = ds.assign_coords(region=("region", names, {"long_name": "label of the region"}), property=list(PARAMETERS))
     ds["misfit"] = ((), found.chi2 / found.degrees if found.degrees > 0.5 else np.nan, ds["misfit"].attrs)
-    meaning = {"flag_values": np.arange(len(CODES), dtype=np.int8), "flag_meanings": " ".join(CODES)}
-    ds["determination"] = (
-        ("region", "property"), codes, {"long_name": "how far the data determine a property", **meaning}
-    )  # fmt: skip
+    ds["determination"] = (("region", "property"), codes, coded("how far the data determine a property", *CODES))
     logarithms = [f"{name} {names[r]}" for r in unknown for name in PARAMETERS]
     ds = ds.assign_coords(parameter=logarithms, other=logarithms)
     about = {"long_name": "covariance of the natural logarithms, whatever the zeros", "units": "1"}
@@ -289,8 +286,8 @@ def _add_data(ds: xr.Dataset, joint: Joint, found: Fitted, stack: Stack, plan: P
             (f"{name}_error", error, f"standard error of the median {name}"),
         ):
             ds[word] = (dims, np.where(there, values, np.nan), {"long_name": said, "units": unit})
-    attrs = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "attractive none repulsive"}
-    ds["branch"] = (dims, found.sides, {"long_name": "branch that was fitted", **attrs})
+    about = coded("branch that was fitted", "attractive", "none", "repulsive", first=-1)
+    ds["branch"] = (dims, found.sides, about)
 
 
 def _moments(found: Fitted, zeros: Array) -> tuple[Array, Array]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,20 @@ SPREAD = 1.4826  # standard deviation over the median absolute deviation of norm
 MEDIAN = 1.2533  # standard error of a median over that of a mean
 
 
+def labels_of(labels: object, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Check a map of labels.
+
+    Raises
+    ------
+    InputError
+        If it has another shape than the images, or is not of whole numbers.
+    """
+    given = np.asarray(labels)
+    if given.shape != shape or given.dtype.kind not in "iub":
+        raise InputError("labels", f"{given.dtype} of shape {given.shape}", f"whole numbers of shape {shape}")
+    return given
+
+
 def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArray[np.intp]]:
     """Names of the regions, and of each pixel its number among them, -1 where it has none.
 
@@ -20,9 +36,7 @@ def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArr
     InputError
         If the labels have another shape than the images, are not whole numbers, or are all below 0.
     """
-    given = np.asarray(labels)
-    if given.shape != shape or given.dtype.kind not in "iub":
-        raise InputError("labels", f"{given.dtype} of shape {given.shape}", f"whole numbers of shape {shape}")
+    given = labels_of(labels, shape)
     names, numbers = np.unique(given, return_inverse=True)
     skipped = int((names < 0).sum())
     if skipped == len(names):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
-from phasemap._shared.threads import Progress, spread, workers_of
+from phasemap._shared.threads import Progress, bounds_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
@@ -106,7 +106,7 @@ def sensitivity(
             slopes[some, i] = (ends[0] - ends[1]) / (2 * STEP)
             slopes[some[materials[some, i] == 0], i] = 0.0
 
-    spread(solve, [*range(0, len(good), CHUNK), len(good)] if len(good) else [], workers, progress)
+    spread(solve, bounds_of(len(good), CHUNK), workers, progress)
     lost = (status == col.GOOD) & ~np.isfinite(slopes).all(axis=(1, 2))
     status = np.where(lost, col.NO_STABLE_ORBIT, status)
 

@@ -59,7 +59,7 @@ def list_of_images(images: object) -> list[xr.Dataset]:
     Raises
     ------
     InputError
-        If they are none, have no phase, or different grids.
+        If they are not Datasets, have no phase, or different grids.
     """
     import xarray as xr
 
@@ -127,7 +127,7 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
     if first.interaction.law.hysteretic or first.interaction.law.takes_film:
         raise InputError(
             "contact", first.interaction.law.name,
-            "a law without a neck, of a half-space: 'dmt', 'hertz', 'punch', 'cone' or one's own",
+            "a law without a neck, of a half-space: 'dmt', 'hertz', 'punch', 'cone' or a law of your own",
             "Fit single curves with phasemap.fit_distance instead.",
         )  # fmt: skip
     return scopes

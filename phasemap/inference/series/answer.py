@@ -16,7 +16,7 @@ from phasemap.inference.series.problem import Problem, State
 from phasemap.inference.series.sampling import Draws
 from phasemap.inference.series.settings import SAME
 from phasemap.inference.series.words import tell
-from phasemap.results.variables import describe, provenance
+from phasemap.results.variables import coded, describe, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -151,9 +151,8 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     covariance = np.cov(logs.T)
     held = 1 / np.sqrt(np.diag(np.linalg.inv(covariance)))
     codes[unknown] = codes_of(np.sqrt(np.diag(covariance)), held).reshape(-1, 3)
-    meaning = {"flag_values": np.arange(len(CODES), dtype=np.int8), "flag_meanings": " ".join(CODES)}
-    said = {"long_name": "how far the series determines a property", **meaning}
-    ds["determination"] = (("region", "property"), codes, said)
+    about = coded("how far the series determines a property", *CODES)
+    ds["determination"] = (("region", "property"), codes, about)
 
 
 def _add_curves(ds: xr.Dataset, problem: Problem, draws: Draws, state: State, likeliest: int) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
-from phasemap.inference.images.regions import MEDIAN, SPREAD
-from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
+from phasemap.inference.images.regions import MEDIAN, SPREAD, labels_of
+from phasemap.io.flattening import level_height, on_one_turn
+from phasemap.io.measured import segment_height, segment_phase
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,12 +111,7 @@ def _given(labels: Any, images: Sequence[xr.Dataset]) -> list[Labels]:
     each = [labels] * len(images) if one_for_all else list(labels)
     if len(each) != len(images):
         raise InputError("labels", f"{len(each)} maps", f"one, or {len(images)}, one a file")
-    found = []
-    for one, shape in zip(each, shapes, strict=True):
-        mine = np.asarray(one)
-        if mine.shape != shape or mine.dtype.kind not in "iub":
-            raise InputError("labels", f"{mine.dtype} of shape {mine.shape}", f"whole numbers of shape {shape}")
-        found.append(mine.astype(np.int64))
+    found = [labels_of(one, shape).astype(np.int64) for one, shape in zip(each, shapes, strict=True)]
     every = np.unique(np.concatenate([np.unique(one[one >= 0]) for one in found]))
     if not 2 <= len(every) <= 5:
         raise InputError("number of regions in labels", len(every), "2 to 5")

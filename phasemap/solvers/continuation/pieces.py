@@ -161,7 +161,7 @@ class Curves:
                 m, z0 = (x, float(rows[last, col.TIP_OFFSET])) if swept else (0.0, x)
                 p, lever = self.standing(m)
                 row, state = np.zeros(col.COLUMNS), rows[last, START].copy()
-                if not land_free(self.law, p, lever, z0, state, close, patience(lever), row):
+                if not land_free(self.law, p, lever, z0, state, close, settling_periods(lever), row):
                     continue
                 known = len(self.pieces)
                 push = row[col.STIFFENING] * row[col.AMPLITUDE]
@@ -261,6 +261,6 @@ def _same(rows: np.ndarray, row: np.ndarray) -> bool:
     return bool(((apart < SAME * row[col.AMPLITUDE]) & (turned < 10 * SAME)).any())
 
 
-def patience(lever: np.ndarray) -> int:
+def settling_periods(lever: np.ndarray) -> int:
     """Periods after which a tip that was let go is no longer expected to settle, or that are too many."""
     return min(int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200, MOST_PERIODS)

@@ -10,8 +10,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.results.status import Status
-from phasemap.solvers.continuation.in_time import Adrift
-from phasemap.solvers.continuation.pieces import Curves, Piece, patience
+from phasemap.solvers.continuation.off_orbit import OffOrbit
+from phasemap.solvers.continuation.pieces import Curves, Piece, settling_periods
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
 MOST_LANDINGS = 8  # between two values wanted
@@ -72,10 +72,10 @@ class Visit:
     traces: np.ndarray
     status: np.ndarray
     jumps: list[Jump]
-    ended: Segment | Adrift | None = None
+    ended: Segment | OffOrbit | None = None
 
 
-Landing = Callable[[np.ndarray, float], Segment | Adrift | None]
+Landing = Callable[[np.ndarray, float], Segment | OffOrbit | None]
 
 
 def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
@@ -122,7 +122,7 @@ def _segment(number: int, piece: Piece, part: slice, column: int, held: bool) ->
 def walk(
     curves: Curves,
     column: int,
-    first: Segment | Adrift | None,
+    first: Segment | OffOrbit | None,
     parts: list[Segment],
     down: bool,
     direction: int,
@@ -149,7 +149,7 @@ def walk(
             beyond = max(at - beside, x) if down else min(at + beside, x)
             here = landing(edge, beyond) if landing else land(curves, column, parts, edge, beyond)
             jumps.append(Jump(direction, edge, _after(curves, column, here, beyond)))
-        if isinstance(here, Adrift):
+        if isinstance(here, OffOrbit):
             status[k], row = here.go(curves, column, x)
             again = like(parts, x, row) if is_periodic(row) else None
             if again is None:
@@ -172,7 +172,7 @@ def walk(
     return Visit(rows, traces, status, jumps, here)
 
 
-def _after(curves: Curves, column: int, here: Segment | Adrift | None, x: float) -> np.ndarray | None:
+def _after(curves: Curves, column: int, here: Segment | OffOrbit | None, x: float) -> np.ndarray | None:
     """The row of a tip just after a jump; None if it comes to no steady motion."""
     if here is None or isinstance(here, Segment):
         return None if here is None else here.row_at(x)
@@ -200,7 +200,7 @@ def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
     return found
 
 
-def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | Adrift | None:
+def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit | None:
     """The segment on which a tip settles that comes from the orbit `start` and finds itself at x, if it does.
 
     One that is the only one there is taken to be the one, but not by a contact with hysteresis, which may tap
@@ -210,7 +210,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     reached = [(part, row) for part, row in there if row is not None]
     hysteretic = bool(curves.standing(x if column == col.PARAMETER else 0.0)[0][col.RELEASE] != 0)
     if not reached:
-        return Adrift(start) if hysteretic else None
+        return OffOrbit(start) if hysteretic else None
     if len(reached) == 1 and not hysteretic:
         return reached[0][0]
     from phasemap._kernels.lever import free_amplitude
@@ -223,9 +223,9 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     sizes = np.array([row[col.AMPLITUDE] for _, row in reached])
     targets = np.stack([sizes * np.cos(lags), sizes * np.sin(lags)], axis=1)
     state = start[[col.START_Z, col.START_V, col.START_HELD]].copy()
-    most = patience(lever)
+    most = settling_periods(lever)
     free = float(free_amplitude(lever))
     which, _ = land_on(curves.law, p, lever, z0, state, targets, NEAR * free, most)
     if which >= 0:
         return reached[int(which)][0]
-    return Adrift(start) if hysteretic else None
+    return OffOrbit(start) if hysteretic else None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.results.variables import FLOATS, branch_of, flag_attributes, float_attributes, motion_of
+from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes, motion_of
 from phasemap.sweeps.contrasts.edges import Inversion, Jump
 from phasemap.sweeps.contrasts.pair import REGIMES, Axes, Engaged
 
@@ -66,7 +66,7 @@ def record(
         ),
         **{name: (dims, value[name], {**float_attributes(name), **status}) for name in value},
         "regime": (
-            dims, regime, _flags("regimes in which a stable orbit holds the setpoint", *REGIMES),
+            dims, regime, coded("regimes in which a stable orbit holds the setpoint", *REGIMES),
         ),
         "branch": (dims, branch_of(engaged.rows), flag_attributes("branch")),
         "motion": (dims, motion_of(engaged.rows), flag_attributes("motion")),
@@ -81,7 +81,7 @@ def record(
         {"long_name": "phase of both materials at the inversion", **degree},
     )  # fmt: skip
     material = np.array([jump.material for jump in jumps], np.int8)
-    data["jump_material"] = ("jump", material, _flags("material whose phase jumps", *names))
+    data["jump_material"] = ("jump", material, coded("material whose phase jumps", *names))
     contrasts = []
     for word, side in (("from", "before"), ("to", "after")):
         phases = np.array([getattr(jump, side) for jump in jumps]).reshape(-1, 2)
@@ -90,7 +90,7 @@ def record(
         data[f"jump_{word}_contrast"] = ("jump", contrasts[-1], {"long_name": f"contrast {side} the jump", **degree})
         data[f"jump_{word}_phase"] = ("jump", own, {"long_name": f"phase {side} the jump", **degree})
     inverts = (contrasts[0] * contrasts[1] < 0).astype(np.int8)
-    data["jump_inverts"] = ("jump", inverts, _flags("whether the contrast changes its sign in the jump", "no", "yes"))
+    data["jump_inverts"] = ("jump", inverts, coded("whether the contrast changes its sign in the jump", "no", "yes"))
     return xr.Dataset(data, coords)
 
 
@@ -101,9 +101,3 @@ def _points(dim: str, what: str, found: Sequence[Jump] | Sequence[Inversion]) ->
         f"{dim}_{name}": (dim, points[:, i], {**ABOUT[name], "long_name": f"{ABOUT[name]['long_name']} of the {what}"})
         for i, name in enumerate(DIMS)
     }
-
-
-def _flags(long_name: str, *meanings: str) -> dict[str, Any]:
-    """CF attributes of a flag variable with the values 0, 1, ..."""
-    words = " ".join(word.replace(" ", "_") for word in meanings)
-    return {"long_name": long_name, "flag_values": np.arange(len(meanings), dtype=np.int8), "flag_meanings": words}

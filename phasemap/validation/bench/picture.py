@@ -1,7 +1,4 @@
-"""Work-precision diagrams: time per pixel against error, one panel for each regime.
-
-Uses matplotlib's Figure without pyplot, as `phasemap.plot` does.
-"""
+"""Work-precision diagrams: time per pixel against error, one panel for each regime."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasemap._shared.errors import InputError
 from phasemap.validation.bench.record import failures, families
 
 if TYPE_CHECKING:
@@ -19,9 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS = 4
-PANEL, GAP, TITLE, BLOCK = (2.75, 2.2), (0.28, 0.7), 0.55, 0.8  # sizes on the page [inch]
+PANEL, GAP, BLOCK = (2.75, 2.2), (0.28, 0.7), 0.8  # sizes on the page [inch]
 LEFT, RIGHT, BOTTOM = 0.85, 0.3, 0.65
-RESOLUTION = 150  # dots per inch
 
 # Okabe and Ito's colours, which the colour-blind tell apart; markers and dashes say the same once more.
 STYLES = {
@@ -79,45 +74,37 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     FileError
         If `path` cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from phasemap.plot.page import Page
 
     columns = min(COLUMNS, ds.sizes["regime"] + 1)
     rows = -(-(ds.sizes["regime"] + 1) // columns)  # and one place for the legend
-    width = LEFT + columns * PANEL[0] + (columns - 1) * GAP[0] + RIGHT
     block = BLOCK + rows * (PANEL[1] + GAP[1])
-    height = TITLE + len(QUANTITIES) * block + BOTTOM - GAP[1]
-    figure = Figure(figsize=(width, height))
-    canvas = FigureCanvasAgg(figure)
+    width = LEFT + columns * PANEL[0] + (columns - 1) * GAP[0] + RIGHT
+    page = Page(width, len(QUANTITIES) * block + BOTTOM - GAP[1], _head(ds), left=LEFT)
 
-    def axes_at(number: int, part: int) -> Axes:
+    def axes_at(number: int, part: int, title: str = "") -> Axes:
         row, column = divmod(number, columns)
-        left = LEFT + column * (PANEL[0] + GAP[0])
-        top = TITLE + part * block + BLOCK + row * (PANEL[1] + GAP[1])
-        return figure.add_axes((left / width, 1 - (top + PANEL[1]) / height, PANEL[0] / width, PANEL[1] / height))
+        left, top = LEFT + column * (PANEL[0] + GAP[0]), part * block + BLOCK + row * (PANEL[1] + GAP[1])
+        return page.panel(left, top, *PANEL, title)
 
     times = 1e6 * ds["time"].values
     limits = (0.5 * np.nanmin(times), 2 * np.nanmax(times))
     for part, quantity in enumerate(QUANTITIES):
-        heading = 1 - (TITLE + part * block + 0.3) / height
-        figure.text(LEFT / width, heading, f"{quantity.title}: time against error", fontsize=14, fontweight="bold")
+        heading = f"{quantity.title}: time against error"
+        page.write(LEFT, part * block + 0.2, heading, fontsize=12, fontweight="bold")
         span = _span(ds, quantity)
         for r, regime in enumerate(map(str, ds["regime"].values)):
-            axes = axes_at(r, part)
+            axes = axes_at(r, part, regime)
             _panel(axes, ds.isel(regime=r), quantity, span, limits)
-            axes.set_title(regime, fontsize=12, loc="left")
             if r % columns == 0:
-                axes.set_ylabel("time per pixel (µs)", fontsize=10.5)
+                axes.set_ylabel("time per pixel (µs)", fontsize=9)
             else:
                 axes.tick_params(labelleft=False)
             if r + columns >= ds.sizes["regime"]:
-                axes.set_xlabel(quantity.label, fontsize=10.5)
+                axes.set_xlabel(quantity.label, fontsize=9)
         if part == 0:
             _legend(axes_at(ds.sizes["regime"], part), ds)
-    figure.text(LEFT / width, 1 - 0.22 / height, _title(ds), fontsize=10.5, color="0.3", va="top")
-    if path is not None:
-        _save(canvas, path, overwrite)
-    return figure
+    return page.finished(path, overwrite)
 
 
 def _span(ds: xr.Dataset, quantity: _Quantity) -> tuple[float, float, float]:
@@ -153,10 +140,8 @@ def _panel(axes: Axes, ds: xr.Dataset, quantity: _Quantity, span: tuple[float, f
         size = 70 if marker == "*" else 26
         faces = [colour if each else "white" for each in whole]
         axes.scatter(x, y, size, marker=marker, facecolors=faces, edgecolors=colour, linewidths=1, zorder=3)
-    axes.tick_params(labelsize=9.5)
     axes.grid(color="0.93", linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _legend(axes: Axes, ds: xr.Dataset) -> None:
@@ -180,34 +165,10 @@ def _legend(axes: Axes, ds: xr.Dataset) -> None:
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 1.05), fontsize=10, frameon=False)
 
 
-def _title(ds: xr.Dataset) -> str:
-    cases = ds.sizes["case"]
-    return (
-        f"Solvers of phasemap (solid) and general integrators with shooting (dashed); {cases} random cases a regime, "
-        f"one core. Lower left is better.\n{ds.attrs['machine']}; {ds.attrs['versions']}; seed {ds.attrs['seed']}"
-    )
-
-
-def _save(canvas: Any, path: str | os.PathLike[str], overwrite: bool) -> None:
-    """Write the picture whole or not at all."""
-    from phasemap.io.netcdf import replacing
-
-    check_format(path, canvas)
-    with replacing(path, overwrite) as temporary:
-        canvas.print_figure(temporary, dpi=RESOLUTION)
-
-
-def check_format(path: str | os.PathLike[str], canvas: Any = None) -> None:
-    """Refuse a suffix that no picture has, before minutes are spent on what it would show.
-
-    Raises
-    ------
-    InputError
-        If the suffix is none of a picture.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    formats = sorted((canvas or FigureCanvasAgg).get_supported_filetypes())
-    suffix = os.path.splitext(path)[1]
-    if suffix.lstrip(".").lower() not in formats:
-        raise InputError("the picture's suffix", suffix, "one of " + ", ".join(f".{name}" for name in formats))
+def _head(ds: xr.Dataset) -> list[str]:
+    """What was measured, how to read it, and on what machine."""
+    solvers = "Solvers of phasemap (solid) and general integrators with shooting (dashed)"
+    return [
+        f"{solvers}; {ds.sizes['case']} random cases a regime, one core. Lower left is better.",
+        f"{ds.attrs['machine']}; {ds.attrs['versions']}; seed {ds.attrs['seed']}",
+    ]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap.results.variables import provenance
+from phasemap.results.variables import coded, provenance
 from phasemap.validation.bench import cases, measure
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def to_dataset(measured: Measured) -> xr.Dataset:
         "height_error": floats(ALL, measured.height_error, "height less that of the reference", "m"),
         "phase_bound": floats(ALL, measured.phase_bound, "error of the phase as the solver estimates it", "degree"),
         "height_bound": floats(ALL, measured.height_bound, "error of the height as the solver estimates it", "m"),
-        "result": (ALL, measured.result, _flags("what became of the method on the case", measure.RESULTS)),
+        "result": (ALL, measured.result, coded("what became of the method on the case", *measure.RESULTS)),
         "time": floats(pair, measured.time, "time per distinct pixel on one core, after compilation", "s"),
         "period_time": floats(pair, measured.period_time, "time per period of the oscillation on one core", "s"),
         "compile_time": floats(("solver",), measured.compile_time, "processor time of compilation", "s"),
@@ -114,13 +114,8 @@ def _of_cases(fields: tuple[Field, ...], width: int) -> dict[str, Any]:
     outcome = np.full((len(fields), width), cases.NOT_HELD, np.int8)
     for r, field in enumerate(fields):
         outcome[r, : len(field.known)] = [known.outcome for known in field.known]
-    data["reference"] = (dims, outcome, _flags("what became of the reference", cases.OUTCOMES))
+    data["reference"] = (dims, outcome, coded("what became of the reference", *cases.OUTCOMES))
     return data
-
-
-def _flags(long_name: str, meanings: tuple[str, ...]) -> dict[str, Any]:
-    values = np.arange(len(meanings), dtype=np.int8)
-    return {"long_name": long_name, "flag_values": values, "flag_meanings": " ".join(meanings)}
 
 
 def _configuration(plan: Plan) -> dict[str, Any]:

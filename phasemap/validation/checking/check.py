@@ -1,4 +1,4 @@
-"""The whole check of an image."""
+"""`phasemap.check`: every claim of an image on itself, judged."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def check(
     surface : Surface, optional
         The surface of which it was taken, before drift; made again from the image's scene by default.
     scope : Microscope, optional
-        Needed where the contact law is one's own, which no file has.
+        Needed where the contact law is a user's own, which no file has.
     folders : iterable of path-like
         Where files that the image's scene names may be.
     pixels : int

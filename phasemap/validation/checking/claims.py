@@ -19,7 +19,8 @@ from phasemap.experiment.interaction import Cone, Film, FlatPunch, Interaction, 
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
-from phasemap.scenes.scene import CONTROLS, Scene, scene_from_json
+from phasemap.scenes.objects import CONTROLS
+from phasemap.scenes.scene import Scene, scene_from_json
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
 
@@ -84,7 +85,7 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
     image : xarray.Dataset
         What `phasemap.simulate` returned.
     scope : Microscope, optional
-        Needed where its contact law is one's own.
+        Needed where its contact law is a user's own.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
     Raises
     ------
     InputError
-        If a part is none of phasemap's, such as a contact law of one's own.
+        If a part is none of phasemap's, such as a user's contact law.
 
     Examples
     --------
@@ -148,7 +149,7 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
     except InputError as error:
         if error.name not in ("contact", "kind"):
             raise
-        hint = "A law of one's own is not in the file: give the microscope too, pm.check(image, surface, scope)."
+        hint = "A law of your own is not in the file: give the microscope too, pm.check(image, surface, scope)."
         raise InputError("contact law of the image", error.value, "one of phasemap's", hint) from None
     return scope
 
@@ -226,4 +227,4 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape
             return scene_from_json(text, Path(folder))
         except FileError as error:
             failed = failed or error
-    raise FileError(f"{failed} Lay it beside the image, or give --scene SCENE.toml or --surface SURFACE.nc.")
+    raise FileError(f"{failed} Put it beside the image, or give --scene SCENE.toml or --surface SURFACE.nc.")

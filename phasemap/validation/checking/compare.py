@@ -15,7 +15,7 @@ from phasemap.results.variables import FLOATS, Variable, flag_attributes
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.channels import solved_again
 from phasemap.validation.checking.picture import Picture
-from phasemap.validation.checking.result import OPEN, Claim, in_words, judged
+from phasemap.validation.checking.result import OPEN, Claim, judged, pixels_in_words
 from phasemap.validation.checking.tolerance import (
     IRREGULAR,
     QUANTITIES,
@@ -105,7 +105,7 @@ def _motion(picture: Picture, again: Again, both: Mask, values: Values) -> Claim
     claimed, found = picture.irregular.reshape(-1)[again.pixels], values["motion"] == 1
     phase, amplitude = (spread(picture, again.pixels, values, name) for name in ("phase", "amplitude"))
     bad = (claimed != found) & ((phase > IRREGULAR[0]) | (amplitude > IRREGULAR[1]))
-    said = f"irregular in {in_words(int(np.count_nonzero(both & found)))}"
+    said = f"irregular in {pixels_in_words(int(np.count_nonzero(both & found)))}"
     return _judged("solved again: the same motion", picture, again, bad, phase, both, said)
 
 

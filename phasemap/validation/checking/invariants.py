@@ -25,7 +25,7 @@ from phasemap.imaging.feedback.program import mean_ground
 from phasemap.results.variables import FLAGS
 from phasemap.validation.checking.channels import follows
 from phasemap.validation.checking.picture import MEAN, Picture
-from phasemap.validation.checking.result import Claim, in_words, judged
+from phasemap.validation.checking.result import Claim, judged, pixels_in_words
 
 __all__ = ["invariants"]
 
@@ -209,7 +209,7 @@ def _motion(picture: Picture) -> Claim:
     phase, amplitude = picture.raw("phase_spread"), picture.raw("amplitude_spread")
     spread = (phase >= 0) & (amplitude > 0)
     bad = np.where(picture.irregular, ~spread, ~((phase == 0) & (amplitude == 0)))
-    found = f"irregular in {in_words(int(np.count_nonzero(picture.irregular)))}"
+    found = f"irregular in {pixels_in_words(int(np.count_nonzero(picture.irregular)))}"
     if picture.irregular.any():
         found += f", phase spread up to {_largest(phase, picture.good):.2g} degree"
     return judged("motion goes with its spread", picture, bad, picture.irregular, picture.solved, found)

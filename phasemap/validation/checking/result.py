@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from phasemap.validation.checking.picture import Picture
 
-__all__ = ["FAILS", "HOLDS", "OPEN", "Check", "Claim", "in_words", "judged"]
+__all__ = ["FAILS", "HOLDS", "OPEN", "Check", "Claim", "judged", "pixels_in_words"]
 
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"
 SHOWN = 3  # of the pixels that fail
@@ -123,15 +123,15 @@ def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked
     how = np.nan_to_num(by.reshape(-1)[at].astype(np.float64), nan=np.inf)
     some = at[np.argsort(-how, kind="stable")[:SHOWN]]
     worst = tuple((int(d), int(y), int(x)) for d, y, x in zip(*np.unravel_index(some, bad.shape), strict=True))
-    return Claim(about, FAILS, pixels, f"in {in_words(count)}, at worst at {picture.places(worst)}", worst)
+    return Claim(about, FAILS, pixels, f"in {pixels_in_words(count)}, at worst at {picture.places(worst)}", worst)
 
 
-def in_words(count: int) -> str:
+def pixels_in_words(count: int) -> str:
     """A number of pixels.
 
     Examples
     --------
-    >>> in_words(1), in_words(3)
+    >>> pixels_in_words(1), pixels_in_words(3)
     ('1 pixel', '3 pixels')
     """
     return "1 pixel" if count == 1 else f"{count} pixels"

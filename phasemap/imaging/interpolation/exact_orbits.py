@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._shared.threads import spread
+from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.interpolation.axes import Axes
@@ -23,7 +23,7 @@ HEIGHT, PHASE, MEAN, DEPTH = 0, 1, 2, 3  # places in FUNCTIONS
 CHUNK = 400  # orbits that a thread takes at a time
 
 
-class Oracle:
+class ExactOrbits:
     """Exact orbits at points of the coordinates, and how many were asked for.
 
     Parameters
@@ -74,7 +74,7 @@ class Oracle:
         ----------
         points : ndarray, shape (n, 3)
         guesses : ndarray, shape (n, functions)
-            As from this oracle; tip offset, phase and mean deflection are used.
+            As from exact orbits; tip offset, phase and mean deflection are used.
         away : ndarray, shape (n,)
             How far off the tip offset may be [m].
         amplitude : float, optional
@@ -100,8 +100,8 @@ class Oracle:
             )
 
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
-        size = group * max(1, min(CHUNK, -(-count // (4 * self._workers))) // group)
-        spread(solve, [*range(0, count, size), count] if count else [], self._workers, None)
+        size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)
+        spread(solve, bounds_of(count, size), self._workers, None)
         return _functions(rows, status)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.solvers.continuation.in_time import Adrift
+from phasemap.solvers.continuation.off_orbit import OffOrbit
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import BESIDE, Jump, Segment, is_periodic, land, like, segments
 
@@ -19,7 +19,7 @@ MOST_TURNS = 12  # landings before the feedback is taken to hunt for ever
 class Place:
     """Where the tip is: at a tip offset on a segment, or on none."""
 
-    on: Segment | Adrift
+    on: Segment | OffOrbit
     z0: float
 
 
@@ -43,7 +43,7 @@ class Held(NamedTuple):
     jump: Jump | None
 
 
-class Feedback:
+class SlowFeedback:
     """Seeks amplitudes on the curve of a fixed path whose wanted values are amplitudes.
 
     Parameters
@@ -90,7 +90,7 @@ class Feedback:
         target = float(self.curves.wanted[index])
         lost: np.ndarray | None = None
         for _ in range(MOST_TURNS):
-            if isinstance(place.on, Adrift):
+            if isinstance(place.on, OffOrbit):
                 return self._in_time(place.on, index, direction, lost)
             here = place.on.row_at(place.z0)
             assert here is not None
@@ -118,7 +118,7 @@ class Feedback:
             place = following
         return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
 
-    def _in_time(self, tip: Adrift, index: int, direction: int, lost: np.ndarray | None) -> Held:
+    def _in_time(self, tip: OffOrbit, index: int, direction: int, lost: np.ndarray | None) -> Held:
         """What the feedback of an instrument finds that moves a tip on no periodic orbit."""
         status, row = tip.go(self.curves, col.AMPLITUDE, float(self.curves.wanted[index]))
         if status != col.GOOD:

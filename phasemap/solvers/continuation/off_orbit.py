@@ -11,7 +11,7 @@ from phasemap.solvers.continuation.pieces import START, Curves
 from phasemap.solvers.march import ETA
 
 
-class Adrift:
+class OffOrbit:
     """A tip that left its orbit and follows no other yet.
 
     Parameters

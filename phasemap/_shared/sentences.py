@@ -1,0 +1,41 @@
+"""Parts of sentences that many messages have: counts with their share, sizes of images, lists with "and"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+__all__ = ["counted", "image_size", "listed"]
+
+
+def counted(count: int, total: int, what: str) -> str:
+    """Say how many of how many.
+
+    Examples
+    --------
+    >>> counted(3, 400, "pixels")
+    '3 of 400 pixels (0.75 %)'
+    """
+    return f"{count} of {total} {what} ({100 * count / total:.3g} %)"
+
+
+def image_size(shape: tuple[int, int], pixel_size: tuple[float, float]) -> str:
+    """Say how large an image is, width first.
+
+    Examples
+    --------
+    >>> image_size((128, 256), (4e-9, 4e-9))
+    '256 x 128 pixels, 1024 x 512 nm'
+    """
+    (ny, nx), (dy, dx) = shape, pixel_size
+    return f"{nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm"
+
+
+def listed(names: Sequence[str]) -> str:
+    """List names as one speaks.
+
+    Examples
+    --------
+    >>> listed(["modulus"]), listed(["modulus", "adhesion", "damping"])
+    ('modulus', 'modulus, adhesion and damping')
+    """
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

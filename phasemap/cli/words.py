@@ -1,0 +1,140 @@
+"""What words of the command line stand for: numbers in SI units or with a unit, lists of them, files of labels."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
+
+if TYPE_CHECKING:
+    import numpy as np
+
+__all__ = ["labels_in", "number_in", "numbers_in", "one_each"]
+
+LABELS = ("labels", "label")  # maps of regions, as files call them
+
+
+def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
+    """Read a word of the command line.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    text : str
+        A number, or START:STOP:N.
+    unit : str
+        As in `phasemap._shared.quantities.KINDS`.
+    allowed : str
+        What may be given, but for units.
+
+    Returns
+    -------
+    tuple of float
+        One number, or START, STOP and N.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+
+    Examples
+    --------
+    >>> numbers_in("--tip-offset", "35nm", "m"), numbers_in("--setpoints", "0.3:0.9:7", "1")
+    ((3.5e-08,), (0.3, 0.9, 7))
+    """
+    try:
+        return range_in_si(text, unit)
+    except NotThatUnit:
+        with_one = "" if unit == "1" else f", or with a unit such as {KINDS[unit][1].replace(' ', '')}"
+        raise InputError(name, text, allowed + with_one) from None
+
+
+def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[float]:
+    """Read as many numbers as there are images or files, or one for all of them.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, as Python has it.
+    text : str
+        Numbers with commas between them.
+    unit : str
+        As in `numbers_in`.
+    count : int
+    each : str
+        "an image" or "a file".
+
+    Returns
+    -------
+    list of float
+        As many as there are.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+
+    Examples
+    --------
+    >>> one_each("setpoints", "0.5,0.8", "1", 2, "a file"), one_each("phase_zero", "62.5", "degree", 2, "a file")
+    ([0.5, 0.8], [62.5, 62.5])
+    """
+    option = f"--{name.replace('_', '-')}"
+    allowed = f"a number, or {count} with commas between them, one {each}"
+    found = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
+    if len(found) not in (1, count):
+        raise InputError(option, text, allowed)
+    return found * (count // len(found))
+
+
+def labels_in(path: str) -> np.ndarray:
+    """Read the map of regions of a netCDF file.
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    ndarray of int, shape (rows, columns)
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    FileError
+        If it cannot be read.
+    """
+    import numpy as np
+
+    from phasemap.io.netcdf import load
+
+    maps = load(path)
+    name = next((name for name in LABELS if name in maps), None)
+    if name is None:
+        held = ", ".join(map(str, maps.data_vars))
+        raise InputError(f"what {path} holds", held, f"a map {' or '.join(LABELS)}, as phasemap scene writes it")
+    return np.asarray(maps[name].values)
+
+
+def number_in(name: str, unit: str) -> Callable[[str], float]:
+    """Read one number as an option of argparse.
+
+    Examples
+    --------
+    >>> number_in("--limit", "m")("100 nm")
+    1e-07
+    """
+
+    def read(text: str) -> float:
+        try:
+            (number,) = numbers_in(name, text, unit)
+        except ValueError:  # START:STOP:N too
+            raise argparse.ArgumentTypeError(f"{text!r} is no number in {unit}") from None
+        return number
+
+    return read

@@ -1,0 +1,147 @@
+"""Maps of labels: the material of each label looked up for every pixel, in memory or block by block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.arrays import as_array, read_only
+from phasemap._shared.dask_arrays import lazy_map
+from phasemap._shared.errors import InputError
+from phasemap.experiment.distinct_rows import factorise
+from phasemap.experiment.material import Material
+from phasemap.experiment.surface_maps import check_memory, where
+
+__all__ = ["lazily_looked_up", "looked_up"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
+
+
+def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatArray, IntArray]]:
+    """Look up the material of every pixel.
+
+    Parameters
+    ----------
+    labels, materials
+        As `phasemap.Surface.from_labels` takes them.
+
+    Returns
+    -------
+    maps : dict
+        The arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are the same.
+    distinct : (ndarray, ndarray)
+        As `phasemap.Surface.unique` gives them.
+
+    Raises
+    ------
+    InputError
+        If the labels are not a 2-D map of whole numbers, one has no material, or viscosities are mixed with dampings.
+
+    Examples
+    --------
+    >>> maps, (rows, inverse) = looked_up([[0, 1, 1]], [Material(modulus=1e9), Material(modulus=3e9)])
+    >>> maps["modulus"].tolist(), float(maps["adhesion"]), inverse.tolist()
+    ([[1000000000.0, 3000000000.0, 3000000000.0]], 0.0, [[0, 1, 1]])
+    """
+    label_map = _whole_numbers(labels)
+    names, table, viscous = _material_table(materials)
+    index = _positions(label_map, names)
+    used = np.bincount(index.reshape(-1), minlength=len(names)) > 0
+    first, merged = factorise(list(table[used].T))
+    renumber = np.full(len(names), -1, np.int32)
+    renumber[used] = merged
+    rows, inverse = read_only(table[used][first]), read_only(renumber[index])
+    columns = [column[0] if (column == column[0]).all() else read_only(column[inverse]) for column in rows.T]
+    return _named(columns, viscous), (rows, inverse)
+
+
+def lazily_looked_up(labels: Any, materials: Any) -> dict[str, Any]:
+    """Look up the materials of a Dask array of labels, as `looked_up` does, when a block of it is computed."""
+    labels = lazy_map("labels", labels, int)
+    names, table, viscous = _material_table(materials)
+    columns = [
+        column[0] if (column == column[0]).all() else labels.map_blocks(_of_labels, names, column, dtype=np.float64)
+        for column in table.T
+    ]
+    return _named(columns, viscous)
+
+
+def _named(columns: Sequence[Any], viscous: bool) -> dict[str, Any]:
+    """Columns of a material as arguments of a surface."""
+    modulus, adhesion, loss, poisson_ratio, *thickness = columns
+    maps = {"modulus": modulus, "adhesion": adhesion, "poisson_ratio": poisson_ratio}
+    return {**maps, "viscosity" if viscous else "damping": loss, **({"thickness": thickness[0]} if thickness else {})}
+
+
+def _whole_numbers(labels: Any) -> NDArray[Any]:
+    """The labels as a 2-D array of whole numbers, or of bool."""
+    label_map = as_array("labels", labels, "a 2-D map of whole numbers")
+    if label_map.ndim != 2 or not label_map.size:
+        raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
+    check_memory("labels", label_map, 36)  # measured, with three maps that are not uniform
+    if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
+        label_map = label_map.astype(np.int64)
+    if label_map.dtype.kind not in "iub":
+        hint = "Try labels.astype(int)."
+        if label_map.dtype.kind in "SUO":
+            hint = "Number the names: names, numbers = numpy.unique(labels, return_inverse=True)."
+        raise InputError("type of labels", label_map.dtype.name, "whole numbers", hint)
+    return label_map
+
+
+def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
+    """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
+    if isinstance(materials, Sequence) and not isinstance(materials, str):
+        materials = dict(enumerate(materials))
+    if not isinstance(materials, Mapping) or not materials:
+        raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
+    for label, material in materials.items():
+        if not isinstance(label, (int, np.integer)):
+            raise InputError("label of a material", label, "a whole number")
+        if not isinstance(material, Material):
+            raise InputError(f"material {label}", material, "a Material")
+    names = sorted(int(label) for label in materials)
+    chosen = [materials[name] for name in names]
+    viscous = any(m.viscosity for m in chosen)
+    damped = next((n for n, m in zip(names, chosen, strict=True) if m.damping), None)
+    if viscous and damped is not None:
+        raise InputError(
+            f"damping of material {damped}",
+            materials[damped].damping,
+            "viscosity in its place, as in another of the materials",
+            "The two are compared only once the lever and the tip are known.",
+        )
+    rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
+    table = np.array(rows, dtype=np.float64)
+    if any(m.thickness is not None for m in chosen):
+        endless = [math.inf if m.thickness is None else m.thickness for m in chosen]
+        table = np.column_stack([table, endless])
+    return names, table, viscous
+
+
+def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
+    """Return where in the sorted `names` each label is."""
+    if labels.dtype.kind == "b":
+        labels = labels.view(np.uint8)
+    limits = np.iinfo(labels.dtype)
+    fitting = [name for name in names if limits.min <= name <= limits.max]
+    known = np.array(fitting, labels.dtype)
+    index = np.minimum(np.searchsorted(known, labels), max(len(known) - 1, 0))
+    unknown = known[index] != labels if fitting else np.ones(labels.shape, np.bool_)
+    if unknown.any():
+        strange = np.unique(labels[unknown]).tolist()
+        shown = ", ".join(str(label) for label in strange[:5]) + (" and more" if len(strange) > 5 else "")
+        raise InputError("label without a material", shown, "labels " + ", ".join(map(str, names)), where(unknown))
+    return index + names.index(fitting[0])
+
+
+def _of_labels(labels: NDArray[Any], names: list[int], column: FloatArray) -> FloatArray:
+    """One property of the material of each label."""
+    return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)

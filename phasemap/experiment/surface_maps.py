@@ -1,0 +1,151 @@
+"""The map of one property of a surface: what a user may give for it, how it is checked, and how it is kept.
+
+A map is given as one number, rows of numbers, text with a unit, a masked array, a DataArray or a Dask array; it is kept
+as a read-only float64 array in SI units, or as the Dask array that it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from phasemap._shared.arrays import as_array, is_frozen, is_uniform, read_only
+from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
+from phasemap._shared.dask_arrays import is_lazy, lazy_map
+from phasemap._shared.errors import InputError
+from phasemap._shared.memory import check_fits
+from phasemap._shared.plausible import question
+from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
+from phasemap.experiment.surface_variables import QUANTITIES, Quantity, coordinate_step, variable_in_si
+
+__all__ = ["check_memory", "common_shape", "pixel_sides", "property_map", "where"]
+
+FloatArray = NDArray[np.float64]
+
+PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice
+_NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
+
+
+def property_map(name: str, value: Any, allow_nan: bool) -> Any:
+    """What the user gave as a map that a surface keeps; None stays None."""
+    found = _in_si(name, value)
+    if found is None:
+        return None
+    return lazy_map(name, found) if is_lazy(found) else _as_map(name, found, allow_nan)
+
+
+def _in_si(name: str, value: Any) -> Any:
+    """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
+    if hasattr(value, "dims") and hasattr(value, "coords"):
+        for dim in value.coords.keys() & {"y", "x"} & set(value.dims):
+            coordinate_step(value, dim)  # refuses what is upside down or not even
+        return variable_in_si(value, name)
+    unit = QUANTITIES[name].unit
+    try:
+        return array_in_si(value, unit)
+    except NotThatUnit:
+        shown = value if isinstance(value, str) else "with another unit"
+        raise InputError(name, shown, f"one number or a 2-D map, in {unit} or each {with_unit(unit)}") from None
+
+
+def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
+    """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
+    quantity = QUANTITIES[name]
+    if isinstance(value, np.ma.MaskedArray):
+        value = _unmasked(name, value)
+    given = as_array(name, value, "one number or a 2-D map")
+    if given.ndim == 0 and quantity.endless and given == math.inf:
+        return read_only(np.array(math.inf))
+    if given.ndim == 0:
+        one = number(name, given.item(), quantity.unit, **quantity.bounds)
+        question(name, one, quantity.unit, quantity.usual)
+        return read_only(np.array(one))
+    if given.ndim != 2 or not given.size:
+        raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
+    if given.dtype.kind not in "fiu":
+        raise InputError(f"type of {name}", given.dtype.name, "real numbers")
+    if not is_uniform(given):
+        check_memory(name, given, 8)
+    full = (given[:1, :1] if is_uniform(given) else given).astype(np.float64, order="C", copy=False)
+    if full is given and not is_frozen(full):
+        full = full.copy()
+    low, high = full.min(), full.max()  # NaN if there is one
+    if not (_inside(low, quantity) and _inside(high, quantity)):
+        bad = ~_inside(full, quantity)
+        if allow_nan:
+            bad &= ~np.isnan(full)
+        if bad.any():
+            _raise_for_pixel(name, full, bad)
+    ends = (low, high) if low <= high else (np.fmin.reduce(full, None), np.fmax.reduce(full, None))
+    if math.isfinite(most := float(max(ends, key=abs))):
+        question(name, most, quantity.unit, quantity.usual)
+    bits = full.view(np.int64)
+    if not low < high and (bits == bits[0, 0]).all():
+        return np.broadcast_to(read_only(np.array(full[0, 0])), given.shape)
+    return read_only(full)
+
+
+def _unmasked(name: str, value: np.ma.MaskedArray[Any, Any]) -> NDArray[Any]:
+    """Return a masked array with NaN where it is masked."""
+    if value.dtype.kind not in "fiu":
+        raise InputError(f"type of {name}", value.dtype.name, "real numbers")
+    check_memory(name, value, 8)
+    return np.asarray(np.ma.filled(value.astype(np.float64), np.nan))
+
+
+def check_memory(name: str, given: NDArray[Any], per_pixel: int) -> None:
+    """Refuse a map that would not fit into memory; one that numpy repeats (`broadcast_to`) may be of any size."""
+    ny, nx = given.shape[-2:] if given.ndim > 1 else (1, given.size)
+    check_fits(f"{name} with {ny} x {nx} pixels", float(given.size) * per_pixel, "Take fewer pixels, or one number.")
+
+
+def _inside(value: Any, quantity: Quantity) -> Any:
+    """Whether each of `value` is finite and within the bounds."""
+    least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
+    there = ~np.isnan(value) if quantity.endless else np.isfinite(value)
+    return there & (value >= least) & (value > above) & (value <= most)
+
+
+def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
+    """Raise `InputError` for the first bad pixel and say how many there are."""
+    quantity = QUANTITIES[name]
+    value = full.reshape(-1)[bad.argmax()]
+    hint = where(bad)
+    if math.isnan(value):
+        hint += " Fill it from its neighbours" + (
+            "." if name == "topography" else ", or give allow_nan=True to leave it without a material."
+        )
+    raise InputError(name, value, in_words(quantity.unit, **quantity.bounds), hint)
+
+
+def where(bad: NDArray[np.bool_]) -> str:
+    """Say where the first bad pixel is and how many there are."""
+    row, col = divmod(int(bad.argmax()), bad.shape[1])
+    count = int(bad.sum())
+    return f"It is at row {row}, column {col}" + (f"; {count} such pixels." if count > 1 else ".")
+
+
+def common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> tuple[int, int]:
+    """Return the one shape that `shape` and all maps have."""
+    first, agreed = "", (0, 0)
+    if shape is not None:
+        first, agreed = "the one asked for", shape_pair(shape)
+    for name, array in maps.items():
+        if array.ndim and not first:
+            first, agreed = f"that of {name}", (array.shape[0], array.shape[1])
+        elif array.ndim and array.shape != agreed:
+            raise InputError(f"shape of {name}", array.shape, f"{agreed}, {first}")
+    if not first:
+        raise InputError("shape", None, "(rows, columns), where no map is given")
+    return agreed
+
+
+def pixel_sides(value: object) -> tuple[float, float]:
+    """The (dy, dx) of a pixel [m]."""
+    dy, dx = pixel_pair(value)
+    question("pixel_size", max(dy, dx), "m", PIXEL)
+    return dy, dx

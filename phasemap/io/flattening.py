@@ -1,0 +1,160 @@
+"""Flattening of single maps: tilt and row offsets taken out of heights, phases brought onto one turn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from phasemap._shared.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+__all__ = ["finite_map", "level_height", "level_rows", "on_one_turn", "row_medians"]
+
+MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
+
+
+def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.ndarray:
+    """Take the tilt and the row offsets out of a height image.
+
+    Parameters
+    ----------
+    height : array_like, shape (rows, columns)
+        [m]
+    reference : array_like of bool, optional
+        Pixels that are meant to be level (one material, no particles); None takes all. Rows that have none take their
+        offset from their neighbours.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+        [m]; the median of the reference pixels is 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y, x = np.mgrid[:4, :5]
+    >>> bool(np.allclose(level_height(3e-9 * x - 2e-9 * y), 0, atol=1e-20))
+    True
+    """
+    import numpy as np
+
+    height = finite_map("height", height)
+    if reference is None:
+        reference = np.ones(height.shape, bool)
+    elif reference.shape != height.shape or reference.sum() < 3:
+        raise InputError(
+            "shape and number of pixels in reference",
+            (reference.shape, int(reference.sum())),
+            f"{height.shape}, at least 3",
+        )
+    return level_rows(height, reference)
+
+
+def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Take out the tilt along rows and the median of every row.
+
+    The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
+    the rows hold the tilt.
+
+    Parameters
+    ----------
+    height : ndarray, shape (rows, columns)
+        [m]; may hold NaN where pixels do not count.
+    counts : ndarray of bool
+        Pixels that count, at least one; rows that have none take their offset from their neighbours.
+
+    Returns
+    -------
+    ndarray
+        [m]
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> level_rows(np.array([[1.0, 2.0, 3.0], [7.0, 8.0, 99.0]]), np.array([[1, 1, 1], [1, 1, 0]], bool))[1]
+    array([ 0.,  0., 90.])
+    """
+    import numpy as np
+
+    x = np.indices(height.shape, float)[1]
+    share = np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    along = np.where(counts, x - (x * counts).sum(axis=1, keepdims=True) / share, 0.0)
+    slope = (along * np.where(counts, height, 0.0)).sum() / ((along * along).sum() or 1.0)
+    flat: np.ndarray = height - slope * x
+    flat -= row_medians(flat, counts)
+    return flat
+
+
+def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Median of what counts in each row, as a column; rows without any take it from their neighbours.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, columns)
+    counts : ndarray of bool
+        Pixels that count, at least one.
+
+    Returns
+    -------
+    ndarray, shape (rows, 1)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> row_medians(np.array([[1.0, 3.0], [9.0, 9.0], [5.0, 7.0]]), np.array([[1, 1], [0, 0], [1, 1]], bool))[:, 0]
+    array([2., 4., 6.])
+    """
+    import numpy as np
+
+    rows = np.flatnonzero(counts.any(axis=1))
+    medians = [np.median(values[row, counts[row]]) for row in rows]
+    column: np.ndarray = np.interp(np.arange(len(values)), rows, medians)[:, None]
+    return column
+
+
+def on_one_turn(phase: np.ndarray) -> np.ndarray:
+    """Bring together a phase that ran over the end of its range, such as from 179 to -179 degrees.
+
+    Parameters
+    ----------
+    phase : ndarray
+        [degree]; may hold NaN.
+
+    Returns
+    -------
+    ndarray
+        [degree]; as it was where it spans half a turn or less, which is all that a tapping lever does. Else whole turns
+        are added so that all lies within half a turn of the mean direction, on the turn where most of it was.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> on_one_turn(np.array([178.0, 179.0, -179.0])), on_one_turn(np.array([-80.0, 95.0]))
+    (array([178., 179., 181.]), array([-80.,  95.]))
+    """
+    import numpy as np
+
+    finite = np.isfinite(phase)
+    known = phase[finite]
+    if not known.size or abs(known).max() > MOST_DEGREES or np.ptp(known) <= 180:
+        return phase
+    mean = np.degrees(np.angle(np.exp(1j * np.radians(known)).mean()))
+    turns = np.round((known - mean) / 360)
+    different, pixels = np.unique(turns, return_counts=True)
+    together = phase.copy()
+    together[finite] -= 360 * (turns - different[pixels.argmax()])
+    return together
+
+
+def finite_map(name: str, values: np.ndarray) -> np.ndarray:
+    """Return `values` as a finite 2-D float array."""
+    import numpy as np
+
+    array = np.asarray(values, float)
+    if array.ndim != 2 or array.size == 0:
+        raise InputError(f"shape of {name}", array.shape, "(rows, columns) of a 2-D map")
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0]
+        raise InputError(name, array[row, column], "finite values", f"It is at row {row}, column {column}.")
+    return array

@@ -1,0 +1,173 @@
+"""Tables of a scene as objects: the microscope and its parts, materials, control and realism.
+
+Each table is checked as a whole, so that everything wrong in it is said at once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any, TypeVar
+
+from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+from phasemap.experiment.realism import Realism, TipChange, check_realism
+from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing
+
+__all__ = [
+    "CONTROLS", "LAWS", "control_of", "interaction_table", "materials_of", "microscope_of", "object_of", "realism_of",
+    "scan_of", "table_of",
+]  # fmt: skip
+
+T = TypeVar("T")
+
+CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
+LAWS: dict[str, type[ContactLaw]] = {law.name: law for law in (Cone, Film, FlatPunch, MaugisDugdale, Neck)}
+LOW_Q = 50.0  # below this it matters what the detector sees
+
+
+def scan_of(table: Table) -> tuple[float, Table]:
+    """The setpoint, and the table with its defaults."""
+    from phasemap.solvers.problem import check_setpoint
+    from phasemap.solvers.solver import SOLVERS
+
+    scan = {"solver": "auto", **table}
+    check_keys("[scan]", scan, ("setpoint", "solver", "strict_units"), ("setpoint",))
+    complaints = Complaints()
+    setpoint = complaints.of(construct, "[scan]", {"setpoint": scan["setpoint"]}, check_setpoint)
+    complaints.of(check_choice, "[scan] solver", scan["solver"], [solver.name for solver in SOLVERS])
+    complaints.make()
+    assert setpoint is not None
+    return setpoint, scan
+
+
+def microscope_of(tables: Table) -> Microscope:
+    """The microscope of the tables for its parts."""
+    complaints = Complaints()
+    lever, tip = (
+        complaints.of(object_of, tables, "cantilever", Cantilever),
+        complaints.of(object_of, tables, "tip", Tip),
+    )
+    drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables)
+    complaints.make()
+    assert isinstance(lever, Cantilever) and isinstance(tip, Tip)
+    assert isinstance(drive, Drive) and isinstance(interaction, Interaction)
+    if lever.quality_factor < LOW_Q and "excitation" not in table_of(tables, "drive"):
+        warnings.warn(
+            f"Q is {lever.quality_factor:g} and [drive] does not say excitation: set it to 'base' for a shaker under "
+            "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
+            stacklevel=2,
+        )
+    return Microscope(lever, tip, drive, interaction)
+
+
+def _drive(tables: Table) -> Drive:
+    """The drive, which may have a second mode."""
+    table = table_of(tables, "drive")
+    if table.get("second") is not None:
+        table = {**table, "second": _from_table("[drive.second]", table["second"], Mode)}
+    drive: Drive = _from_table("[drive]", table, Drive)
+    return drive
+
+
+def _interaction(tables: Table) -> Interaction:
+    """The interaction, whose contact may be a law with parameters."""
+    table = table_of(tables, "interaction")
+    if isinstance(contact := table.get("contact"), dict):
+        name = "[interaction.contact]"
+        if "law" not in contact:
+            raise missing(name, "law")
+        check_choice(f"{name} law", contact["law"], LAWS)
+        parameters = {key: value for key, value in contact.items() if key != "law"}
+        table = {**table, "contact": _from_table(name, parameters, LAWS[contact["law"]])}
+    interaction: Interaction = _from_table("[interaction]", table, Interaction)
+    return interaction
+
+
+def interaction_table(interaction: Interaction) -> Table:
+    """The table of which `_interaction` makes the same."""
+    table = dataclasses.asdict(interaction)
+    if isinstance(interaction.contact, ContactLaw):
+        table["contact"] = {"law": interaction.contact.name, **table["contact"]}
+    return table
+
+
+def realism_of(table: Table, control: Control | None, lines: int | None) -> Realism:
+    """The realism of its table, which has one of its own for a change of the tip."""
+    if "tip_change" in table:
+        table = {**table, "tip_change": _from_table("[realism.tip_change]", table["tip_change"], TipChange)}
+    realism: Realism = _from_table("[realism]", table, Realism)
+    if control is None or lines is None:
+        return realism
+    return construct("[realism]", {"realism": realism}, check_realism, control=control, lines=lines)
+
+
+def control_of(table: Table) -> Control:
+    """The control of its kind; a key of another kind is told from a misspelt one."""
+    check_choice("[control] kind", table["kind"], CONTROLS)
+    kind, table = table["kind"], {key: value for key, value in table.items() if key != "kind"}
+    keys = {name: {field.name for field in dataclasses.fields(cls)} for name, cls in CONTROLS.items()}  # type: ignore[arg-type]
+    for key, value in table.items():
+        others = [name for name in CONTROLS if key in keys[name]]
+        if others and kind not in others:
+            belongs = f"It belongs to kind = {' or '.join(map(repr, others))}."
+            raise InputError(f"[control] {key}", value, f"nothing where kind is {kind!r}", belongs)
+    control: Control = _from_table("[control]", table, CONTROLS[kind])
+    return control
+
+
+def materials_of(tables: Table) -> dict[str, Material]:
+    """The materials by name."""
+    complaints = Complaints()
+    found = {
+        name: complaints.of(_from_table, f"[materials.{name}]", table, Material)
+        for name, table in table_of(tables, "materials").items()
+    }
+    complaints.make()
+    return {name: material for name, material in found.items() if material is not None}
+
+
+def object_of(tables: Table, name: str, cls: Callable[..., T]) -> T:
+    """The object of the table that has its name."""
+    found: T = _from_table(f"[{name}]", table_of(tables, name), cls)
+    return found
+
+
+def table_of(tables: Table, name: str) -> Table:
+    """A table of the scene, empty where it is not given."""
+    table = tables.get(name, {})
+    if not isinstance(table, dict):
+        raise InputError(f"[{name}]", table, "a table")
+    return table
+
+
+def _from_table(name: str, table: object, cls: Any) -> Any:
+    """A frozen dataclass from the table of its fields, or from a preset and what differs from it."""
+    fields = dataclasses.fields(cls)
+    required = [field.name for field in fields if field.default is dataclasses.MISSING]
+    allowed = [field.name for field in fields]
+    if hasattr(cls, "preset"):
+        allowed.append("preset")
+        if isinstance(table, dict) and "preset" in table:
+            _check_table(name, table, cls, allowed)
+            others = {key: value for key, value in table.items() if key != "preset"}
+            return construct(name, others, partial(cls.preset, table["preset"]))
+    _check_table(name, table, cls, allowed, required)
+    assert isinstance(table, dict)
+    return construct(name, table, cls)
+
+
+def _check_table(name: str, table: object, cls: type, allowed: list[str], required: Iterable[str] = ()) -> None:
+    """Refuse keys that are unknown or missing, and numbers that are not allowed, all at once."""
+    complaints = Complaints()
+    complaints.of(check_keys, name, table, allowed, required)
+    for key, value in table.items() if isinstance(table, dict) else ():
+        if isinstance(field := vars(cls).get(key), Number):
+            complaints.of(construct, name, {"value": value}, field.check)
+    complaints.make()
