@@ -39,10 +39,10 @@ class Leg:
         """Install and run; return the numbers that were computed there."""
         self.folder.mkdir()
         here, scene = self.folder / "env/bin", SOURCE / "samples/step.toml"
-        call(self.python, "-m", "venv", "env", cwd=self.folder)
-        install = (here / "pip", "install", "--quiet", "--only-binary", ":all:", self.distribution, *self.limits)
-        call(*install, cwd=self.folder)
-        call(here / "pip", "check", cwd=self.folder)
+        call(self.python, "-m", "venv", "--without-pip", "env", cwd=self.folder)
+        pip = (self.folder.parent / "build/bin/pip", "--python", here / "python")  # one pip installs for all
+        call(*pip, "install", "--quiet", "--only-binary", ":all:", self.distribution, *self.limits, cwd=self.folder)
+        call(*pip, "check", cwd=self.folder)
         call(here / "phasemap", "--help", cwd=self.folder)
         small = ("surface.shape=[8,16]", "scan.solver=averaging", "--quiet")
         call(here / "phasemap", "run", scene, "-o", "compiled.nc", *small, cwd=self.folder)

@@ -17,6 +17,7 @@ Tag = tuple[int, int, int, Any, bool]
 
 JPK_SETTINGS = """adjust-reference-amplitude-feedback-settings.reference-amplitude : 2.0
 setpoint-feedback-settings.relative-setpoint : 0.8
+setpoint-feedback-settings.setpoint-slot : voltsamplitude
 sine-generator-feedback-settings.frequency : 88400.0
 """
 
@@ -40,7 +41,7 @@ def nanoscope_file(path: Path, sensitivity: str) -> np.ndarray:
 
 
 def jpk_file(path: Path) -> dict[tuple[str, str], np.ndarray]:
-    """A JPK image of 6 x 4 pixels; returns heights [m] and phases [degree] by direction, top row first."""
+    """A JPK image of 6 x 4 pixels; returns height, amplitude [m] and phase [degree] by direction, top row first."""
     rng, returned = np.random.default_rng(3), {}
     head = [
         _text(0x8000, "6.0.41"), _text(0x8001, "2.0"), _text(0x8030, "ac-direct-drive"), _text(0x803E, JPK_SETTINGS),
@@ -66,7 +67,49 @@ def jpk_file(path: Path) -> dict[tuple[str, str], np.ndarray]:
                 ]
                 tags += [_text(0x80D2, unit), _text(0x80D3, "LinearScaling"), _real(0x80D4, factor), _real(0x80D5, 0.0)]
                 file.write(counts, extratags=tags, **options)
+            counts = rng.integers(10**7, 10**8, (4, 6)).astype(np.int32)
+            returned["amplitude", "retrace" if retrace else "trace"] = counts[::-1] * 1.5e-16
+            tags = [_text(0x8050, "amplitude"), (0x8051, 8, 1, retrace, True), _text(0x8052, "Lock-In Amplitude")]
+            tags += [_whole(0x8080, 3), _text(0x8081, "distanceamplitude"), *_slot(0, "raw")]
+            tags += [*_slot(1, "voltsamplitude", "raw", "V", 1e-8)]
+            tags += [*_slot(2, "distanceamplitude", "voltsamplitude", "m", 1.5e-16)]  # 15 nm/V
+            file.write(counts, extratags=tags, **options)
     return returned
+
+
+def _slot(number: int, name: str, base: str = "", unit: str = "", factor: float = 0.0) -> list[Tag]:
+    """The tags of a calibration of a JPK channel."""
+    at = 0x8090 + 48 * number
+    scaling = [_text(at + 0x13, "NullScaling")]
+    if unit:
+        scaling = [_text(at + 0x12, unit), _text(at + 0x13, "LinearScaling"), _real(at + 0x14, factor)]
+        scaling += [_text(at + 2, base), _real(at + 0x15, 0.0)]
+    return [_text(at, name), *scaling]
+
+
+def ibw_file(path: Path) -> np.ndarray:
+    """An Asylum Research image of 6 x 4 pixels; returns heights [m] and phases [degree], top row first.
+
+    The header of Igor Pro's version 5 is that of WaveMetrics' technical note 3.
+    """
+    rng = np.random.default_rng(7)
+    data = np.stack([1e-9 * rng.normal(size=(4, 6)), 40 + rng.normal(size=(4, 6))]).astype("<f4")
+    names = ["", "HeightTrace", "PhaseTrace"]
+    labels = b"".join(name.encode().ljust(32, b"\0") for name in names)
+    note = "\r".join(
+        ["ImagingMode: AC Mode", "DriveFrequency: 74243", "FreeAirAmplitude: 0.8", "AmplitudeSetpointVolts: 0.6",
+         "AmpInvOLS: 5e-08", "ScanRate: 1", "SpringConstant: 2.5", "FastScanSize: 6e-07", "SlowScanSize: 4e-07", ""]
+    ).encode()  # fmt: skip
+    wave = struct.pack(
+        "<4xIIiHH6xh32sii4i4d4d4s16s", 0, 0, data.size, 2, 0, 1, b"image", 0, 0, 6, 4, 2, 0,
+        1e-7, 1e-7, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, b"m", b"m\0\0\0m\0\0\0".ljust(16, b"\0"),
+    ).ljust(320, b"\0")  # fmt: skip
+    sizes = (320 + data.nbytes, 0, len(note), 0, 0, 0, 0, 0, 0, 0, len(labels), 0, 0, 0, 0)
+    head = struct.pack("<hh15i", 5, 0, *sizes)
+    total = sum(struct.unpack(f"<{(len(head) + 320) // 2}h", head + wave))
+    head = struct.pack("<hH15i", 5, -total & 0xFFFF, *sizes)
+    path.write_bytes(head + wave + data[:, ::-1].tobytes() + note + labels)  # the bottom row first
+    return data.astype(float)
 
 
 def park_file(path: Path, name: str, mode: str, forward: bool = True) -> np.ndarray:

@@ -69,7 +69,7 @@ CREATES_ENERGY = 8
 OUT_OF_RANGE = 9
 DIVERGED = 10
 NOT_ENGAGED = 11
-PENDING = -1  # between two kernels only
+PENDING, STIFF = -1, -2  # between two kernels only; STIFF: an averaged orbit is known, passes do not lead on from it
 
 # Solver codes.
 AVERAGING = 0

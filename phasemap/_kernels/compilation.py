@@ -22,12 +22,14 @@ from typing import Any
 import numba
 from llvmlite.binding import Linkage, add_symbol, parse_assembly
 from numba.core import cgutils, sigutils, types
+from numba.core.base import OverloadSelector
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
+from phasemap._kernels.calls import called
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.first_use import FirstUse
 
@@ -130,6 +132,7 @@ class _Shared(_Plain):
     def add_overload(self, cres: CompileResult) -> None:
         """Make the address of its code known to what is emitted or loaded from now on."""
         super().add_overload(cres)
+        _make_known(self.targetctx, cres)
         name = cres.fndesc.llvm_func_name
         add_symbol(name, cres.library.get_pointer_to_function(name))
         cres.library.needed = _Needed(self.py_func.__module__, self.py_func.__name__, cres.signature.args)
@@ -167,9 +170,16 @@ class _Linked(_Plain):
                 with self._compiling_counter:
                     result = self._compiler.compile(args, return_type)
                 result = result._replace(entry_point=_Name(f"{self.py_func.__module__}.{self.py_func.__qualname__}"))
-                self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+                _make_known(self.targetctx, result)
                 self.overloads[args] = result
             return self.overloads[args].entry_point
+
+
+def _make_known(context: Any, result: CompileResult) -> None:
+    """Let kernels call what was compiled."""
+    make = called(result.fndesc, [result.library])
+    context._defns[result.entry_point] = known = OverloadSelector()
+    known.append(make, result.fndesc.argtypes)
 
 
 class _Name(str):
@@ -184,6 +194,10 @@ class _Name(str):
 
 class _OurCode(JITCodeLibrary):
     """Code that is optimised as a whole only."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)
+        self.needs: dict[_Needed, None] = {}  # what has to be loaded before it
 
     def add_ir_module(self, ir_module: Any) -> None:
         """Take in what was lowered; it is verified with all the rest."""
@@ -241,12 +255,12 @@ def _link(library: Any, module: Any, linkage: str) -> None:
     """Add all that a library reaches to its module, with this linkage."""
     own = {one.name for one in module.functions if not one.is_declaration}
     # A function of numba that is given one of ours, as `engage_in_time` its engine, holds that code and may need more.
-    library._reload_init.update(one.needed for one in _reached(library) if hasattr(one, "needed"))
+    library.needs.update({one.needed: None for one in _reached(library) if hasattr(one, "needed")})
     for other in _reached(library, through=_LinkedCode):  # what is to be linked does not hold what it calls itself
         if hasattr(other, "needed"):
             continue
-        library._reload_init.update(other._reload_init)
         if isinstance(other, _LinkedCode):
+            library.needs.update(other.needs)
             module.link_in(other._final_module, preserve=True)
             continue
         code = other._get_module_for_linking().clone()
@@ -270,7 +284,8 @@ class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[mis
         self.state.library = self.library(self.state.targetctx.codegen(), name)
         self.state.library.enable_object_caching()
         self.state.flags.no_cfunc_wrapper = True
-        return super().compile_extra(func)
+        result = super().compile_extra(func)
+        return result._replace(reload_init=[*self.state.library.needs])
 
 
 class _EntryCompiler(_OurCompiler):
@@ -300,7 +315,7 @@ class _SharedCompiler(_OurCompiler):
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function."""
-        self.state.targetctx.numbered = False
+        self.state.targetctx.numbered, self.state.targetctx.whole = False, True
         self.state.flags.no_cpython_wrapper = True
         result = super().compile_extra(func)
         _count(1)
@@ -315,6 +330,7 @@ class _LinkedCompiler(_OurCompiler):
     def compile_extra(self, func: Any) -> CompileResult:
         """Type and lower a function."""
         self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
+        self.state.targetctx.whole = True
         result = super().compile_extra(func)
         _count(1)
         return result
@@ -369,7 +385,7 @@ def compiled_more_than_once() -> dict[str, int]:
 
 def _fits() -> bool:
     """Whether this numba has the parts that are replaced here."""
-    parts = ("_final_module", "_linking_libraries", "_reload_init")
+    parts = ("_final_module", "_linking_libraries")
     methods = (
         "_optimize_final_module",
         "_finalize_final_module",

@@ -9,14 +9,19 @@ arrays where a function neither makes nor is given one.
 from __future__ import annotations
 
 import copy
+import functools
 import operator
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 from numba.core import ir, lowering, types
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 from numba.core.cpu import CPUContext
+from numba.core.cpu_options import FastMathOptions
+from numba.core.datamodel.models import StructModel, UniTupleModel
 from numba.core.ir_utils import build_definitions
 from numba.core.ssa import reconstruct_ssa
+from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import (
     AnnotateTypes,
     IRLegalization,
@@ -34,11 +39,31 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
+from phasemap._kernels import elements
+from phasemap._kernels.calls import WholeCalls
+
+
+class _Inherited(Flags):
+    """What numba's functions are compiled with, for all kernels the same; compared by identity, for that is often."""
+
+    __slots__ = ()
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
 
 class _Typing(Context):
     """What is known of types, with the calls of numba's functions that were typed before."""
 
     known: ClassVar[dict[Any, Any]] = {}
+    inherited: ClassVar[_Inherited | None] = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Typing)  # numba keeps its functions for each
+
+    def __hash__(self) -> int:
+        return hash(_Typing)
 
     def refresh(self) -> None:
         """Nothing new since the copy was made."""
@@ -47,13 +72,21 @@ class _Typing(Context):
         """The signature of a call."""
         if type(func) is not types.Function and getattr(func, "__module__", "") != operator.add.__module__:
             return super().resolve_function_type(func, args, kws)
+        # What numba tries first; of literals it would keep one version each.
+        args, kws = tuple(map(_unliteral, args)), {name: _unliteral(one) for name, one in kws.items()}
         key = func, args, tuple(kws.items())
         found = self.known.get(key)
         if found is None:
-            found = super().resolve_function_type(func, args, kws)
+            with ConfigStack().enter(self.inherited):
+                found = super().resolve_function_type(func, args, kws)
             if found is not None:
                 self.known[key] = found
         return found
+
+
+def _unliteral(of: types.Type) -> types.Type:
+    """A type of numbers for that of one number; words, which choose between functions, stay what they are."""
+    return of if isinstance(of, types.StringLiteral) else types.unliteral(of)
 
 
 class _Target(CPUContext):
@@ -61,6 +94,7 @@ class _Target(CPUContext):
 
     looks = False
     numbered = True  # names of functions
+    whole = False  # arguments of the function that is made
 
     def refresh(self) -> None:
         """Take in what was registered since."""
@@ -73,21 +107,85 @@ class _Target(CPUContext):
         return str(super().mangler(name, types, abi_tags=abi_tags, uid=uid if self.numbered else None))
 
 
-class _Lower(lowering.Lower):
-    """Lowering that counts references only to what is counted."""
+@functools.cache
+def _counted_parts(model: Any) -> tuple[tuple[tuple[int, ...], types.Type], ...]:
+    """Where in a value the counted parts are, and their types; numba looks at every number in a tuple each time."""
+    if isinstance(model, UniTupleModel):
+        parts = model.inner_models() * model._count
+    elif isinstance(model, StructModel) and type(model).traverse is StructModel.traverse:
+        parts = model.inner_models()
+    else:
+        return (((), model.fe_type),) if model.contains_nrt_meminfo() else ()
+    return tuple(
+        ((position, *path), kind) for position, part in enumerate(parts) for path, kind in _counted_parts(part)
+    )
 
-    def _counted(self, of: types.Type) -> bool:
-        return bool(self.context.enable_nrt and self.context.data_model_manager[of].contains_nrt_meminfo())
+
+class _Lower(lowering.Lower):
+    """Lowering that counts references only to what is counted, and goes straight to the elements of arrays."""
+
+    def setup_function(self, fndesc: Any) -> None:
+        """Begin a function."""
+        context = self.context
+        if context.whole:
+            context.__dict__["declare_function"] = WholeCalls(context).declare
+        try:
+            super().setup_function(fndesc)
+        finally:
+            context.__dict__.pop("declare_function", None)
+
+    def extract_function_arguments(self) -> Any:
+        """What it is given."""
+        if not self.context.whole:
+            return super().extract_function_arguments()
+        self.fnargs = WholeCalls(self.context).decode_arguments(self.builder, self.fndesc.argtypes, self.function)
+        return self.fnargs
+
+    def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
+        """An element or a row."""
+        of, at = self.typeof(value.name), self.typeof(index.name)
+        kinds = elements.simple(of, at)
+        if not kinds or self.context.enable_boundscheck:
+            return super().lower_getitem(resty, expr, value, index, signature)
+        array = self.loadvar(value.name)
+        place, sizes = elements.place_of(self.builder, array, of.ndim, kinds, self.loadvar(index.name))
+        given = signature.return_type
+        if sizes:
+            found = elements.view(self.builder, array, self.context.get_value_type(given), place, sizes)
+            self.incref(given, found)
+        else:
+            found = self.context.unpack_value(self.builder, of.dtype, place)
+        return self.context.cast(self.builder, found, given, resty)
+
+    def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
+        """An element is given a value."""
+        of, at, value = (self.typeof(one.name) for one in (target_var, index_var, value_var))
+        kinds = elements.simple(of, at)
+        if len(kinds) != getattr(of, "ndim", -1) or not isinstance(value, types.Number | types.Boolean):
+            return super().lower_setitem(target_var, index_var, value_var, signature)
+        array = self.loadvar(target_var.name)
+        place, _ = elements.place_of(self.builder, array, of.ndim, kinds, self.loadvar(index_var.name))
+        number = self.context.cast(self.builder, self.loadvar(value_var.name), value, of.dtype)
+        self.context.pack_value(self.builder, of.dtype, number, place)
+        return None
+
+    def _counted(self, of: types.Type) -> tuple[Any, ...]:
+        """Where in a value of a type the counted parts are, and of what type they are."""
+        return _counted_parts(self.context.data_model_manager[of]) if self.context.enable_nrt else ()
 
     def incref(self, typ: types.Type, val: Any) -> None:
         """One reference more."""
-        if self._counted(typ):
-            super().incref(typ, val)
+        for kind, part in self._parts(typ, val):
+            self.context.nrt.incref(self.builder, kind, part)
 
     def decref(self, typ: types.Type, val: Any) -> None:
         """One reference less."""
-        if self._counted(typ):
-            super().decref(typ, val)
+        for kind, part in self._parts(typ, val):
+            self.context.nrt.decref(self.builder, kind, part)
+
+    def _parts(self, of: types.Type, value: Any) -> Iterator[tuple[types.Type, Any]]:
+        for path, kind in self._counted(of):
+            yield kind, self.builder.extract_value(value, path) if path else value
 
     def delvar(self, name: str) -> None:
         """A variable is not used any more."""
@@ -183,6 +281,9 @@ class LeanCompiler(Compiler):
         typing, target = copy.copy(typingctx), copy.copy(targetctx)
         typing.__class__, target.__class__ = _Typing, _Target
         super().__init__(typing, target, *args)
+        if _Typing.inherited is None:
+            _Typing.inherited = _Inherited(self.state.flags)
+            _Typing.inherited.fastmath, _Typing.inherited.forceinline = FastMathOptions({"contract"}), False
         self.state.targetctx.looks = True
 
     def define_pipelines(self) -> list[Any]:

@@ -10,7 +10,8 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from phasemap._shared.checks import number
-from phasemap._shared.plausible import Usual, question
+from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import Usual, likely, question
 
 if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
@@ -34,7 +35,7 @@ class Number(Generic[T]):
     said : str, optional
         What it is called where its own name says too little.
     optional : bool
-        Whether None is allowed.
+        Whether None, or the text "none", is allowed.
     usual : (float, float), optional
         The least and the most found in practice, zero aside [unit].
     asks : bool
@@ -89,7 +90,16 @@ class Number(Generic[T]):
 
     def check(self, value: object) -> float | None:
         """What the field makes of a value; an `InputError` if it is not allowed."""
-        return None if value is None and self._optional else number(str(self._said), value, self.unit, **self._bounds)
+        if self._optional and (value is None or value == "none"):  # which is how a scene says it
+            return None
+        try:
+            return number(str(self._said), value, self.unit, **self._bounds)
+        except InputError as error:
+            if self.usual is None or not isinstance(value, (int, float)) or not value > 0:
+                raise
+            meant = likely(value, self.unit, self.usual)
+            hint = f"Did you mean {meant}?" if meant else ""
+            raise InputError(error.name, error.value, error.allowed, hint) from None
 
     def look_at(self, value: float) -> None:
         """Warn of a value outside all practice."""

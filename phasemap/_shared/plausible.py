@@ -117,13 +117,25 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
         f"{value:g} {text}".rstrip(),
         f"usual {f'{say(low, units)} … ' if low else 'up to '}{say(high, units)}",
     )
-    likely = LIKELY.get(units, ()) if TYPED[0] <= size < TYPED[1] else ()
-    meant = next((one for one in likely if low <= size * one <= high), None)
-    cure = f"id you mean {value:g} {PREFIXES[meant]}{text}?" if meant else ""
+    meant = likely(value, unit, usual)
     if manner == "raise":
-        raise InputError(name, Word(given), f"the {range_}", "D" + cure if cure else "")
-    message = f"{name} = {given}; {range_}" + (f"; d{cure}" if cure else ".")
+        raise InputError(name, Word(given), f"the {range_}", f"Did you mean {meant}?" if meant else "")
+    message = f"{name} = {given}; {range_}" + (f"; did you mean {meant}?" if meant else ".")
     warnings.warn(message, PlausibilityWarning, stacklevel=outside())
+
+
+def likely(value: float, unit: str, usual: Usual) -> str:
+    """What a number outside all practice was likely meant to be, with its unit; empty where nothing is likely.
+
+    Examples
+    --------
+    >>> likely(10.0, "m", (0.5e-9, 10e-6)), likely(1e-30, "m", (0.5e-9, 10e-6))
+    ('10 nm', '')
+    """
+    units, (low, high) = UDUNITS.get(unit, unit), usual
+    prefixes = LIKELY.get(units, ()) if TYPED[0] <= abs(value) < TYPED[1] else ()
+    meant = next((one for one in prefixes if low <= abs(value) * one <= high), None)
+    return f"{value:g} {PREFIXES[meant]}{WRITTEN.get(units, units)}" if meant else ""
 
 
 @contextmanager

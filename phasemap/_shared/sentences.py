@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from phasemap._shared.units import readable
+
 __all__ = ["counted", "image_size", "listed"]
 
 
@@ -24,10 +26,11 @@ def image_size(shape: tuple[int, int], pixel_size: tuple[float, float]) -> str:
     Examples
     --------
     >>> image_size((128, 256), (4e-9, 4e-9))
-    '256 x 128 pixels, 1024 x 512 nm'
+    '256 x 128 pixels, 1.024 x 0.512 µm'
     """
     (ny, nx), (dy, dx) = shape, pixel_size
-    return f"{nx} x {ny} pixels, {nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm"
+    unit = readable(max(nx * dx, ny * dy), "m")
+    return f"{nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}"
 
 
 def listed(names: Sequence[str]) -> str:

@@ -36,10 +36,13 @@ class Unit(NamedTuple):
 
         Examples
         --------
-        >>> Unit(1e3, "kHz").say(148240.0, 5)
-        '148.24 kHz'
+        >>> Unit(1e3, "kHz").say(148240.0, 5), Unit(1e3, "kHz").say(148240.0, 2)
+        ('148.24 kHz', '148 kHz')
         """
-        return f"{value / self.size:.{digits}g} {self.text}".rstrip()
+        scaled = value / self.size
+        if 100.0 <= abs(scaled) < 999.5:
+            digits = max(digits, 3)  # no power of ten
+        return f"{scaled:.{digits}g} {self.text}".rstrip()
 
 
 def readable(largest: float, units: str) -> Unit:

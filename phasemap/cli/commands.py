@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments, rest = parser.parse_known_args(argv)
     strange = [word for word in rest if not _belongs(word, arguments)]
     if strange:
-        parser.error(f"unknown argument {strange[0]!r}")
+        arguments.parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
         arguments.overrides += rest
     asking = strict_units() if getattr(arguments, "strict_units", False) else once()
@@ -148,7 +148,7 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(
             name, help=about, description=about, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        command.set_defaults(command=do)
+        command.set_defaults(command=do, parser=command)
         add_arguments(command)
     return parser
 

@@ -36,6 +36,7 @@ def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None
         After Ctrl-C, with a word on what is kept.
     """
     from phasemap._shared.threads import workers_of
+    from phasemap.scenes.data_card import card_beside
 
     if arguments.threads or arguments.strict:
         option = "--threads" if arguments.threads else "--strict"
@@ -52,7 +53,8 @@ def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None
         if (irregular := _count(output, "irregular")) != "none":
             print(f"motion      {irregular} irregular")
         print(f"failed      {_count(output, 'failed')}")
-        print(f"took        {time.perf_counter() - started:.2f} s\nwritten to  {output}")
+        print(f"took        {time.perf_counter() - started:.2f} s")
+        print(f"written to  {output}\ndata card   {card_beside(output)}")
 
 
 def print_ensemble(ensemble: Ensemble) -> None:
@@ -108,7 +110,7 @@ def _count(output: Path, name: str) -> str:
     import numpy as np
     import xarray as xr
 
-    with xr.open_dataset(output, engine="netcdf4") as ds:
+    with xr.open_dataset(output, engine="zarr" if output.suffix == ".zarr" else "netcdf4") as ds:
         counts, pixels = ds[name].values if name in ds else np.zeros(1), ds["status"].size
     count = int(counts.sum())
     if not count:

@@ -66,6 +66,7 @@ def scene(arguments: argparse.Namespace) -> None:
     output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)
     with untold():  # it is printed below
         image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)
+    _print_warnings(image)  # what is missing may stand there
     made = scene_from(
         image,
         output,
@@ -75,7 +76,6 @@ def scene(arguments: argparse.Namespace) -> None:
         by=arguments.by,
         overwrite=arguments.overwrite,
     )
-    _print_warnings(image)
     print(f"image       {image_size(made.surface.shape, made.surface.pixel_size)}")
     for line in output.read_text(encoding="utf-8").splitlines():
         if line.startswith("[materials."):

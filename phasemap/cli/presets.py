@@ -47,7 +47,10 @@ def presets(arguments: argparse.Namespace) -> None:
         print("\n".join(_shown(*found)))
 
 
-NOTE = "~ marks an estimate. `phasemap presets NAME` says where each number comes from, and its range."
+NOTE = (
+    "~ marks an estimate. `phasemap presets NAME` says where each number comes from, and its range. Those of levers\n"
+    "are mostly from memory, and in air: in a liquid give resonance_frequency and quality_factor too."
+)
 
 
 def _table(kind: str, every: Mapping[str, Preset], cls: type) -> Iterator[str]:

@@ -13,7 +13,7 @@ from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
 from phasemap._shared.sentences import image_size
-from phasemap._shared.units import ELECTRONVOLT
+from phasemap._shared.units import ELECTRONVOLT, say
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
 from phasemap.cli.console import progress_bar, remarks
@@ -31,8 +31,10 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
   phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
   phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
+  phasemap run samples/ensemble.toml -o ensemble.zarr ensemble.count=1000
 
-A scene with a table [ensemble] is simulated in all its variants. After an interrupt the same command goes on.
+A scene with a table [ensemble] is simulated in all its variants, into a netCDF file or a zarr store that holds the
+truth behind each image too, with a data card beside it. After an interrupt the same command goes on.
 """
 
 
@@ -143,7 +145,7 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     print(f"modelled    {modelled}")
-    print(f"setpoint    {scene.options['setpoint']:g} of {scene.microscope.driven_amplitude * 1e9:.4g} nm")
+    print(f"setpoint    {scene.options['setpoint']:g} of {say(scene.microscope.driven_amplitude, 'm')}")
     print(f"solver      {scene.options['solver']}")
     if control := str(scene.options["control"]):
         print(f"control     {control}")
@@ -167,7 +169,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.results.words import describe_flags
+    from phasemap.results.words import describe_alike, describe_flags
 
     _print_scene(scene, image.attrs["modelled"])
     realism = scene.options["realism"]
@@ -176,9 +178,13 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
         print(f"feedback    {_in_words(image.attrs, noisy)}")
     if "solver" in image:
         print(f"used        {describe_flags(image['solver'])}")
+    if "branch" in image:
+        print(f"regime      {describe_flags(image['branch'])}")
     shown = (("phase", "degrees", 1.0), ("height", "nm", 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
     for name, unit, factor in shown:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
+    for line in [] if noisy else describe_alike(image, len(scene.surface.unique()[0])):
+        print(f"alike       {line}")
     print("\n".join(remarks(image)))

@@ -112,11 +112,13 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
     viscous = any(m.viscosity for m in chosen)
     damped = next((n for n, m in zip(names, chosen, strict=True) if m.damping), None)
     if viscous and damped is not None:
+        other = next(n for n, m in zip(names, chosen, strict=True) if m.viscosity)
         raise InputError(
             f"damping of material {damped}",
             materials[damped].damping,
-            "viscosity in its place, as in another of the materials",
-            "The two are compared only once the lever and the tip are known.",
+            f"a viscosity in its place, as material {other} has, or a damping there too",
+            "A preset takes one: Material.preset('PS', damping=0.01). Which damping a viscosity is depends on lever "
+            "and tip, which a scene knows and a surface does not.",
         )
     rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
     table = np.array(rows, dtype=np.float64)

@@ -67,8 +67,9 @@ class Material(Shown):
         Returns
         -------
         Material
-            Modulus and Poisson's ratio are those of the bulk. Adhesion and damping are estimates, for they depend on
-            the tip, the lever and the humidity: begin with them, and fit.
+            Modulus and Poisson's ratio are those of the bulk. Adhesion and viscosity are estimates, for they depend on
+            the tip, the humidity and the frequency: begin with them, and fit. The loss is a `viscosity`, which is the
+            same under every lever, as a `damping` is not; a `damping` among the changes takes its place.
 
         Raises
         ------

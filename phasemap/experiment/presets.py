@@ -124,15 +124,15 @@ def preset_of(kind: str, name: object) -> Preset:
 
 
 def combined(numbers: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers of a preset, with some of them changed; a viscosity takes the place of a damping.
+    """Numbers of a preset, with some of them changed; a damping takes the place of its viscosity.
 
     Examples
     --------
-    >>> combined({"modulus": 3e9, "damping": 0.01}, {"viscosity": 20.0})
-    {'modulus': 3000000000.0, 'viscosity': 20.0}
+    >>> combined({"modulus": 3e9, "viscosity": 20.0}, {"damping": 0.01})
+    {'modulus': 3000000000.0, 'damping': 0.01}
     """
-    viscous = changes.get("viscosity") is not None and "damping" not in changes
-    return {**{name: value for name, value in numbers.items() if not (viscous and name == "damping")}, **changes}
+    damped = changes.get("damping") is not None and "viscosity" not in changes
+    return {**{name: value for name, value in numbers.items() if not (damped and name == "viscosity")}, **changes}
 
 
 @cache

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
 
 Array = np.ndarray
@@ -43,6 +47,38 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
     omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
     contact = float(law.radius_at(np.array(radius), radius))
     return np.asarray(viscosity * (contact * omega_c / (2 * scope.cantilever.stiffness)))
+
+
+def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[str, Material]:
+    """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here.
+
+    Parameters
+    ----------
+    materials : mapping of str to Material
+    scope : Microscope
+        Under which a viscosity is a damping.
+
+    Raises
+    ------
+    InputError
+        As `damping_of`.
+
+    Examples
+    --------
+    >>> from phasemap.experiment.microscope import Cantilever, Drive
+    >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(40e-9))
+    >>> both = of_one_loss({"a": Material(1e9, damping=0.01), "b": Material(1e9, viscosity=42.44)}, scope)
+    >>> round(both["b"].damping, 6), both["b"].viscosity
+    (0.01, None)
+    """
+    if not any(one.damping for one in materials.values()):
+        return dict(materials)
+    return {
+        name: one if one.viscosity is None else replace(
+            one, viscosity=None, damping=float(damping_of(np.array(one.viscosity), scope))
+        )
+        for name, one in materials.items()
+    }  # fmt: skip
 
 
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:

@@ -18,6 +18,7 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.control import Engage
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
+from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate
@@ -170,7 +171,8 @@ def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
     if scene.config["surface"]["kind"] == "maps":
         hint = "Maps of few materials can be explored in Python: pm.explore(scene.surface, scene.microscope)."
         raise InputError("[surface] kind", "maps", "a kind whose materials have names, to be explored", hint)
-    every = _alike({name: Material(**values) for name, values in scene.config["materials"].items()})
+    every = {name: Material(**values) for name, values in scene.config["materials"].items()}
+    every = _alike(of_one_loss(every, scene.microscope))
     sample = _sample_of(scene, tuple(every), scene.microscope.tip)
     used, labels = np.unique(sample.labels, return_inverse=True)
     names = [list(every)[i] for i in used]
@@ -210,7 +212,7 @@ def _check_count(count: int) -> None:
 
 
 def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
-    """The materials with a viscosity each where one of them has one, since a surface cannot have both losses."""
+    """The materials, of one loss, with a viscosity each where one of them has one."""
     if not any(material.viscosity for material in materials.values()):
         return {name: replace(one, viscosity=None) for name, one in materials.items()}
     return {name: replace(one, damping=0.0, viscosity=one.viscosity or 0.0) for name, one in materials.items()}
@@ -222,7 +224,7 @@ def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
     stand_ins = {name: Material(modulus=1.0 + i) for i, name in enumerate(names)}
     every = {name: stand_ins.get(name, Material(modulus=1.0)) for name in scene.config["materials"]}
     table = scene.config["surface"]
-    surface = dilate(table, build_surface(dict(table), every, _folder_of(scene))[0], tip)
+    surface = dilate(table, build_surface(dict(table), every, _folder_of(scene)).surface, tip)
     labels = np.round(surface.modulus - 1.0).astype(np.int32)
     labels.setflags(write=False)
     return Sample(labels, surface.topography)

@@ -26,8 +26,9 @@ __all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
 HEAD = 1 << 18  # bytes of a file that say what it is
 OTHER_KINDS = {
-    b"PK\x03\x04": "an archive (as JPK keeps force curves)", b"%PDF": "a PDF document", b"\x89HDF": "an HDF5 file",
-    b"\x1f\x8b": "compressed", b"BM": "a picture, which has no units",
+    b"PK\x03\x04": "an archive (as JPK keeps force curves), not an image", b"%PDF": "a PDF document, not an image",
+    b"\x89HDF": "an HDF5 file of a kind that Gwyddion does not read", b"\x1f\x8b": "compressed: unpack it first",
+    b"BM": "a picture, which has no units",
 }  # fmt: skip
 """By the bytes that they begin with."""
 COPIES = 4  # of a .gwy file in memory while it is read
@@ -200,7 +201,7 @@ def _other_kind(path: Path) -> str:
         head = file.read(HEAD)
     for mark, what in OTHER_KINDS.items():
         if head.startswith(mark):
-            return f"it is {what}, not an image"
+            return f"it is {what}"
     if b"*Force file list" in head:
         return "it is a force curve of NanoScope, not an image"
     if path.suffix.lower() == ".nid" and re.search(rb"Dim0Name=Frequency", head):

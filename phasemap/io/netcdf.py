@@ -6,6 +6,7 @@ import math
 import os
 import platform
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +29,7 @@ HEADER = 1 << 24  # byte: longer headers of classic files are not read
 LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one
 OTHERS = {
     ".toml": "A scene would be lost.",
+    ".zarr": "An ensemble may be a zarr store; an image is made one by image.to_zarr in Python.",
     **dict.fromkeys((".png", ".pdf", ".svg", ".jpg", ".jpeg", ".tif", ".tiff"), "Use phasemap plot."),
 }
 """What no netCDF file is called, and why."""
@@ -47,7 +49,8 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     Raises
     ------
     FileError
-        If the folder is missing or not writable, `path` is not a file, or it exists and `overwrite` is False.
+        If the folder is missing or not writable, `path` is neither a file nor a zarr store, or it exists and
+        `overwrite` is False.
 
     Examples
     --------
@@ -57,7 +60,7 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     phasemap.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
     """
     path = Path(path)
-    if path.exists() and not path.is_file():
+    if path.exists() and not path.is_file() and not _is_store(path):
         raise FileError(f"cannot write {path}: it is a folder or a device, not a file.")
     if not path.parent.is_dir():
         raise FileError(f"cannot write {path}: the folder {str(path.parent)!r} does not exist.")
@@ -178,13 +181,28 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
     temporary = path.with_name(f".{path.stem}.{_host()}-{os.getpid()}.tmp{path.suffix}")
     try:
         yield temporary
-        with temporary.open("r+b") as file:
-            os.fsync(file.fileno())  # the bytes are on the disk before the name points to them
+        if temporary.is_file():
+            with temporary.open("r+b") as file:
+                os.fsync(file.fileno())  # the bytes are on the disk before the name points to them
+        if _is_store(path):
+            shutil.rmtree(path)  # a folder takes the place of an empty one only
         os.replace(temporary, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
         raise FileError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}.") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
+
+
+def _is_store(path: Path) -> bool:
+    """Whether this is a zarr store, which is a folder, as `phasemap.io.zarr_store` writes it."""
+    return path.suffix == ".zarr" and Path(path, ".zgroup").is_file()
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or a store, if it is there."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
 
 
 def _clear(path: Path) -> None:
@@ -192,7 +210,7 @@ def _clear(path: Path) -> None:
     pattern = re.compile(rf"\.{re.escape(path.stem)}\.{_host()}-(\d+)\.tmp{re.escape(path.suffix)}")
     for name in os.listdir(path.parent):
         if (found := pattern.fullmatch(name)) and not _is_alive(int(found[1])):
-            path.with_name(name).unlink(missing_ok=True)
+            _remove(path.with_name(name))
 
 
 def _host() -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from phasemap._shared.errors import FileError
 from phasemap._shared.units import say
+from phasemap.io.jpk import amplitude_sensitivity, is_quantitative_imaging
 from phasemap.io.metadata import CANONICAL, ScanData, quantity
 
 __all__ = ["mode_of", "scan_data"]
@@ -93,6 +94,8 @@ def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
     mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
     mode = ASYLUM_NUMBERS.get(mode, mode)
     other = next((metadata[key].strip() for key in OTHER_MODE_KEYS if metadata.get(key, "").strip()), "")
+    if not mode and not other and is_quantitative_imaging(path):
+        other = "quantitative imaging"
     wrong = mode if mode and mode.lower() not in TAPPING_MODES else other if other.lower() in OTHER_MODES else ""
     if wrong:
         raise FileError(
@@ -221,17 +224,24 @@ def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         rb"(.*)",
         rb"feedback-settings\.(reference-amplitude|relative-setpoint|frequency) : ([^\r\n]+)",
     )
-    free = settings.get("reference-amplitude")
+    free, volts = settings.get("reference-amplitude"), quantity(metadata.get("Feedback Setpoint"))
+    sensitivity = amplitude_sensitivity(path)
     scan.take(
         drive_frequency=settings.get("frequency", quantity(metadata.get("Feedback Frequency"))),
         line_rate=quantity(metadata.get("Scan Rate")),
         proportional_gain=quantity(metadata.get("Feedback PGain")),
         integral_gain=quantity(metadata.get("Feedback IGain")),
-        setpoint_voltage=quantity(metadata.get("Feedback Setpoint")),
+        setpoint_voltage=volts,
         setpoint=settings.get("relative-setpoint"),
         free_amplitude_voltage=free,
+        amplitude_sensitivity=sensitivity,
     )
-    if free:
+    if sensitivity:
+        scan.take(
+            free_amplitude=free * sensitivity if free else None,
+            setpoint_amplitude=volts * sensitivity if volts else None,
+        )
+    elif free:
         scan.warnings.append(f"The free amplitude is {free:.4g} V, without a sensitivity that makes metres of it.")
 
 

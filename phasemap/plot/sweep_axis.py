@@ -141,7 +141,8 @@ def _limits(ds: xr.Dataset, axis: str, size: float, logarithmic: bool) -> tuple[
             acts |= (apart > FLAT * np.fmax.reduce(apart, axis=None)).any(axis=0)
         if acts.any():
             last = float(x[acts].max())
-            high = min(high, last + FREE_SHARE / (1 - FREE_SHARE) * (last - low))
+            if last > low:
+                high = min(high, last + FREE_SHARE / (1 - FREE_SHARE) * (last - low))
     if logarithmic:
         return low / (high / low) ** 0.02, high * (high / low) ** 0.02
     return low - 0.03 * (high - low), high + 0.03 * (high - low)

@@ -22,7 +22,7 @@ class Status(Enum):
     )
     not_settled = (
         "What the tip does here was not decided within the periods of the drive that may be integrated. "
-        "Allow more with Accuracy(periods=...)."
+        "Allow more with Accuracy(periods=...), in a scene accuracy.periods."
     )
     invalid = (
         "The maps have no valid material here (NaN), or adhesion without stiffness, "
@@ -32,7 +32,7 @@ class Status(Enum):
     no_averaged_orbit = "First-order averaging has no orbit on the branch the tip takes. Use solver='orbit'."
     creates_energy = (
         "The neck of this contact law breaks within reach of the long-range force, so that a loop would create energy. "
-        "Use contact='maugis' or 'dmt', a shorter decay_length, or decay_length=None."
+        "Use contact='maugis' or 'dmt', a shorter decay_length, or decay_length=None (in a scene 'none')."
     )
     out_of_range = "The scanner came to the end of its range. Give a larger scanner_range, or level the surface."
     diverged = (

@@ -11,7 +11,9 @@ from phasemap.results.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["describe_failures", "describe_flags", "describe_irregular"]
+__all__ = ["describe_alike", "describe_failures", "describe_flags", "describe_irregular"]
+
+NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phase image
 
 
 def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
@@ -81,6 +83,40 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     ]
     most = f", spread up to {' and '.join(spreads)}" if spreads else ""
     return [f"{counted(count, ds['motion'].size, what)} irregular: mean amplitude and phase{most}"]
+
+
+def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
+    """Say so if several materials can hardly be told apart by their phase.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        An image without noise.
+    materials : int
+        How many are in it.
+
+    Returns
+    -------
+    list of str
+        One line, or none.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> describe_alike(xr.Dataset({"phase": ("x", [44.9, 45.0])}), materials=2)[0][:56]
+    'the phases of the 2 materials are within 0.1 degrees: th'
+    """
+    import numpy as np
+
+    if materials < 2 or "phase" not in ds or not np.isfinite(ds["phase"].values).any():
+        return []
+    apart = float(np.nanmax(ds["phase"].values) - np.nanmin(ds["phase"].values))
+    if apart > NOTABLE:
+        return []
+    return [
+        f"the phases of the {materials} materials are within {apart:.2g} degrees: they take nearly the same energy "
+        "from the tip at this amplitude. `phasemap contrast` says at which setpoint and free amplitude they do not."
+    ]
 
 
 def describe_flags(flags: xr.DataArray) -> str:

@@ -1,4 +1,4 @@
-"""Ensembles: a scene in many variants, simulated into one netCDF file.
+"""Ensembles: a scene in many variants, simulated into one file with the truth behind each image, and a data card.
 
 A scene file becomes an ensemble by a table ``[ensemble]``. Either ``count`` samples are drawn,
 
@@ -18,6 +18,8 @@ or they are the rows of a table, a CSV file in the scene's folder whose header n
 
     [ensemble]
     table = "runs.csv"
+
+``licence`` is text that the data card states, such as ``"CC-BY-4.0"``.
 """
 
 from __future__ import annotations
@@ -138,14 +140,16 @@ class Ensemble:
         overwrite: bool = False,
         progress: Callable[[int, int], None] | None = None,
     ) -> Path:
-        """Simulate all samples into one netCDF file, and go on where an earlier call was stopped.
+        """Simulate all samples into one file, and go on where an earlier call was stopped.
 
-        Samples that are done are kept in the folder ``PATH.parts`` until all are.
+        Samples that are done are kept in the folder ``PATH.parts`` until all are. A page that says what the file holds
+        and how it was made, its data card, is written beside it: ``blends.nc.card.md`` beside ``blends.nc``.
 
         Parameters
         ----------
         path : path-like
-            The file to write.
+            The file to write, netCDF; or a zarr store if it ends in ``.zarr``, which takes zarr
+            (``pip install "afm-phasemap[dask]"``).
         workers : int
             How many processes, each with one thread. The bytes of the file do not depend on it. A script must call
             this under ``if __name__ == "__main__"`` for more than one.
@@ -157,15 +161,18 @@ class Ensemble:
         Returns
         -------
         Path
-            The file: the image variables of `phasemap.simulate` with a dimension ``sample`` in front; over the samples,
-            the varied keys as coordinates, how many pixels ``failed`` and how many have ``irregular`` motion, and the
-            numbers among the attributes of single images; and the scene as JSON.
+            The file: the image variables of `phasemap.simulate` with a dimension ``sample`` in front; so too what is
+            under the tip, as `Scene.truth` has it, ``label`` and the maps of properties; over the samples, the varied
+            keys as coordinates, how many pixels ``failed`` and how many have ``irregular`` motion, and the numbers
+            among the attributes of single images; and the scene as JSON.
 
         Raises
         ------
         InputError, FileError
             If a sample cannot be simulated, with its number, or the images of two samples differ in size; those that
-            are done are kept.
+            are done are kept. If the file or its card is there, and `overwrite` is False.
+        PhasemapError
+            If zarr is wanted and not installed.
 
         Examples
         --------
@@ -177,23 +184,34 @@ class Ensemble:
         {'sample': 2, 'y': 64, 'x': 64}
         """
         from phasemap._shared.processes import in_processes
-        from phasemap.io.netcdf import check_target
+        from phasemap.io.netcdf import check_dataset, check_target, replacing
+        from phasemap.io.zarr_store import SUFFIX, check_store, write_store
+        from phasemap.scenes.data_card import card_beside
         from phasemap.scenes.ensemble_file import Parts, assemble
 
-        path = check_target(path, overwrite)
+        path = Path(path)
+        as_store = path.suffix == SUFFIX
+        check_store(path, overwrite) if as_store else check_dataset(path, overwrite)
+        card = check_target(card_beside(path), overwrite)
         whole("workers", workers, 1)
-        form = _form(self.scene(0))
+        first = self.scene(0)
         parts = Parts(path, (self._tables(sample) for sample in range(len(self))), self.folder)
         try:
             if progress is not None:
                 progress(parts.done, len(self))
             jobs = ((sample, self._tables(sample), file) for sample, file in parts.missing())
-            with closing(in_processes(partial(_make, folder=self.folder, form=form), jobs, workers)) as made:
+            make = partial(_make, folder=self.folder, form=_form(first), named=self._named)
+            with closing(in_processes(make, jobs, workers)) as made:
                 for file in made:
                     done = parts.add(file)
                     if progress is not None:
                         progress(done, len(self))
-            assemble(path, parts.files, self._columns(), self._attributes(), overwrite)
+            netcdf = parts.whole if as_store else path
+            assemble(netcdf, parts.files, self._columns(), self._attributes(), overwrite or as_store)
+            if as_store:
+                write_store(netcdf, path, overwrite)
+            with replacing(card, overwrite) as temporary:
+                temporary.write_text(self._card(path, netcdf, first), encoding="utf-8")
             parts.remove()
         finally:
             parts.leave()
@@ -205,6 +223,20 @@ class Ensemble:
         for key, value in self.samples[sample].items():
             tables = with_value(tables, key, value)
         return tables
+
+    @property
+    def _named(self) -> bool:
+        """Whether a label means the same material in all samples."""
+        return not any(key.startswith("surface.materials") for key in self.keys)
+
+    def _card(self, path: Path, netcdf: Path, first: Scene) -> str:
+        """The data card of a file; where that is a store, `netcdf` has the same in it."""
+        import xarray as xr
+
+        from phasemap.scenes.data_card import data_card
+
+        with xr.open_dataset(netcdf, engine="netcdf4") as ds:
+            return data_card(path, ds, self.tables, self.samples, first)
 
     def _columns(self) -> list[tuple[str, dict[str, str], list[Any]]]:
         """Name, attributes and values of each varied key."""
@@ -348,7 +380,7 @@ def _named(sample: int) -> Iterator[None]:
         complaints.make()
 
 
-def _make(job: tuple[int, Table, Path], folder: Path, form: Form) -> Path:
+def _make(job: tuple[int, Table, Path], folder: Path, form: Form, named: bool) -> Path:
     """Simulate a sample into its file, with the numbers among its attributes, but for the time it took."""
     from phasemap.io.netcdf import save
 
@@ -358,6 +390,10 @@ def _make(job: tuple[int, Table, Path], folder: Path, form: Form) -> Path:
         _check_form(scene, form)
         with untold():  # status is in the file, and counted when all are done
             image = scene.simulate(threads=1)
+    truth = scene.truth()
+    if "label" in truth and not named:  # what a label means is among what is varied
+        del truth.label.attrs["flag_values"], truth.label.attrs["flag_meanings"]
+    image = image.assign(truth.drop_vars(["y", "x"]).data_vars)
     image.attrs = {
         name: value for name, value in image.attrs.items() if isinstance(value, (int, float)) and name != "seconds"
     }

@@ -25,6 +25,8 @@ __all__ = ["Parts", "assemble"]
 
 LONG_NAMES = {"failed": "pixels without a solution", "irregular": "pixels with irregular motion"}
 
+CONTENTS = "image and truth"  # of a part; one with other contents is not taken for it
+
 Table = dict[str, Any]
 Form = dict[str, tuple[int, ...]]
 Key = tuple[str, Mapping[str, str], list[Any]]  # the name of a variable, its attributes, a value a sample
@@ -40,7 +42,7 @@ class Parts:
     Parameters
     ----------
     output : Path
-        The file that the ensemble becomes.
+        The file that the ensemble becomes. ``whole`` is where all samples may be put together before they become it.
     scenes : iterable of dict
         The tables of each sample's scene.
     folder : Path
@@ -54,6 +56,7 @@ class Parts:
 
     def __init__(self, output: Path, scenes: Iterable[Table], folder: Path) -> None:
         self.folder = output.with_name(f"{output.name}.parts")
+        self.whole = self.folder / "whole.nc"
         digests, release = _Digests(folder), provenance({}, "")["phasemap_version"]
         self.files = [self.folder / f"{_identity(tables, digests, release)}.nc" for tables in scenes]
         self._samples = Counter(self.files)
@@ -80,7 +83,7 @@ class Parts:
     def remove(self) -> None:
         """Delete these samples."""
         leftovers = self.folder.glob(".*.tmp.nc")  # of a process that was killed
-        for file in (*self._samples, *leftovers):
+        for file in (*self._samples, self.whole, *leftovers):
             file.unlink(missing_ok=True)
         self.leave()
 
@@ -108,7 +111,9 @@ class _Digests:
 def _identity(tables: Table, digests: _Digests, release: str) -> str:
     """The SHA-256 of all that the image of a scene depends on."""
     files = {name: digest for name in _words(tables) if (digest := digests.of(name)) is not None}
-    return hashlib.sha256(json.dumps([release, tables, files], sort_keys=True, default=str).encode()).hexdigest()
+    return hashlib.sha256(
+        json.dumps([release, CONTENTS, tables, files], sort_keys=True, default=str).encode()
+    ).hexdigest()
 
 
 def _words(thing: Any) -> Iterator[str]:

@@ -10,12 +10,15 @@ import dataclasses
 import os
 import shlex
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import check_choice, whole
-from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever
+from phasemap.experiment.properties import damping_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.flattening import level_height
 from phasemap.io.measured import one_scan, segment_height, segment_phase
@@ -23,12 +26,14 @@ from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import check_target, replacing, save
 from phasemap.io.read import read_image
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
-from phasemap.scenes.tables import Table, with_override
+from phasemap.scenes.tables import Table, construct, with_override
 from phasemap.scenes.writing import toml_of
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
+
+    from phasemap.experiment.microscope import Microscope
 
 __all__ = ["scene_from"]
 
@@ -127,7 +132,11 @@ def scene_from(
         image = read_image(image)
     if not hasattr(image, "data_vars"):
         raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
-    scan = one_scan(image, UNITS_OF if phases > 1 and by == "phase" else ["height"], direction)
+    try:
+        scan = one_scan(image, UNITS_OF if phases > 1 and by == "phase" else ["height"], direction)
+    except FileError as error:
+        cure = "Tell materials apart by the height (--by height, in Python by='height'), or take one (--phases 1)."
+        raise FileError(f"{error} {cure}") if "height" in image else error from None
     for name, units in UNITS_OF.items():
         if name in scan and scan[name].attrs.get("units", units) != units:
             raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)
@@ -154,7 +163,9 @@ def scene_from(
         name: _material(preset, given.get(name, {})) for name, preset in zip(names, presets, strict=True)
     }
     notes |= {f"materials.{name}": share for name, share in zip(names, shares, strict=True)}
-    scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values first
+    scene = scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values
+    for name in names:
+        tables["materials"][name] = _damped(tables["materials"][name], given.get(name, {}), scene.microscope)
     made = {
         f"materials.{name}.{key}": f"placeholder, {preset}: edit"
         for name, preset in zip(names, presets, strict=True)
@@ -194,6 +205,12 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         tables = with_override(tables, override)
         notes[override.partition("=")[0].strip()] = "given"
     lever, drive = tables["cantilever"], tables["drive"]
+    if isinstance(lever, dict) and "preset" in lever:
+        named = lever.pop("preset")
+        usual = dataclasses.asdict(construct("[cantilever]", {}, partial(Cantilever.preset, named)))
+        for name, value in usual.items():
+            if name not in lever or (name in nominal and notes[f"cantilever.{name}"] != "given"):
+                lever[name], notes[f"cantilever.{name}"] = value, f"of the preset {named}"
     if "resonance_frequency" not in lever and "frequency" in drive:
         lever["resonance_frequency"] = drive["frequency"]
         notes["cantilever.resonance_frequency"] = "assumed to be the drive frequency, for the file does not say"
@@ -275,13 +292,27 @@ def _placeholders(phases: int, by: str, attrs: Mapping[str, Any]) -> list[str]:
 
 
 def _material(preset: str, given: Any) -> Any:
-    """The placeholder with the values that the user gives; a viscosity takes the place of its damping."""
+    """The placeholder with the values that the user gives; a damping takes the place of its viscosity."""
     if not isinstance(given, dict):
         return given  # what is wrong is said when the scene is checked
+    if "preset" in given:
+        return given
     own = {name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if value is not None}
-    if "viscosity" in given:
-        del own["damping"]
+    del own["viscosity" if given.get("damping") else "damping"]
     return own | given
+
+
+def _damped(table: Any, given: Any, scope: Microscope) -> Any:
+    """The placeholder with the damping that its viscosity is under this lever, which is what one turns to fit."""
+    import numpy as np
+
+    kept = "viscosity" not in table or "viscosity" in given or "preset" in table
+    if kept or scope.interaction.damping_exponent != scope.interaction.law.spread:
+        return table
+    damping = float(damping_of(np.array(table["viscosity"]), scope))
+    return {"damping" if key == "viscosity" else key: value for key, value in table.items()} | {
+        "damping": float(f"{damping:.1e}")
+    }
 
 
 def _heading(scan: xr.Dataset, path: Path) -> list[str]:

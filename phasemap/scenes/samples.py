@@ -19,7 +19,7 @@ from phasemap.scenes.tables import check_choice, check_keys, construct, value_of
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["Choice", "Range", "make_samples"]
+__all__ = ["Choice", "Law", "Range", "laws_of", "make_samples"]
 
 Table = dict[str, Any]
 
@@ -34,7 +34,7 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     Parameters
     ----------
     table : dict
-        The table: ``count``, ``seed`` and ``vary``, or ``table``.
+        The table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
     folder : Path
         Where relative file names start.
 
@@ -55,14 +55,20 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     >>> make_samples({"count": 2, "vary": {"scan": {"setpoint": [0.7]}}}, Path())
     ({'scan.setpoint': 0.7}, {'scan.setpoint': 0.7})
     """
-    check_keys("[ensemble]", table, ("count", "seed", "vary", "table"))
+    check_keys("[ensemble]", table, ("count", "seed", "vary", "table", "licence"))
+    licence = table.get("licence", "")
+    if not isinstance(licence, str):
+        raise InputError("[ensemble] licence", licence, "text, such as 'CC-BY-4.0'")
+    table = {key: value for key, value in table.items() if key != "licence"}
     return _read(folder, table) if "table" in table else _drawn(table)
 
 
-class _Law(Protocol):
+class Law(Protocol):
     """How the values of a key are drawn."""
 
-    def draw(self, rng: np.random.Generator) -> Any: ...
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Draw one value."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -151,7 +157,7 @@ def _drawn(table: Table) -> tuple[Table, ...]:
     check_keys("[ensemble]", table, ("count", "seed", "vary"), ("count", "vary"))
     count, seed = whole("[ensemble] count", table["count"], 1), whole("[ensemble] seed", table.get("seed", 0), 0)
     whole("[ensemble] count", count, 1, MOST)
-    laws = dict(_laws(table["vary"])) if isinstance(table["vary"], dict) else {}
+    laws = dict(laws_of(table["vary"])) if isinstance(table["vary"], dict) else {}
     if not laws:
         raise InputError("[ensemble] vary", table["vary"], "a table of keys, such as scan.setpoint = [0.5, 0.7]")
     return tuple(
@@ -160,7 +166,7 @@ def _drawn(table: Table) -> tuple[Table, ...]:
     )
 
 
-def _laws(table: Table, prefix: str = "") -> Iterator[tuple[str, _Law]]:
+def laws_of(table: Table, prefix: str = "") -> Iterator[tuple[str, Law]]:
     """The keys of ``vary``, quoted or not, and how each is drawn."""
     for name, value in table.items():
         key = f"{prefix}{name}"
@@ -178,7 +184,7 @@ def _laws(table: Table, prefix: str = "") -> Iterator[tuple[str, _Law]]:
         elif key.count(".") > DEEPEST:
             raise InputError("key of [ensemble.vary]", key, "table.key, such as scan.setpoint")
         else:
-            yield from _laws(value, f"{key}.")
+            yield from laws_of(value, f"{key}.")
 
 
 def _read(folder: Path, table: Table) -> tuple[Table, ...]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import of_one_loss
 from phasemap.scenes.objects import (
     control_of,
     interaction_table,
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap.experiment.surface import Surface
+    from phasemap.scenes.surface import Built
 
 __all__ = ["Scene", "Setup", "load_scene", "load_setup", "scene_from_json", "scene_from_tables"]
 
@@ -68,6 +71,8 @@ class Scene:
         Every table with its defaults filled in, and the SHA-256 of every file that was read.
     source : Path or None
         The file that the scene was read from.
+    built : Built or None
+        The surface before a tip of finite size saw it, and its labels.
 
     Examples
     --------
@@ -82,6 +87,7 @@ class Scene:
     output: Path | None
     config: Mapping[str, Any]
     source: Path | None = None
+    built: Built | None = None
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON."""
@@ -114,6 +120,34 @@ class Scene:
             checkpoint=checkpoint,
         )  # fmt: skip
         return image.assign_attrs(scene=self.to_json())
+
+    def truth(self) -> xr.Dataset:
+        """What is under the tip: which material, its properties, and its relief, before a tip of finite size saw it.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of `phasemap.Surface.to_dataset`, and where the surface is made of materials `label`, whole numbers with
+            CF flags that name them.
+
+        Examples
+        --------
+        >>> truth = load_scene("samples/step.toml").truth()
+        >>> truth.label.attrs["flag_meanings"], truth.label.values[0, [0, -1]].tolist()
+        ('compliant stiff', [0, 1])
+        """
+        import numpy as np
+
+        truth = (self.built.surface if self.built is not None else self.surface).to_dataset()
+        if self.built is None or self.built.labels is None:
+            return truth
+        labels, names = self.built.labels
+        flags = {
+            "long_name": "label of the material",
+            "flag_values": np.array(list(names), np.int64),
+            "flag_meanings": " ".join(re.sub(r"\s", "_", name) for name in names.values()),
+        }
+        return truth.assign(label=(("y", "x"), np.asarray(labels, np.int64), flags))
 
 
 @dataclass(frozen=True)
@@ -239,11 +273,15 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     complaints.of(_check_output, output, control, microscope)
     materials = complaints.of(materials_of, tables)
     files: dict[str, str] = {}
+    built = None
     if surface is None:
         named = materials if materials is not None else dict.fromkeys(table_of(tables, "materials"), Material(1e9))
-        made = complaints.of(build_surface, table_of(tables, "surface"), named, folder)
-        if made is not None and microscope is not None and scan is not None:
-            surface, files = complaints.of(_under_tip, tables["surface"], made[0], microscope, scan[0]), made[1]
+        if microscope is not None:
+            named = complaints.of(of_one_loss, named, microscope) or named
+        built = complaints.of(build_surface, table_of(tables, "surface"), named, folder)
+        if built is not None and microscope is not None and scan is not None:
+            files = built.files
+            surface = complaints.of(_under_tip, tables["surface"], built.surface, microscope, scan[0])
     realism = complaints.of(realism_of, table_of(tables, "realism"), control, surface and surface.shape[0])
     complaints.make()
     assert scan is not None and microscope is not None and accuracy is not None and control is not None
@@ -268,7 +306,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         "realism": realism,
         "variables": variables,
     }
-    return Scene(surface, microscope, options, folder / file if file else None, config)
+    return Scene(surface, microscope, options, folder / file if file else None, config, built=built)
 
 
 def scene_from_json(text: str, folder: Path) -> Scene:

@@ -26,7 +26,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
@@ -42,16 +42,45 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Microscope, Tip
     from phasemap.experiment.surface import Surface
 
-__all__ = ["build_surface", "dilate", "seen"]
+__all__ = ["Built", "Labels", "build_surface", "dilate", "seen"]
 
 QUANTITIES = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "topography")
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 
 
-def build_surface(
-    table: dict[str, Any], materials: Mapping[str, Material], folder: Path
-) -> tuple[Surface, dict[str, str]]:
+class Labels(NamedTuple):
+    """Which material each pixel of a surface is made of.
+
+    Parameters
+    ----------
+    values : ndarray of int, shape (ny, nx)
+    names : mapping of int to str
+        The material of each label.
+    """
+
+    values: np.ndarray
+    names: Mapping[int, str]
+
+
+class Built(NamedTuple):
+    """What a ``[surface]`` table describes.
+
+    Parameters
+    ----------
+    surface : Surface
+    files : dict
+        The SHA-256 of each file that was read, by the name that the scene gives it.
+    labels : Labels, optional
+        None where the surface is made of maps.
+    """
+
+    surface: Surface
+    files: dict[str, str]
+    labels: Labels | None
+
+
+def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
     """Make the surface that the ``[surface]`` table of a scene describes.
 
     Parameters
@@ -65,9 +94,7 @@ def build_surface(
 
     Returns
     -------
-    surface : Surface
-    files : dict
-        The SHA-256 of each file that was read, by the name that the scene gives it.
+    Built
 
     Raises
     ------
@@ -79,9 +106,9 @@ def build_surface(
     Examples
     --------
     >>> table = {"kind": "labels", "labels": [[0, 1]], "materials": ["soft", "hard"], "pixel_size": 4e-9}
-    >>> surface, files = build_surface(table, {"soft": Material(1e9), "hard": Material(3e9)}, Path())
-    >>> surface.modulus.tolist()
-    [[1000000000.0, 3000000000.0]]
+    >>> built = build_surface(table, {"soft": Material(1e9), "hard": Material(3e9)}, Path())
+    >>> built.surface.modulus.tolist(), built.labels.names
+    ([[1000000000.0, 3000000000.0]], {0: 'soft', 1: 'hard'})
     """
     from phasemap.scenes.tables import check_choice, missing
 
@@ -93,12 +120,12 @@ def build_surface(
     files = Files(folder)
     arguments = {key: value for key, value in table.items() if key not in ("kind", *TIP)}
     if kind == "maps":
-        surface = _from_maps(arguments, files)
-    elif kind == "measured":
-        surface = _from_measured(arguments, materials, files)
+        return Built(_from_maps(arguments, files), files.digests, None)
+    if kind == "measured":
+        surface, labels = _from_measured(arguments, materials, files)
     else:
-        surface = _from_labels(arguments, materials, files, generators.get(kind))
-    return surface, files.digests
+        surface, labels = _from_labels(arguments, materials, files, generators.get(kind))
+    return Built(surface, files.digests, labels)
 
 
 def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
@@ -144,7 +171,7 @@ def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint
 
 def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: Files, generator: Callable[..., np.ndarray] | None
-) -> Surface:
+) -> tuple[Surface, Labels]:
     """A map of labels, given or generated, and the material of each."""
     from phasemap._shared.arrays import as_array
     from phasemap.experiment.surface import Surface
@@ -162,8 +189,9 @@ def _from_labels(
     names = table["materials"]
     if isinstance(names, dict):
         chosen = {_whole(label): _material(name, materials) for label, name in names.items()}
+        called = {_whole(label): str(name) for label, name in names.items()}
     else:
-        chosen = dict(enumerate(_materials(names, materials)))
+        chosen, called = dict(enumerate(_materials(names, materials))), dict(enumerate(names))
     relief = {}
     if "topography" in table:
         relief["topography"] = _map("topography", table["topography"], files, {**table, "shape": labels.shape})
@@ -171,7 +199,8 @@ def _from_labels(
         heights = _heights(table["heights"], list(chosen), labels)
         relief["topography"] = heights + _relief(relief.get("topography", 0.0), labels.shape)
     arguments = {"pixel_size": table["pixel_size"], **relief}
-    return construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
+    surface = construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
+    return surface, Labels(labels, called)
 
 
 def _from_maps(table: dict[str, Any], files: Files) -> Surface:
@@ -191,7 +220,7 @@ def _from_maps(table: dict[str, Any], files: Files) -> Surface:
     return construct("[surface]", maps, Surface)
 
 
-def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: Files) -> Surface:
+def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: Files) -> tuple[Surface, Labels]:
     """The height of a measured image as topography, and its phase populations as materials."""
     import numpy as np
 
@@ -208,12 +237,13 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     image = one_scan(image)
     labels = segment_phase(image["phase"].values, len(chosen))
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
-    return Surface.from_labels(
+    surface = Surface.from_labels(
         labels,
         dict(enumerate(chosen)),
         topography=topography,
         pixel_size=(2 * float(image["y"][0]), 2 * float(image["x"][0])),
     )
+    return surface, Labels(labels, dict(enumerate(table["materials"])))
 
 
 def _generators(result: str) -> dict[str, Callable[..., np.ndarray]]:

@@ -75,6 +75,10 @@ def solve_exactly(
     if phase > 0:
         allowed = np.array([math.radians(phase), height])
         cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, out, status, solver)
+        if (status[first:last] == col.STIFF).any():
+            from phasemap._kernels.rows.stiff import stiff_rows
+
+            stiff_rows(work.law, work.rows, work.lever, allowed, average, first, last, out, status, solver)
     else:
         status[first:last] = col.PENDING
     hysteretic = work.rows[first:last, col.RELEASE] != 0

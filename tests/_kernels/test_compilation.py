@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -16,6 +17,7 @@ from bits import bits
 
 import phasemap as pm
 from phasemap._kernels import disk_cache
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.first_use import FirstUse
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap.validation import kinds_of_work
@@ -165,6 +167,28 @@ def test_what_python_does_faster_than_it_is_compiled_is_the_same_in_kernels() ->
         assert not light.overloads
         compiled = light.compile(tuple(map(numba.typeof, arguments)))
         assert light(*arguments) == pytest.approx(compiled(*arguments), rel=1e-15)
+
+
+def _walk(cube: np.ndarray, row: np.ndarray, marks: np.ndarray, pair: tuple[np.ndarray, float]) -> float:
+    table, total = cube[1], pair[1]
+    for i in range(-1, 2):
+        table[i, 0] += row[i] * pair[0][0]
+        marks[i] = table[i][1] > 0.5
+    marks[-1] = True
+    cube[-1, -1, -1] = -7.0
+    for entry in range(len(row)):
+        total += row[-entry - 1] * (entry + 1.0) if marks[entry] else 0.25 * cube[0][-1, 0]
+    return total + table.shape[1]
+
+
+def test_elements_and_rows_of_arrays_are_those_of_python() -> None:
+    def arguments() -> tuple[Any, ...]:
+        cube = np.random.default_rng(5).random((2, 3, 4))
+        return cube, np.array([0.5, -2.0, 3.0]), np.zeros(3, np.bool_), (np.array([1.5, 2.0]), 10.0)
+
+    ours, theirs = arguments(), arguments()
+    assert kernel(_walk)(*ours) == pytest.approx(_walk(*theirs), rel=1e-15)
+    assert bits(ours) == bits(theirs)
 
 
 def test_a_formula_is_compiled_alone() -> None:

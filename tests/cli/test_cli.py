@@ -84,6 +84,17 @@ def test_the_number_of_threads_does_not_change_a_bit(tmp_path: Path) -> None:
         assert one[name].values.tobytes() == two[name].values.tobytes(), name
 
 
+def test_run_says_the_regimes_and_that_materials_look_alike(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gentle = [STEP, SMALL, "scan.solver=averaging", "drive.free_amplitude=5 nm"]
+    assert main(["run", *gentle, "-o", str(tmp_path / "gentle.nc")]) == 0
+    said = capsys.readouterr().out
+    assert "regime      attractive\n" in said
+    assert "alike       the phases of the 2 materials are within " in said and "`phasemap contrast` says at" in said
+    assert main(["run", *gentle[:3], "-o", str(tmp_path / "hard.nc")]) == 0
+    said = capsys.readouterr().out
+    assert "regime      repulsive\n" in said and "alike" not in said
+
+
 def test_quiet_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", STEP, SMALL, "--quiet", "-o", str(tmp_path / "step.nc")]) == 0
     assert capsys.readouterr() == ("", "")

@@ -65,6 +65,13 @@ def test_with_strict_units_it_is_an_error(sentence: str) -> None:
         MISTAKES[sentence]()
 
 
+def test_a_number_that_is_refused_is_asked_for_its_unit_too() -> None:
+    with pytest.raises(pm.InputError, match=r"tip radius is 10; allowed: .* at most 1 m\. Did you mean 10 nm\?$"):
+        pm.Tip(10)
+    with pytest.raises(pm.InputError, match=r"tip radius is -10; allowed: .* at most 1 m\.$"):
+        pm.Tip(-10)
+
+
 def test_what_people_do_is_never_questioned() -> None:
     pm.Microscope(pm.Cantilever("6 mN/m", "8 kHz", 1.5), pm.Tip("1 nm"), pm.Drive("0.1 nm"), pm.Interaction(bias="5 V"))
     pm.Microscope(pm.Cantilever(300.0, "5 MHz", 3e4), pm.Tip("5 um"), pm.Drive("900 nm"))

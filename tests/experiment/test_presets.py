@@ -17,7 +17,7 @@ from phasemap.experiment.presets import levers, materials
 
 FILE: dict[str, Any] = tomllib.loads((files("phasemap.experiment") / "presets.toml").read_text(encoding="utf-8"))
 SCENE = Path(__file__).parents[2] / "samples/step.toml"
-REFERENCE_RADIUS, REFERENCE_STIFFNESS, TIP_TENSION = 10e-9, 40.0, 0.040
+REFERENCE_FREQUENCY, TIP_TENSION = 300e3, 0.040
 
 
 def test_there_are_many_and_each_makes_an_object_of_usual_numbers() -> None:
@@ -36,8 +36,8 @@ def test_every_number_lies_in_its_range_and_has_a_source(every: Any, cls: Any) -
             assert quoted.source and number_of(cls, name)
 
 
-def test_adhesion_and_damping_and_quality_factors_are_marked_as_estimates() -> None:
-    assert all(one.numbers[name].is_estimate for one in materials().values() for name in ("adhesion", "damping"))
+def test_adhesion_and_loss_and_quality_factors_are_marked_as_estimates() -> None:
+    assert all(one.numbers[name].is_estimate for one in materials().values() for name in ("adhesion", "viscosity"))
     assert all(one.numbers["quality_factor"].is_estimate for one in levers().values())
     measured = [one for one in materials().values() if not one.numbers["modulus"].is_estimate]
     assert len(measured) > 0.9 * len(materials())
@@ -46,14 +46,14 @@ def test_adhesion_and_damping_and_quality_factors_are_marked_as_estimates() -> N
 # Two digits are given.
 def test_estimates_follow_the_rules_that_their_sources_state() -> None:
     for name, table in FILE["materials"].items():
-        adhesion, damping = table["adhesion"], table["damping"]
+        adhesion, viscosity = table["adhesion"], table["viscosity"]
         if adhesion["source"] == "wetting":
             rule = 2 * math.sqrt(TIP_TENSION * adhesion["surface_tension"])
             assert adhesion["value"] == pytest.approx(rule, rel=0.05), name
-        if damping["source"] == "loss":
-            loss = table["modulus"]["value"] * damping["loss_tangent"]
-            rule = loss * REFERENCE_RADIUS / (2 * REFERENCE_STIFFNESS)
-            assert damping["value"] == pytest.approx(rule, rel=0.05), name
+        if viscosity["source"] == "loss":
+            stiff = table["modulus"]["value"] / (1 - table["poisson_ratio"]["value"] ** 2)
+            rule = 2 * stiff * viscosity["loss_tangent"] / (2 * math.pi * REFERENCE_FREQUENCY)
+            assert viscosity["value"] == pytest.approx(rule, rel=0.05), name
     used = {one["source"] for kind in ("materials", "levers") for table in FILE[kind].values()
             for one in table.values() if isinstance(one, dict)}  # fmt: skip
     assert used == set(FILE["sources"])
@@ -63,12 +63,33 @@ def test_names_are_found_in_any_case_and_in_words_and_changes_are_taken() -> Non
     plain = pm.Material.preset("PS")
     assert plain == pm.Material.preset("ps") == pm.Material.preset("polystyrene")
     assert pm.Material.preset("PS", modulus="2 GPa").modulus == 2e9
-    viscous = pm.Material.preset("PS", viscosity="20 Pa s")
-    assert (viscous.viscosity, viscous.damping) == (20.0, 0.0)
+    damped = pm.Material.preset("PS", damping=0.01)
+    assert (plain.viscosity, plain.damping) == (33.0, 0.0) and (damped.viscosity, damped.damping) == (None, 0.01)
     with pytest.raises(pm.InputError, match=r"preset is 'PSS'; allowed: one of PS, .*Did you mean 'PS'\?"):
         pm.Material.preset("PSS")
     with pytest.raises(pm.InputError, match="stiffness is '3 nm'"):
         pm.Cantilever.preset("PPP-FMR", stiffness="3 nm")
+
+
+@pytest.mark.parametrize(("stiffness", "radius"), [(40.0, 10e-9), (2.0, 20e-9)])
+def test_a_preset_loses_what_its_loss_tangent_says_under_every_lever(stiffness: float, radius: float) -> None:
+    lever, free = pm.Cantilever(stiffness, REFERENCE_FREQUENCY, 400.0), pm.Drive(40e-9)
+    scope = pm.Microscope(lever, pm.Tip(radius), free, pm.Interaction("hertz", decay_length=None))
+    surface = pm.Surface.from_labels([[0]], [pm.Material.preset("PMMA", adhesion=0.0)], pixel_size=1e-9)
+    image = pm.simulate(surface, scope, 0.7, solver="averaging")
+    told = FILE["materials"]["PMMA"]["viscosity"]["loss_tangent"]
+    assert float(pm.channels(image).loss_tangent[0, 0]) == pytest.approx(told, rel=0.01)  # two digits are given
+
+
+def test_a_viscosity_beside_a_damping_is_the_damping_that_it_is_under_the_lever_of_the_scene() -> None:
+    scene = pm.load_scene(SCENE, ["materials.stiff.viscosity=20 Pa s", "materials.stiff.damping=0"])
+    lever, tip = scene.microscope.cantilever, scene.microscope.tip
+    wanted = 20.0 * tip.radius * 2 * math.pi * lever.resonance_frequency / (2 * lever.stiffness)
+    assert scene.surface.damping is not None and scene.surface.viscosity is None
+    assert float(scene.surface.damping.min()) == pytest.approx(wanted, rel=1e-12)
+    both = [pm.Material.preset("PS"), pm.Material(1e9, damping=0.01)]
+    with pytest.raises(pm.InputError, match="a viscosity in its place, as material 0 has, or a damping there too"):
+        pm.Surface.from_labels([[0, 1]], both, pixel_size=1e-9)
 
 
 def test_a_scene_takes_presets_and_numbers_beside_them(tmp_path: Path) -> None:
@@ -82,7 +103,7 @@ def test_a_scene_takes_presets_and_numbers_beside_them(tmp_path: Path) -> None:
     assert scene.microscope.cantilever == pm.Cantilever.preset("PPP-NCHR", quality_factor=500.0)
     made = {tuple(row) for row in scene.surface.unique()[0].tolist()}
     wanted = pm.Material.preset("LDPE"), pm.Material.preset("PMMA", adhesion=0.05)
-    assert made == {(one.modulus, one.adhesion, one.damping, one.poisson_ratio) for one in wanted}
+    assert made == {(one.modulus, one.adhesion, one.viscosity, one.poisson_ratio) for one in wanted}
     with pytest.raises(pm.InputError, match=r"\[materials.stiff\] preset is 'LDP'; .*Did you mean 'LDPE'\?"):
         pm.load_scene(path, [*presets, "materials.stiff.preset=LDP"])
     with pytest.raises(pm.InputError, match=r"\[tip\] preset is unknown"):

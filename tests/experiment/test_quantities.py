@@ -190,6 +190,13 @@ def test_a_scene_in_text_is_the_scene_in_numbers() -> None:
         pm.load_scene(SCENE, ["drive.free_amplitude=35 kHz"])
 
 
+def test_what_is_switched_off_by_none_is_so_in_a_scene() -> None:
+    scene = pm.load_scene(SCENE, ["interaction.decay_length=none", "interaction.contact=jkr"])
+    assert scene.microscope.interaction == pm.Interaction("jkr", decay_length=None)
+    with pytest.raises(pm.InputError, match=r"radius is 'none'; allowed: a finite number"):
+        pm.Tip("none")
+
+
 def test_importing_and_plain_numbers_do_without_pint() -> None:
     code = (
         "import sys, phasemap as pm; pm.load_scene('samples/step.toml'); assert 'pint' not in sys.modules;"

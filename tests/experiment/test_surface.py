@@ -271,8 +271,9 @@ LABELS_REFUSED = {
     "materials is {}; allowed: a dict with at least one Material, such as {0: soft, 1: hard}.": ([[0]], {}),
     "label of a material is 'soft'; allowed: a whole number.": ([[0]], {"soft": SOFT}),
     "material 0 is 1000000000.0; allowed: a Material.": ([[0]], {0: 1e9}),
-    "damping of material 0 is 0.01; allowed: viscosity in its place, as in another of the materials. The two are "
-    "compared only once the lever and the tip are known.": ([[0, 1]], {0: SOFT, 1: Material(1e9, viscosity=1.0)}),
+    "damping of material 0 is 0.01; allowed: a viscosity in its place, as material 1 has, or a damping there too. A "
+    "preset takes one: Material.preset('PS', damping=0.01). Which damping a viscosity is depends on lever and tip, "
+    "which a scene knows and a surface does not.": ([[0, 1]], {0: SOFT, 1: Material(1e9, viscosity=1.0)}),
 }
 
 

@@ -510,7 +510,7 @@ TARGETS = (
     Target(
         "vendors",
         0.008,
-        _measured("image.gsf", "image.nid", "image.stp", "image.001", "image.tiff", "image.jpk"),
+        _measured("image.gsf", "image.nid", "image.stp", "image.001", "image.tiff", "image.jpk", "image.ibw"),
         take_measured,
     ),
     Target("xarray engine", 0.002, _measured("image.gwy", "image.gsf", "image.nc"), take_backend),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from vendor_files import jpk_file, nanoscope_file, park_file
+from vendor_files import ibw_file, jpk_file, nanoscope_file, park_file
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 FOREIGN = {  # units and file names that the samples do not have, for the sake of coverage
@@ -181,6 +181,7 @@ def _images() -> None:
     nanoscope_file(Path("image.001"), "20.0 nm/V")
     park_file(Path("image.tiff"), "NCM Phase", "NCM")
     jpk_file(Path("image.jpk"))
+    ibw_file(Path("image.ibw"))
     Path("image.stp").write_bytes(
         header.replace("00000", f"{len(header):05d}").encode() + rng.normal(size=24).tobytes()
     )

@@ -23,6 +23,7 @@ import phasemap as pm
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.processes import in_processes
 from phasemap.cli import main
+from phasemap.io import zarr_store
 from phasemap.io.netcdf import load, save
 from phasemap.scenes.ensemble import Ensemble, load_ensemble
 from phasemap.scenes.ensemble_file import assemble
@@ -30,6 +31,7 @@ from phasemap.scenes.samples import Range
 from phasemap.scenes.scene import load_scene
 
 NUMBERS = ("failed", "irregular", "distinct_materials", "adhesion_force", "lever_force")  # of whole images
+TRUTH = ("label", "modulus", "adhesion", "damping", "poisson_ratio")
 SAMPLE = Path(__file__).parents[2] / "samples" / "ensemble.toml"
 SCENE = """
 [scan]
@@ -150,7 +152,7 @@ def test_a_sample_is_the_image_of_its_scene_to_the_bit(ensemble: Ensemble, whole
     single = written(tmp_path / "single", "")
     for sample, values in enumerate(ensemble.samples):
         image = load_scene(single, [f"{key}={value!r}" for key, value in values.items()]).simulate()
-        assert set(image.data_vars) == set(ds.data_vars) - {*NUMBERS}
+        assert set(image.data_vars) == set(ds.data_vars) - {*NUMBERS, *TRUTH}
         assert ds["distinct_materials"][sample] == image.attrs["distinct_materials"] == 2
         for name, variable in image.data_vars.items():
             assert ds[name][sample].values.tobytes() == variable.values.tobytes(), name
@@ -176,6 +178,89 @@ def test_the_file_says_what_is_varied_and_where_it_comes_from(ensemble: Ensemble
     assert ds.identical(xr.load_dataset(tmp_path / "whole.nc"))
 
 
+def test_the_truth_lies_beside_each_image(ensemble: Ensemble, whole: bytes, tmp_path: Path) -> None:
+    ds = load(tmp_path / "whole.nc")
+    assert ds["label"].dims == ("sample", "y", "x") and ds["label"].dtype == np.int64
+    assert ds["label"].values.tolist() == [[[0, 1, 1, 1, 1, 0], [0, 0, 1, 1, 0, 0]]] * 5
+    assert ds["label"].attrs["flag_meanings"] == "soft hard" and ds["label"].attrs["flag_values"].tolist() == [0, 1]
+    for sample, setpoint in enumerate(ds["scan.setpoint"].values):
+        scene = ensemble.scene(sample)
+        assert scene.options["setpoint"] == setpoint
+        assert pm.Surface.from_dataset(ds.isel(sample=sample)) == scene.surface
+    assert ds["modulus"].values[:, 0, 0].tolist() == ds["materials.soft.modulus"].values.tolist()
+
+
+def test_the_truth_is_what_is_there_and_not_what_a_blunt_tip_sees(tmp_path: Path) -> None:
+    blunt = SCENE.replace('materials = ["soft", "hard"]', 'materials = ["soft", "hard"]\nheights = [0.0, 3e-9]')
+    blunt = blunt.replace("pixel_size = 4e-9", "pixel_size = 4e-9\ndilate = true\nseen_by_tip = true")
+    scene = load_scene(written(tmp_path, "", blunt))
+    assert scene.surface.topography is not None and len(np.unique(scene.surface.topography)) > 2
+    truth = scene.truth()
+    assert np.array_equal(truth.topography, np.where(truth.label == 1, 3e-9, 0.0))
+    assert np.array_equal(truth.modulus, np.where(truth.label == 1, 3e9, 0.5e9))
+
+
+def test_a_label_is_not_named_where_its_material_is_varied(tmp_path: Path) -> None:
+    turned = '[ensemble]\ncount = 2\n[ensemble.vary]\nsurface.materials = [["soft", "hard"], ["hard", "soft"]]\n'
+    ds = load(load_ensemble(written(tmp_path, turned)).simulate(tmp_path / "out.nc"))
+    assert set(ds["label"].attrs) == {"long_name"} and "surface.materials" in ds.coords
+
+
+def test_a_card_says_what_is_in_the_file(ensemble: Ensemble, tmp_path: Path) -> None:
+    licensed = load_ensemble(tmp_path / "ensemble.toml", ["ensemble.licence=CC-BY-4.0"])
+    assert licensed.samples == ensemble.samples
+    card = (licensed.simulate(tmp_path / "blends.nc").parent / "blends.nc.card.md").read_text()
+    assert card.startswith("# blends.nc\n\n5 synthetic phase images") and card.endswith("## Licence\n\nCC-BY-4.0\n")
+    assert "drawn with the seed 3" in card and f"phasemap {pm.__version__}" in card
+    ds = load(tmp_path / "blends.nc")
+    assert [name for name in ds.variables if name not in ds.dims and f"| `{name}` |" not in card] == []
+    assert "| `label` | sample, y, x |  | label of the material: 0 soft, 1 hard |" in card
+    assert "| `materials.soft.modulus` | 100 MPa to 5 GPa, logarithm uniform | " in card
+    assert "| `scan.setpoint` | 0.5, 0.7, 0.9 | " in card and "    tip.radius = 1e-08\n" in card
+    assert "materials.soft.modulus = " not in card  # of one sample
+    assert "All images are of the same surface" in card and "0 of 60 pixels have no solution" in card
+    with pytest.raises(InputError, match=r"\[ensemble\] licence is 3; allowed: text, such as 'CC-BY-4.0'"):
+        load_ensemble(tmp_path / "ensemble.toml", ["ensemble.licence=3"])
+    (tmp_path / "blends.nc").unlink()
+    with pytest.raises(FileError, match=r"cannot write .*blends\.nc\.card\.md: it exists already"):
+        licensed.simulate(tmp_path / "blends.nc")
+
+
+def test_a_zarr_store_holds_the_same(ensemble: Ensemble, whole: bytes, tmp_path: Path) -> None:
+    zarr, path = pytest.importorskip("zarr"), tmp_path / "images.zarr"
+    with pytest.raises(KeyboardInterrupt):
+        ensemble.simulate(path, progress=stop_after(2))
+    assert not path.exists() and made(tmp_path / "images.zarr.parts") == 2
+    assert ensemble.simulate(path) == path
+    assert {one.name for one in tmp_path.glob("images*")} == {"images.zarr", "images.zarr.card.md"}
+    with xr.open_zarr(path) as ds:
+        assert ds.load().identical(load(tmp_path / "whole.nc"))
+    assert zarr.open_group(path, mode="r")["phase"].chunks == (1, 2, 6)
+    with pytest.raises(FileError, match="it exists already"):
+        ensemble.simulate(path)
+    few = load_ensemble(tmp_path / "ensemble.toml", ["ensemble.count=2"])
+    with xr.open_zarr(few.simulate(path, overwrite=True)) as ds:
+        assert ds.sizes["sample"] == 2
+    assert {one.name for one in tmp_path.iterdir() if "tmp" in one.name} == set()
+
+
+def test_a_folder_that_is_no_store_is_not_replaced(ensemble: Ensemble, tmp_path: Path) -> None:
+    (tmp_path / "mine.zarr").mkdir()
+    (tmp_path / "mine.zarr" / "work.txt").write_text("years")
+    with pytest.raises(FileError, match=r"cannot write .*mine\.zarr: it is a folder or a device, not a file"):
+        ensemble.simulate(tmp_path / "mine.zarr", overwrite=True)
+
+
+def test_samples_are_put_into_a_store_some_at_a_time(
+    ensemble: Ensemble, whole: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("zarr")
+    monkeypatch.setattr(zarr_store, "AT_ONCE", 1)
+    zarr_store.write_store(tmp_path / "whole.nc", tmp_path / "images.zarr")
+    with xr.open_zarr(tmp_path / "images.zarr") as ds:
+        assert ds.load().identical(load(tmp_path / "whole.nc"))
+
+
 def test_two_processes_write_the_same_bytes(ensemble: Ensemble, whole: bytes, tmp_path: Path) -> None:
     assert ensemble.simulate(tmp_path / "two.nc", workers=2).read_bytes() == whole
 
@@ -193,7 +278,7 @@ def test_an_interrupted_run_goes_on_and_writes_the_same_bytes(ensemble: Ensemble
 
 
 def test_a_run_that_is_killed_goes_on_and_writes_the_same_bytes(tmp_path: Path) -> None:
-    count = 300  # so many that a busy machine does not get to the end before the signal does
+    count = 100  # so many that a busy machine does not get to the end before the signal does
     scene, path, parts = written(tmp_path), tmp_path / "out.nc", tmp_path / "out.nc.parts"
     command = [sys.executable, "-m", "phasemap", "run", str(scene), "-o", str(path), f"ensemble.count={count}"]
     for send, stop, workers in ((os.kill, signal.SIGKILL, 1), (os.killpg, signal.SIGINT, 2)):  # Ctrl-C is for the group
@@ -206,7 +291,7 @@ def test_a_run_that_is_killed_goes_on_and_writes_the_same_bytes(tmp_path: Path) 
             send(run.pid, stop)
             said = run.communicate()[1]
         assert run.returncode == {signal.SIGKILL: -9, signal.SIGINT: 130}[stop] and "Traceback" not in said
-    kept = re.search(r"interrupted; (\d+) of 300 samples are kept in .*out\.nc\.parts; run the same command", said)
+    kept = re.search(r"interrupted; (\d+) of 100 samples are kept in .*out\.nc\.parts; run the same command", said)
     assert kept is not None and 3 <= int(kept[1]) <= made(parts) < count
     ensemble = load_ensemble(scene, [f"ensemble.count={count}"])
     reported: list[int] = []

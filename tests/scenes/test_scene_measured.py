@@ -91,6 +91,25 @@ def test_everything_that_is_missing_is_named_at_once_with_an_example(tmp_path: P
     assert scene_from(image, tmp_path / "scene.toml", 1, given).options["setpoint"] == 0.7
 
 
+@needs_skimage
+def test_without_a_phase_the_height_is_offered_and_does(tmp_path: Path) -> None:
+    image = measured().drop_vars("phase")
+    with pytest.raises(FileError, match=r"there is no phase channel; it holds 'height'\. .* \(--by height"):
+        scene_from(image, tmp_path / "scene.toml", 2, [TIP])
+    assert scene_from(image, tmp_path / "scene.toml", 2, [TIP], by="height").surface.shape == truth()[0].shape
+
+
+def test_a_preset_says_what_the_file_does_not(tmp_path: Path) -> None:
+    image = without("stiffness", "quality_factor")
+    given = [TIP, "cantilever.preset=AC240TS", "materials.material_0.preset=PMMA"]
+    scene = scene_from(image, tmp_path / "scene.toml", 1, given)
+    assert scene.microscope.cantilever == pm.Cantilever.preset("AC240TS", resonance_frequency=300e3)  # as recorded
+    assert "stiffness = 2.0  # N/m, of the preset AC240TS" in (tmp_path / "scene.toml").read_text()
+    assert scene.surface.unique()[0][0, 0] == pm.Material.preset("PMMA").modulus
+    with pytest.raises(InputError, match=r"\[cantilever\] preset is 'AC24'; .* Did you mean 'AC240TS'\?"):
+        scene_from(image, tmp_path / "scene.toml", 1, [TIP, "cantilever.preset=AC24"], overwrite=True)
+
+
 def test_placeholders_and_the_origin_of_each_value_are_said(tmp_path: Path) -> None:
     image = measured(nominal="stiffness", warnings="The free amplitude is a guess.")
     scene_from(image, tmp_path / "scene.toml", 1, [TIP, "materials.material_0.damping=0.03"])

@@ -133,6 +133,15 @@ def test_a_contrast_that_changes_sign_by_a_jump_is_no_zero(jumping: xr.Dataset) 
     assert (np.abs(jumping.jump_from_contrast - jumping.jump_to_contrast) > 30).all()
 
 
+def test_a_contrast_that_nobody_can_see_does_not_invert() -> None:
+    glassy = pm.Material(2.8e9, adhesion=0.074, damping=0.0035)
+    lossy = pm.Material(2.7e9, adhesion=0.079, damping=0.027)
+    found = pm.contrast(glassy, lossy, SCOPE, [0.5, 0.65, 0.8, 0.9], [10e-9, 12e-9], solver="averaging")
+    assert found.contrast.min() < -30.0 and 0.0 < found.contrast.max() < 0.5  # hardly any where both are attractive
+    assert (found.jump_from_contrast * found.jump_to_contrast < 0).any() and not found.jump_inverts.any()
+    assert found.sizes["inversion"] == 0
+
+
 def test_the_tip_jumps_where_a_sweep_of_the_setpoint_jumps(jumping: xr.Dataset) -> None:
     amplitude = AMPLITUDES[1]
     here = jumping.isel(jump=jumping.jump_free_amplitude.values == amplitude)

@@ -190,7 +190,7 @@ def reach_on(law: Law, path: Path, orbit: Orbit) -> float:
     return scale_of(law, p, lever, free_amplitude(lever))
 
 
-@kernel
+@kernel(shared=True)
 def solve_on(
     law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
     tolerance: float, most: int, coarse: bool,

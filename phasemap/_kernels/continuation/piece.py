@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
+from phasemap._kernels.arrays import copy, smaller
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
     AP,
@@ -149,12 +149,10 @@ def visit(
 ) -> tuple[int, Orbit, Orbit]:  # fmt: skip
     """Record the orbits at the values wanted between two points of the curve, in the order in which they come."""
     x, y = before[index], after[index]
-    if y > x:  # the value at which a step starts belongs to the step before
-        first, last = np.searchsorted(wanted, x, side="right"), np.searchsorted(wanted, y, side="right")
-    else:
-        first, last = np.searchsorted(wanted, y, side="left"), np.searchsorted(wanted, x, side="left")
+    rising = y > x  # the value at which a step starts belongs to the step before
+    first, last = smaller(wanted, min(x, y), rising), smaller(wanted, max(x, y), rising)
     for i in range(last - first):
-        k = first + i if y > x else last - 1 - i
+        k = first + i if rising else last - 1 - i
         if i == 0:
             copy_orbit(start, one)
         good, one, spare = cross(law, path, tables, index, wanted[k], before, after, one, start, spare, tolerance)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, GOOD, LONGRANGE, RELEASE
+from phasemap._kernels.columns import ALPHA0, GOOD, LONGRANGE, PENDING, RELEASE, STIFF
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
@@ -87,21 +87,21 @@ def decide_exactly(
 def cheap_orbit(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray,
     room: Room,
-) -> bool:  # fmt: skip
-    """Exact orbit in room.state; False where its own estimate or the decision on the side does not hold."""
+) -> int:  # fmt: skip
+    """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold."""
     reach = reach_of(law, p)
     if surety == SURE:
-        return refine(law, p, lever, reach, guess, limits, room.nodes, room.state)
+        return GOOD if refine(law, p, lever, reach, guess, limits, room.nodes, room.state) else STIFF
     if surety != OPEN:
-        return False
+        return PENDING
     side = REPULSIVE
     if p[LONGRANGE] != 0.0:
         worst = worst_amplitude(lever, amplitude)
         side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
         if side == ATTRACTIVE and (narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever))):
-            return False  # the branch may be cut above the free amplitude, or left by the jump to it
+            return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
     if side == UNCLEAR or not settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
-        return False
+        return PENDING
     if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
-        return False
-    return side == REPULSIVE or steep(law, p, lever, limits, room)
+        return STIFF if side == REPULSIVE else PENDING
+    return GOOD if side == REPULSIVE or steep(law, p, lever, limits, room) else PENDING

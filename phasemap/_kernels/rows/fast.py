@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.resonance import MAXIMUM
@@ -54,7 +55,7 @@ def cheap_rows(
     """Orbit of every row in [first, last) after engagement, where the cheap path is good enough; returns how many wait.
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
-    stand. `solver` receives col.AVERAGING or col.CORRECTED.
+    stand. `solver` receives col.AVERAGING or col.CORRECTED. Rows that wait with the status STIFF hold `guess`.
     """
     room = new_room()
     guess = np.zeros(6)
@@ -63,12 +64,12 @@ def cheap_rows(
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
         row[:] = math.nan
         surety = engage(law, p, lever, amplitude, guess, room.top)
-        if not cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room):
-            status[i] = col.PENDING
+        status[i] = cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room)
+        if status[i] != col.GOOD:
             waiting += 1
-            continue
-        status[i] = col.GOOD
-        if average and averaging_suffices(lever, guess, room.state, limits, row):
+            if status[i] == col.STIFF:
+                copy(guess, row)
+        elif average and averaging_suffices(lever, guess, room.state, limits, row):
             solver[i] = col.AVERAGING
         else:
             report(lever, room.nodes, room.state, row)

@@ -48,7 +48,8 @@ class Interaction(Shown):
         `FlatPunch`, `Cone`, `MaugisDugdale` and `Neck` take parameters, and a law of your own is a class derived from
         `ContactLaw`. "spring" is the old name of "punch".
     decay_length : float, optional
-        d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None for no such force.
+        d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None (in a scene "none") for
+        no such force.
     damping_exponent : float
         n [1], >= 0, in alpha_s = alpha1 (d/R)**n, Wang (1999) Eq. 4.
     bias : float
@@ -163,7 +164,7 @@ class Interaction(Shown):
                 "contact", name, "a law whose neck loses energy beside the long-range force",
                 f"This neck would break at {depth * 1e9:.3g} nm and give back {-energy:.3g} J more than forming the "
                 "contact took, for the long-range force reaches farther. Use 'maugis' or 'dmt', or a shorter "
-                "decay_length, or decay_length=None.",
+                "decay_length, or decay_length=None (in a scene 'none').",
             )  # fmt: skip
 
     def token(self) -> Law:

@@ -1,6 +1,6 @@
 // Drawing on canvases: images with colour bars, curves with axes, maps.
 
-const BAR = 68; // pixels beside an image, for its colour bar
+const BAR = 74; // pixels beside an image, for its colour bar
 const INK = "#1c1c1c", QUIET = "#5f6368", GRID = "#e6e8ea", FAILED = [0, 230, 70];
 const FONT = '11.5px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 
@@ -160,8 +160,8 @@ export class Axes {
   }
 }
 
-/** The limits that are shown: the 0.5 and 99.5 percentiles, with a little room. */
-export function limits(values) {
+/** The limits that are shown: the 0.5 and 99.5 percentiles, with a little room, and `span` apart at least. */
+export function limits(values, span = 0) {
   let least = Infinity, most = -Infinity, count = 0;
   for (let i = 0; i < values.length; i++) {
     const value = values[i];
@@ -180,7 +180,7 @@ export function limits(values) {
   };
   let low = least + percentile(0.005) / scale, high = least + (percentile(0.995) + 1) / scale;
   if (high - low < 2 / scale) [low, high] = [least, most]; // a few particles on a flat ground
-  const room = high - low > 1e-6 ? 0.04 * (high - low) : 0.5;
+  const room = Math.max(high - low > 1e-6 ? 0.04 * (high - low) : 0.5, (span - (high - low)) / 2);
   return [low - room, high + room];
 }
 
@@ -231,7 +231,7 @@ function colourBar(pen, box, [low, high], colours, unit) {
     pen.fillText(shown(value), box.left + box.width + 5, Math.max(box.top + 5, Math.min(box.top + box.height - 5, y(value))));
   }
   pen.save();
-  pen.translate(box.left + box.width + 45, box.top + box.height / 2);
+  pen.translate(box.left + box.width + 51, box.top + box.height / 2);
   pen.rotate(-Math.PI / 2);
   pen.textAlign = "center";
   pen.fillText(unit, 0, 0);

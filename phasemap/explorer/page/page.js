@@ -5,6 +5,7 @@ import * as draw from "./draw.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a4b2a", "#555555"];
 const EV = 1.602176634e-19, SLOW = 600, PATIENT = 4000, SETTLED = 350; // J, ms
+const LEAST = 1; // degrees of phase between black and white, not to blow up last digits
 const SOLVERS = {
   averaging: "First-order averaging, within the accuracy",
   corrected: "Averaging corrected by the lever's response to the force: the exact orbit, within the error that is estimated",
@@ -152,7 +153,7 @@ function drawImages() {
   const shown = now.picture;
   const [rows, columns] = shown.shape;
   now.row = Math.min(now.row ?? rows >> 1, rows - 1);
-  if (!$("hold").checked || !now.held) now.held = { height: draw.limits(shown.height), phase: draw.limits(shown.phase) };
+  if (!$("hold").checked || !now.held) now.held = { height: draw.limits(shown.height), phase: draw.limits(shown.phase, LEAST) };
   for (const [name, label] of QUANTITIES) {
     const values = shown[name], range = now.held[name], colours = about.colours[name];
     const box = draw.image($(name), values, shown.shape, shown.pixel, range, colours, label);

@@ -98,7 +98,8 @@ def contrast(
         the dim "jump", where the phase of a material jumps: `jump_setpoint`, `jump_free_amplitude`, `jump_frequency`,
         `jump_material`, its phase and the contrast on both sides, `jump_from_phase`, `jump_to_phase`,
         `jump_from_contrast` and `jump_to_contrast` (where "to" is at the larger value of what changes), and
-        `jump_inverts`, whether the contrast changes its sign in the jump. Both are sought on the lines between
+        `jump_inverts`, whether the contrast changes its sign in the jump. A contrast below 0.5 degree, which noise
+        hides, has no sign: a map without more of either sign has no inversion. Both are sought on the lines between
         neighbours of the map, with exact orbits (with averaged ones if `solver` is "averaging"); what happens twice
         between two neighbours can be missed.
 

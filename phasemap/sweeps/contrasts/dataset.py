@@ -82,14 +82,12 @@ def record(
     )  # fmt: skip
     material = np.array([jump.material for jump in jumps], np.int8)
     data["jump_material"] = ("jump", material, coded("material whose phase jumps", *names))
-    contrasts = []
     for word, side in (("from", "before"), ("to", "after")):
         phases = np.array([getattr(jump, side) for jump in jumps]).reshape(-1, 2)
-        contrasts.append(phases[:, 1] - phases[:, 0])
-        own = phases[np.arange(len(jumps)), material]
-        data[f"jump_{word}_contrast"] = ("jump", contrasts[-1], {"long_name": f"contrast {side} the jump", **degree})
+        own, contrast = phases[np.arange(len(jumps)), material], phases[:, 1] - phases[:, 0]
+        data[f"jump_{word}_contrast"] = ("jump", contrast, {"long_name": f"contrast {side} the jump", **degree})
         data[f"jump_{word}_phase"] = ("jump", own, {"long_name": f"phase {side} the jump", **degree})
-    inverts = (contrasts[0] * contrasts[1] < 0).astype(np.int8)
+    inverts = np.array([jump.inverts for jump in jumps], np.int8)
     data["jump_inverts"] = ("jump", inverts, coded("whether the contrast changes its sign in the jump", "no", "yes"))
     return xr.Dataset(data, coords)
 

@@ -24,6 +24,7 @@ CERTAIN = 4.0  # times the accuracy of the phase: what the map's solver errs is 
 STANDS_OUT = 2.0  # times the larger of the steps beside it: a step worth looking into,
 LARGE = 3.0  # as is any that is larger than this [degree]
 SURE = 2.0  # times the accuracy of the phase: a contrast whose sign is known
+SEEN = 0.5  # contrast [degree] that stands out of the noise of a phase image; below, there is no sign to turn round
 
 
 class Jump(NamedTuple):
@@ -43,6 +44,12 @@ class Jump(NamedTuple):
     material: int
     before: Array
     after: Array
+
+    @property
+    def inverts(self) -> bool:
+        """Whether the contrast is seen on both sides, with other signs."""
+        before, after = (float(phases[1] - phases[0]) for phases in (self.before, self.after))
+        return before * after < 0 and min(abs(before), abs(after)) > SEEN
 
 
 class Inversion(NamedTuple):
@@ -82,7 +89,7 @@ class _Line(NamedTuple):
 def borders(
     pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int, progress: Progress | None = None
 ) -> tuple[list[Jump], list[Inversion]]:
-    """Find every jump and inversion between neighbours of a map.
+    """Find every jump and inversion between neighbours of a map; none of a contrast of one sign that is seen.
 
     Parameters
     ----------
@@ -105,7 +112,9 @@ def borders(
             found[i] = _follow(pair, lines[i])
 
     spread(follow, range(len(lines) + 1), workers, progress)
-    return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros]
+    contrast = np.nan_to_num(phases[1] - phases[0])
+    both = contrast.min() < -SEEN and contrast.max() > SEEN
+    return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros if both]
 
 
 def _suspects(axis: int, axes: Axes, phases: Array, branch: Array, sure: float) -> Iterator[_Line]:

@@ -416,7 +416,7 @@ def lay(
     return ok
 
 
-@kernel
+@kernel(shared=True)
 def carry_over(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
     """Interpolate w and w' of `source` to the nodes and edges of `orbit`."""
     old, new = source.elements, orbit.elements

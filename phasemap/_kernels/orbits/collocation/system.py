@@ -319,7 +319,7 @@ def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     return (x * x + y * y) / base - base
 
 
-@kernel
+@kernel(shared=True)
 def _with_drive(lever: np.ndarray, head: np.ndarray, drift: np.ndarray) -> None:
     """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
     omega, alpha0, base = lever[OMEGA], lever[ALPHA0], lever[BASE]
@@ -359,7 +359,7 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
     return eliminate(head[SYSTEM : SYSTEM + 6], 6)
 
 
-@kernel
+@kernel(shared=True)
 def along(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
     """Leave the derivative along the curve of orbits in the system's last column, with r_z dz0 + r_A dA = 1."""
     head = orbit.head

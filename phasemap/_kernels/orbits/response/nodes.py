@@ -29,8 +29,11 @@ N = 16  # nodes in an element; elements: before contact (counted backwards in ti
 X, WEIGHTS = gauss(N)
 UPTO = np.ascontiguousarray(integration_matrix(X).T)  # [k, j]: integral of the k-th polynomial up to node j
 _TOUCH_S, _TOUCH_W = np.sin(np.pi * (X - 0.5)), np.pi * np.cos(np.pi * (X - 0.5))
+_EARLY_S, _EARLY_W = np.sin(0.5 * np.pi * (X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (X - 1.0))
+_LATE_S, _LATE_W = np.sin(0.5 * np.pi * X), 0.5 * np.pi * np.cos(0.5 * np.pi * X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
-# Rows of the scratch array, shape (FIELDS, ALL).
+LATE, ALL_CUT = ALL, ALL + N  # the later half of a contact that is cut in two, where there is room for it
+# Rows of the scratch array, shape (FIELDS, ALL) or (FIELDS, ALL_CUT).
 THETA, COS, SIN, WEIGHT, W, U, G = 0, 1, 2, 3, 4, 5, 6
 GROWTH, TURN_COS, TURN_SIN = 7, 8, 9  # exp(-lambda theta), as size and angle
 RE, IM, SUM_RE, SUM_IM, FAR, FAR_WEIGHT, FIELDS = 10, 11, 12, 13, 14, 15, 16
@@ -39,7 +42,7 @@ RE, IM, SUM_RE, SUM_IM, FAR, FAR_WEIGHT, FIELDS = 10, 11, 12, 13, 14, 15, 16
 @kernel(fastmath=ANY_ORDER)
 def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray) -> None:
     """Sine and cosine of factor * angle, to 1e-11 up to 2 pi: polynomials at an eighth, doubled three times."""
-    for j in range(ALL):
+    for j in range(len(angle)):
         x = 0.125 * factor * angle[j]
         q = x * x
         s = x * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
@@ -77,24 +80,34 @@ def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange:
         if longrange:
             theta[IN + j], weight[IN + j] = entry - before * f[FAR, j], before * f[FAR_WEIGHT, j]
             theta[OUT + j], weight[OUT + j] = exit_ + after * f[FAR, j], after * f[FAR_WEIGHT, j]
+    if len(theta) > ALL:
+        for j in range(N):
+            theta[TOUCH + j], weight[TOUCH + j] = centre + half * _EARLY_S[j], half * _EARLY_W[j]
+            theta[LATE + j], weight[LATE + j] = centre + half * _LATE_S[j], half * _LATE_W[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     _turn(theta, 1.0, f[SIN], f[COS])
     nu = math.sqrt(1.0 - alpha0 * alpha0) / omega
     if abs(nu - 1.0) < 3e-4:
-        for j in range(ALL):  # a small angle more, to third order
+        for j in range(len(theta)):  # a small angle more, to third order
             more = (nu - 1.0) * theta[j]
             less = 1.0 - 0.5 * more * more
             f[TURN_SIN, j] = f[SIN, j] * less + f[COS, j] * more
             f[TURN_COS, j] = f[COS, j] * less - f[SIN, j] * more
     else:
         _turn(theta, nu, f[TURN_SIN], f[TURN_COS])
-    for j in range(ALL):
+    for j in range(len(theta)):
         x = 0.125 * alpha0 / omega * theta[j]
         grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
         grow *= grow
         grow *= grow
         f[GROWTH, j] = grow * grow
+
+
+@kernel
+def parts_of(f: np.ndarray) -> int:
+    """In how many elements the contact is."""
+    return 2 if f.shape[1] > ALL else 1
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -124,22 +137,24 @@ def force(
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     damped = p[DAMPING] != 0.0
-    if touching:
-        for j in range(TOUCH, TOUCH + N):
-            d = max(amplitude * f[COS, j] + f[W, j] - e, 0.0)
-            turn = f[U, j] - amplitude * f[SIN, j]
+    for part in range(parts_of(f) if touching else 0):
+        first = TOUCH if part == 0 else LATE
+        for j in range(N):
+            i = first + j
+            d = max(amplitude * f[COS, i] + f[W, i] - e, 0.0)
+            turn = f[U, i] - amplitude * f[SIN, i]
             g = inverse_k * contact_force(law, d, p)
-            weight = WEIGHTS[j - TOUCH] * f[WEIGHT, j]
+            weight = WEIGHTS[j] * f[WEIGHT, i]
             work += weight * g * turn
             if damped:
                 drop = 2.0 * omega * damping(law, d, p) * turn
                 loss += weight * drop * turn
                 g += drop
-            f[G, j] = g
+            f[G, i] = g
             mean += weight * g
-            push += weight * g * f[COS, j]
-            drag += weight * g * f[SIN, j]
-            virial += weight * g * (amplitude * f[COS, j] + f[W, j])
+            push += weight * g * f[COS, i]
+            drag += weight * g * f[SIN, i]
+            virial += weight * g * (amplitude * f[COS, i] + f[W, i])
     if p[LONGRANGE] != 0.0:
         for side in range(2):
             first = IN if side == 0 else OUT
@@ -158,6 +173,23 @@ def force(
 
 
 @kernel(fastmath=ANY_ORDER)
+def periods_before(a: float, nu: float) -> tuple[float, float]:
+    """E = 1/(exp(-2 pi lambda) - 1), lambda = a + i nu: what a kick of all periods before it adds up to."""
+    size = math.exp(-2 * math.pi * a)
+    re, im = size * math.cos(2 * math.pi * nu) - 1.0, -size * math.sin(2 * math.pi * nu)
+    below = 1.0 / (re * re + im * im)
+    return re * below, -im * below
+
+
+@kernel(fastmath=ANY_ORDER)
+def first_harmonic(omega: float, alpha0: float, push: float, drag: float) -> tuple[float, float]:
+    """Return (P - iS)/(1 - omega^2 + 2 i alpha0 omega), the lever's response to the first harmonic of the force."""
+    x, y = 1.0 - omega * omega, 2.0 * alpha0 * omega
+    below = 1.0 / (x * x + y * y)
+    return (push * x - drag * y) * below, (-drag * x - push * y) * below
+
+
+@kernel(fastmath=ANY_ORDER)
 def respond(
     f: np.ndarray, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
 ) -> None:
@@ -173,6 +205,15 @@ def respond(
         out_re, out_im = _running(f, OUT)
     if touching:
         at_re, at_im = _running(f, TOUCH)
+    if touching and parts_of(f) > 1:
+        for j in range(LATE, LATE + N):
+            share = f[G, j] * f[WEIGHT, j] * f[GROWTH, j]
+            f[RE, j], f[IM, j] = share * f[TURN_COS, j], -share * f[TURN_SIN, j]
+        late_re, late_im = _running(f, LATE)
+        for j in range(LATE, LATE + N):
+            f[SUM_RE, j] += in_re + at_re
+            f[SUM_IM, j] += in_im + at_im
+        at_re, at_im = at_re + late_re, at_im + late_im
     for j in range(N):
         # The element before contact was integrated backwards.
         f[SUM_RE, j], f[SUM_IM, j] = in_re - f[SUM_RE, j], in_im - f[SUM_IM, j]
@@ -183,18 +224,11 @@ def respond(
     f[SUM_RE, ENTRY], f[SUM_IM, ENTRY] = in_re, in_im
     f[SUM_RE, EXIT], f[SUM_IM, EXIT] = in_re + at_re, in_im + at_im
     all_re, all_im = in_re + at_re + out_re, in_im + at_im + out_im
-    # E = 1/(exp(-2 pi lambda) - 1)
-    size = math.exp(-2 * math.pi * a)
-    re, im = size * math.cos(2 * math.pi * nu) - 1.0, -size * math.sin(2 * math.pi * nu)
-    below = 1.0 / (re * re + im * im)
-    e_re, e_im = re * below, -im * below
+    e_re, e_im = periods_before(a, nu)
     round_re, round_im = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
-    # First harmonic of the response: (P - iS)/(1 - omega^2 + 2 i alpha0 omega)
-    x, y = 1.0 - omega * omega, 2.0 * alpha0 * omega
-    below = 1.0 / (x * x + y * y)
-    h_re, h_im = (push * x - drag * y) * below, (-drag * x - push * y) * below
+    h_re, h_im = first_harmonic(omega, alpha0, push, drag)
     share = 1.0 / (omega * omega * nu)
-    for j in range(ALL):
+    for j in range(f.shape[1]):
         m_re, m_im = round_re + f[SUM_RE, j], round_im + f[SUM_IM, j]
         shrink = share / f[GROWTH, j]
         t_re, t_im = shrink * f[TURN_COS, j], shrink * f[TURN_SIN, j]
@@ -215,5 +249,5 @@ def relay(f: np.ndarray, lever: np.ndarray, amplitude: float, e: float, touching
         entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])
         exit_ = theta[EXIT] - (amplitude * f[COS, EXIT] + f[W, EXIT] - e) / (f[U, EXIT] - amplitude * f[SIN, EXIT])
     lay(f, lever, entry, exit_, longrange)
-    for j in range(ALL):
+    for j in range(len(theta)):
         f[W, j] += f[U, j] * (theta[j] - before[j])

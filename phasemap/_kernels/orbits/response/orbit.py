@@ -12,7 +12,9 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.response.nodes import ALL, FIELDS
+from phasemap._kernels.orbits.response.firm import firm
+from phasemap._kernels.orbits.response.newton import COARSE, FOUND, Bench, cut, middle_of, newton
+from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, W
 from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
@@ -93,6 +95,32 @@ def _pass_from(
         and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
         and sound(law, p, lever, reach, f, state)
     )
+
+
+@kernel
+def refine_stiff(
+    law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray, limits: np.ndarray, short: Bench, long: Bench
+) -> int:  # fmt: skip
+    """Exact orbit near the averaged one of `guess` by Newton's method; the parts of its contact, 0 without one.
+
+    That its harmonics lift the tip does not bring it to another branch.
+    """
+    bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[0] - guess[1], guess[2], 1
+    bench.state[:] = 0.0
+    bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[5]
+    if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
+        return 0
+    found = newton(law, p, lever, reach, limits, bench)
+    if found == COARSE:
+        cut(lever, short, long, p[LONGRANGE] != 0.0)
+        bench, parts = long, 2
+        found = newton(law, p, lever, reach, limits, bench)
+    f, state = bench.nodes, bench.state
+    if found != FOUND or (state[PUSH] > 0.0) != (guess[3] > 0.0):
+        return 0
+    near = abs(state[HEIGHT] - guess[0]) < farthest(lever, amplitude)
+    near = near or abs(state[E] - f[W, middle_of(f)] - e) < FAR_OFF * amplitude
+    return parts if near and firm(law, p, lever, reach, bench) else 0
 
 
 @kernel

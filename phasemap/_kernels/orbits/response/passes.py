@@ -17,6 +17,7 @@ from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
     IN,
+    LATE,
     OUT,
     THETA,
     TOUCH,
@@ -32,6 +33,7 @@ from phasemap._kernels.orbits.response.nodes import (
     force,
     grade,
     lay,
+    parts_of,
     relay,
     respond,
 )
@@ -53,7 +55,7 @@ _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coeffici
 
 
 @kernel(fastmath=ANY_ORDER)
-def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool) -> float:
+def evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     amplitude = state[AMP]
     mean, push, drag, work, loss, virial = force(law, p, lever, f, amplitude, state[E], touching)
@@ -63,24 +65,43 @@ def _evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: 
 
 
 @kernel(fastmath=ANY_ORDER)
-def _unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
+def unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
     integral.
     """
     rest = 0.0
-    for element in range(3):
-        if not (touching if element == 1 else longrange):
+    for element in range(2 + parts_of(f)):
+        if not (longrange if element == 0 or element == 2 else touching):
             continue
-        even, odd, size = 0.0, 0.0, 0.0
+        even, odd, size, first = 0.0, 0.0, 0.0, N * element if element < 3 else LATE
         for j in range(N):
-            share = f[G, N * element + j] * f[WEIGHT, N * element + j]
+            share = f[G, first + j] * f[WEIGHT, first + j]
             even += _HIGHEST[0, j] * share
             odd += _HIGHEST[1, j] * share
             size += WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
     return 0.1 * rest
+
+
+@kernel
+def remaining(ratio: float, ratio_before: float) -> float:
+    """Ratio of the changes to come, on the safe side of the last two: theory, Eq. (errors-1)."""
+    return min(max(ratio, 0.4 * ratio_before, 0.04), 0.9)
+
+
+@kernel
+def state_errors(
+    lever: np.ndarray, state: np.ndarray, rest: float, phase_left: float, height_left: float, nodes: float
+) -> None:
+    """Fill in the errors left behind a last change of so much, if changes go on with the ratio `rest`."""
+    share = SAFETY * rest / (1.0 - rest)
+    # The conservative force does no work round an orbit.
+    wrong = nodes + 3.0 * abs(state[WORK]) / (math.pi * state[AMP])
+    state[ERR_PHASE] = share * phase_left + wrong / lever[BASE] + FLOOR_PHASE
+    state[ERR_HEIGHT] = share * height_left + FLOOR_HEIGHT
+    state[ERR_HEIGHT] += wrong * (1.0 + 4.0 / abs(state[SLOPE] * lever[BASE]))
 
 
 @kernel
@@ -96,7 +117,7 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     lay(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
     f[W] = 0.0
     f[U] = 0.0
-    _evaluate(law, p, lever, f, state, c < 1.0)
+    evaluate(law, p, lever, f, state, c < 1.0)
     return True
 
 
@@ -109,13 +130,13 @@ def balance(
     if hold:
         relay(f, lever, amplitude, state[E], touching, longrange)
     # Where e moves next, nodes that are slightly beside the contact will do to say by how much.
-    first = _evaluate(law, p, lever, f, state, touching)
+    first = evaluate(law, p, lever, f, state, touching)
     h = first
     for _ in range(0 if hold else MOST_MOVES):
         h_before, move = h, -h / state[SLOPE]
         state[E] += move
         relay(f, lever, amplitude, state[E], touching, longrange)
-        h = _evaluate(law, p, lever, f, state, touching)
+        h = evaluate(law, p, lever, f, state, touching)
         if abs(h) < ENOUGH * abs(first):
             break
         if 0.3 < (h - h_before) / move / state[SLOPE] < 3.0:
@@ -135,7 +156,7 @@ def converge(
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
-    touching = state[E] < amplitude
+    touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest = TOUCH + N // 2 if touching else OUT
     phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
     w_before = 0.0
@@ -154,15 +175,11 @@ def converge(
         height_change = max(abs(height - height_before), abs(f[W, nearest] - w_before))
         ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
         if ratio >= 0.0:
-            rest = min(max(ratio, 0.4 * ratio_before, 0.04), 0.9)
-            share = SAFETY * rest / (1.0 - rest)
-            nodes = _unresolved(f, touching, longrange)
-            # The conservative force does no work round an orbit.
-            wrong = nodes + 3.0 * abs(state[WORK]) / (math.pi * amplitude)
+            rest = remaining(ratio, ratio_before)
+            nodes = unresolved(f, touching, longrange)
             state[PHASE], state[HEIGHT] = phase, height
-            state[ERR_PHASE] = share * max(phase_change, rest * phase_last) + wrong / lever[BASE] + FLOOR_PHASE
-            state[ERR_HEIGHT] = share * max(height_change, rest * height_last) + FLOOR_HEIGHT
-            state[ERR_HEIGHT] += wrong * (1.0 + 4.0 / abs(state[SLOPE] * lever[BASE]))
+            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
+            state_errors(lever, state, rest, phase_left, height_left, nodes)
             closed = hold or abs(closure(lever, state)) < CLOSED
             if closed and state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
                 return True
@@ -175,16 +192,40 @@ def converge(
 
 
 @kernel(fastmath=ANY_ORDER)
+def kicked(c: float, s: float, kick: float, x: float, y: float) -> tuple[float, float]:
+    """What a stiffness at an angle makes of a free lever's motion x cos(nu theta) + y sin(nu theta)."""
+    force = kick * (c * x + s * y)
+    return x + force * s, y - force * c
+
+
+@kernel(fastmath=ANY_ORDER)
+def turned(squared: float, width: float, v: float, u: float) -> tuple[float, float]:
+    """Motion v and its rate u after an angle `width`, under a stiffness that stays: v'' = -squared v."""
+    z = squared * width * width
+    c = 1.0 - z / 2.0 * (1.0 - z / 12.0 * (1.0 - z / 30.0))
+    s = width * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
+    return c * v + s * u, c * u - squared * s * v
+
+
+@kernel
+def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) -> float:
+    """Trace of the monodromy matrix: after all kicks (1, 0) is (x1, y1), and (0, 1) is (x2, y2)."""
+    c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
+    return math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
+
+
+@kernel(fastmath=ANY_ORDER)
 def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node by the stiffness there: theory,
-    Eq. (stability-6). A period doubles where it is -1 less the determinant, which all damping makes smaller; the trace
-    leaves out that of the contact, which would bring it nearer to zero.
+    The trace of the monodromy matrix is that of the free lever kicked at every node outside contact by the stiffness
+    there, and turned faster by it in contact: theory, Eq. (stability-6). A period doubles where it is -1 less the
+    determinant, which all damping makes smaller; the trace leaves out that of the contact, which would bring it nearer
+    to zero.
     """
     amplitude, e = state[AMP], state[E]
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
-    touching, longrange = e < amplitude, p[LONGRANGE] != 0.0
+    touching, longrange = f[THETA, EXIT] > f[THETA, ENTRY], p[LONGRANGE] != 0.0
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
@@ -201,12 +242,20 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
         if in_contact and p[DAMPING] != 0.0:
             decay += 2.0 / omega * WEIGHTS[j % N] * f[WEIGHT, j] * damping(law, max(d, 0.0), p)
-        kick = WEIGHTS[j % N] * f[WEIGHT, j] * inverse_k * slope / (omega * omega * nu)
-        c, s = f[TURN_COS, j], f[TURN_SIN, j]
-        one, two = kick * (c * x1 + s * y1), kick * (c * x2 + s * y2)
-        x1, y1, x2, y2 = x1 + one * s, y1 - one * c, x2 + two * s, y2 - two * c
-    c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
-    trace = math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
+        width, squared = WEIGHTS[j % N] * f[WEIGHT, j], inverse_k * slope / (omega * omega)
+        if not in_contact:
+            x1, y1 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x1, y1)
+            x2, y2 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x2, y2)
+            continue
+        if j == TOUCH:
+            c, s = f[TURN_COS, ENTRY], f[TURN_SIN, ENTRY]
+            x1, y1, x2, y2 = c * x1 + s * y1, nu * (c * y1 - s * x1), c * x2 + s * y2, nu * (c * y2 - s * x2)
+        x1, y1 = turned(nu * nu + squared, width, x1, y1)
+        x2, y2 = turned(nu * nu + squared, width, x2, y2)
+        if j == OUT - 1:
+            c, s = f[TURN_COS, EXIT], f[TURN_SIN, EXIT]
+            x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
+    trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
     return far and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
 
@@ -246,7 +295,8 @@ def deepest(f: np.ndarray, amplitude: float) -> float:
     first = TOUCH if touching else OUT
     before = first if touching else IN
     most = -math.inf
-    for j in range(first, first + N):
+    for k in range(N * parts_of(f) if touching else N):
+        j = first + k if k < N else LATE + k - N
         i, before = before, j
         most = max(most, amplitude * f[COS, j] + w[j])
         between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
@@ -258,14 +308,17 @@ def deepest(f: np.ndarray, amplitude: float) -> float:
 
 @kernel
 def _in_contact(f: np.ndarray, angle: float) -> float:
-    """Return w at an angle in contact, by the polynomial through all nodes there."""
+    """Return w at an angle in contact, by the polynomial through the nodes of its element."""
     centre, half = 0.5 * (f[THETA, ENTRY] + f[THETA, EXIT]), 0.5 * (f[THETA, EXIT] - f[THETA, ENTRY])
-    x = math.asin((angle - centre) / half) / math.pi + 0.5
+    x, first = math.asin((angle - centre) / half) / math.pi + 0.5, TOUCH
+    if parts_of(f) > 1:
+        first = TOUCH if x < 0.5 else LATE
+        x = 2.0 * x if x < 0.5 else 2.0 * x - 1.0
     above, below = 0.0, 0.0
     for j in range(N):
         if x == X[j]:
-            return float(f[W, TOUCH + j])
+            return float(f[W, first + j])
         share = BARYCENTRIC[j] / (x - X[j])
-        above += share * f[W, TOUCH + j]
+        above += share * f[W, first + j]
         below += share
     return above / below

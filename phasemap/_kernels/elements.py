@@ -1,0 +1,48 @@
+"""Elements and rows of contiguous arrays in LLVM code, without the detours that numba takes for slices and lists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+
+_MEMINFO, _PARENT, _ITEMS, _ITEM_SIZE, _DATA, _SHAPE, _STRIDES = range(7)  # numba's structure of an array
+
+
+def simple(array: types.Type, index: types.Type) -> tuple[types.Type, ...]:
+    """The types of the indices, where they are whole numbers into a contiguous array; none otherwise."""
+    if type(array) is not types.Array or array.layout != "C" or not array.aligned:
+        return ()
+    kinds = tuple(index.types) if isinstance(index, types.BaseTuple) else (index,)
+    whole = all(isinstance(one, types.Integer) and one.bitwidth == 64 for one in kinds)
+    return kinds if whole and 0 < len(kinds) <= array.ndim else ()
+
+
+def place_of(builder: Any, array: Any, dimensions: int, kinds: Sequence[Any], index: Any) -> tuple[Any, list[Any]]:
+    """Pointer to what an index leads to, and how long the axes are that are left."""
+    sizes = [builder.extract_value(array, (_SHAPE, axis)) for axis in range(dimensions)]
+    offset = None
+    for axis, kind in enumerate(kinds):
+        one = builder.extract_value(index, axis) if isinstance(index.type, ir.Aggregate) else index
+        if kind.signed and not (isinstance(one, ir.Constant) and one.constant >= 0):
+            below = builder.icmp_signed("<", one, one.type(0))
+            one = builder.select(below, builder.add(one, sizes[axis]), one)
+        for size in sizes[axis + 1 :]:
+            one = builder.mul(one, size)
+        offset = one if offset is None else builder.add(offset, one)
+    return builder.gep(builder.extract_value(array, _DATA), [offset]), sizes[len(kinds) :]
+
+
+def view(builder: Any, array: Any, kind: Any, place: Any, sizes: Sequence[Any]) -> Any:
+    """The part of an array that begins at a place and has these sizes, as LLVM knows it."""
+    dimensions, items, made = array.type.elements[_SHAPE].count, None, ir.Constant(kind, ir.Undefined)
+    for field in (_MEMINFO, _PARENT, _ITEM_SIZE):
+        made = builder.insert_value(made, builder.extract_value(array, field), field)
+    made = builder.insert_value(made, place, _DATA)
+    for axis, size in enumerate(sizes):
+        stride = builder.extract_value(array, (_STRIDES, dimensions - len(sizes) + axis))
+        made = builder.insert_value(builder.insert_value(made, size, (_SHAPE, axis)), stride, (_STRIDES, axis))
+        items = size if items is None else builder.mul(items, size, flags=["nsw"])
+    return builder.insert_value(made, items, _ITEMS)

@@ -1,0 +1,324 @@
+"""Exact orbits by Newton's method on the lever's response, where passes do not converge.
+
+Passes find the force from the motion, then the motion from the force. Where a contact is so stiff that it turns the tip
+round within it, or lasts for long, each pass does again what the one before had done too much of. Here force and motion
+at the nodes in contact change together. With kappa = dg/dd, gamma = dg/dd', R the response of w to g, R' that of w',
+and (r, r') what a pass would change, the change of g solves
+
+    (1 - kappa R - gamma R') dg = kappa (r - de) + gamma r',
+
+and the change of e follows from the drive: theory, Eq. (response-8). The force outside contact follows a step behind.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.dense import factor, substitute
+from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
+from phasemap._kernels.orbits.response.nodes import (
+    ALL,
+    ALL_CUT,
+    COS,
+    ENTRY,
+    EXIT,
+    FAR,
+    FAR_WEIGHT,
+    FIELDS,
+    GROWTH,
+    LATE,
+    SIN,
+    THETA,
+    TOUCH,
+    TURN_COS,
+    TURN_SIN,
+    UPTO,
+    WEIGHT,
+    WEIGHTS,
+    G,
+    N,
+    U,
+    W,
+    X,
+    first_harmonic,
+    lay,
+    parts_of,
+    periods_before,
+    relay,
+    respond,
+)
+from phasemap._kernels.orbits.response.passes import (
+    AMP,
+    CLOSED,
+    DRAG,
+    ERR_HEIGHT,
+    ERR_PHASE,
+    HEIGHT,
+    MEAN,
+    PASSES,
+    PHASE,
+    PUSH,
+    SLOPE,
+    STATE,
+    E,
+    closure,
+    evaluate,
+    remaining,
+    state_errors,
+    unresolved,
+)
+
+LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
+MOST_STEPS, MOST_HALVINGS = 16, 6
+REUSED = 0.1  # ratio of changes with which a step may do with the stiffness of the one before
+MUCH = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
+LONGEST = 0.5  # step, over the depth of the contact or
+AT_LEAST = 0.3  # of the reach
+NARROWER, WIDER = 0.4, 2.5  # contact after a step, over the one before
+_LEGENDRE = np.polynomial.legendre.legvander(np.concatenate([2 * X - 1, X - 1, X]), N - 1)
+INTO_PARTS = _LEGENDRE[N:] @ np.linalg.inv(_LEGENDRE[:N])  # from the nodes of a contact to those of its halves
+
+
+class Bench(NamedTuple):
+    """Scratch arrays: nodes, state, two motions, the system with kappa and gamma, and what it is solved for."""
+
+    nodes: np.ndarray
+    state: np.ndarray
+    motions: np.ndarray
+    system: np.ndarray
+    order: np.ndarray
+    right: np.ndarray
+    per_e: np.ndarray
+
+
+@kernel
+def new_bench(parts: int) -> Bench:
+    """Return empty scratch arrays for a contact in one or two parts."""
+    width, n = ALL_CUT if parts > 1 else ALL, parts * N
+    nodes, motions, system = np.zeros((FIELDS, width)), np.zeros((4, width)), np.zeros((n, n + 2))
+    return Bench(nodes, np.zeros(STATE), motions, system, np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
+
+
+@kernel
+def node(k: int) -> int:
+    """The k-th node in contact."""
+    return TOUCH + k if k < N else LATE + k - N
+
+
+@kernel
+def middle_of(f: np.ndarray) -> int:
+    """A node in the middle of the contact."""
+    return TOUCH + N // 2 if parts_of(f) == 1 else LATE
+
+
+@kernel
+def stiffness(
+    law: Law, p: np.ndarray, lever: np.ndarray, d: float, turn: float
+) -> tuple[float, float]:  # fmt: skip
+    """(kappa, gamma): change of g with depth d and with d', in contact."""
+    kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
+    if p[DAMPING] != 0.0:
+        gamma = 2.0 * lever[OMEGA] * damping(law, d, p)
+        if d > 0.0:
+            kappa += 2.0 * lever[OMEGA] * damping_slope(law, d, p) * turn
+    return kappa, gamma
+
+
+@kernel(fastmath=ANY_ORDER)
+def fill(
+    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, motion: np.ndarray,
+    periodic: bool, m: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill the left side of the system for dg at the nodes in contact, and behind it kappa and gamma.
+
+    `motion` is (w, w') at the nodes. If not `periodic`, a force is felt only after it, and by all of the motion.
+    """
+    amplitude, e, n = state[AMP], state[E], N * parts_of(f)
+    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
+    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
+    e_re, e_im = periods_before(a, nu)
+    share = 1.0 / (omega * omega * nu)
+    at = np.empty((8, n))
+    cosine, sine, back_re, back_im, kappa, gamma, to_w, to_u = at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7]
+    for j in range(n):
+        i = node(j)
+        d = max(amplitude * f[COS, i] + motion[0, i] - e, 0.0)
+        kappa[j], gamma[j] = stiffness(law, p, lever, d, motion[1, i] - amplitude * f[SIN, i])
+        m[j, n], m[j, n + 1] = kappa[j], gamma[j]
+        shrink = share / f[GROWTH, i]
+        back_re[j], back_im[j] = shrink * f[TURN_COS, i], shrink * f[TURN_SIN, i]
+        cosine[j], sine[j] = f[COS, i], f[SIN, i]
+    for k in range(n):
+        i, part = node(k), k // N
+        size, here = f[WEIGHT, i] * f[GROWTH, i], WEIGHTS[k % N]
+        q_re, q_im = size * f[TURN_COS, i], -size * f[TURN_SIN, i]
+        round_re, round_im, mean, h_re, h_im = 0.0, 0.0, 0.0, 0.0, 0.0
+        if periodic:
+            round_re, round_im = here * (e_re * q_re - e_im * q_im), here * (e_re * q_im + e_im * q_re)
+            mean = here * f[WEIGHT, i] / (2 * math.pi)
+            h_re, h_im = first_harmonic(omega, alpha0, 2.0 * mean * f[COS, i], 2.0 * mean * f[SIN, i])
+        upto = UPTO[k % N]
+        for other in range(n // N):
+            inside, behind = 1.0 if other == part else 0.0, here if other > part else 0.0
+            for i in range(N):
+                j, felt = N * other + i, inside * upto[i] + behind
+                at_re, at_im = round_re + felt * q_re, round_im + felt * q_im
+                g_im = back_re[j] * at_im + back_im[j] * at_re
+                g_re = back_re[j] * at_re - back_im[j] * at_im
+                to_w[j] = -g_im + mean + h_re * cosine[j] - h_im * sine[j]
+                to_u[j] = -(a * g_im + nu * g_re) - h_re * sine[j] - h_im * cosine[j]
+        for j in range(n):
+            m[j, k] = -kappa[j] * to_w[j] - gamma[j] * to_u[j]
+        m[k, k] += 1.0
+
+
+@kernel
+def drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
+    """Change of the mismatch with g at the k-th node in contact."""
+    i, omega, amplitude = node(k), lever[OMEGA], state[AMP]
+    x = state[PUSH] + amplitude * (1.0 - omega * omega)
+    y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+    share = 2.0 * WEIGHTS[k % N] * f[WEIGHT, i] / (math.pi * lever[BASE] * lever[BASE])
+    return (x * f[COS, i] - y * f[SIN, i]) * share
+
+
+@kernel
+def _mix(f: np.ndarray, old: np.ndarray, new: np.ndarray, share: float, amplitude: float, e: float) -> bool:
+    """Go by `share` from the old motion to the new; whether the contact begins and ends, not too far from before."""
+    for j in range(f.shape[1]):
+        f[W, j] = old[0, j] + share * (new[0, j] - old[0, j])
+        f[U, j] = old[1, j] + share * (new[1, j] - old[1, j])
+    down, up = f[U, ENTRY] - amplitude * f[SIN, ENTRY], f[U, EXIT] - amplitude * f[SIN, EXIT]
+    if not down > 0.0 > up:
+        return False
+    entry = f[THETA, ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / down
+    exit_ = f[THETA, EXIT] - (amplitude * f[COS, EXIT] + f[W, EXIT] - e) / up
+    before = f[THETA, EXIT] - f[THETA, ENTRY]
+    return NARROWER * before < exit_ - entry < WIDER * before and entry > -math.pi and exit_ < math.pi
+
+
+@kernel
+def _step(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, bench: Bench, h: float, anew: bool
+) -> float:  # fmt: skip
+    """One step from a motion whose force is known, to the nodes where the contact then is; its share, 0 without one.
+
+    If not `anew`, with the stiffness of the step before.
+    """
+    f, state, m, order, right, per_e = bench.nodes, bench.state, bench.system, bench.order, bench.right, bench.per_e
+    amplitude, e, longrange, n = state[AMP], state[E], p[LONGRANGE] != 0.0, N * parts_of(f)
+    old, new, middle = bench.motions[:2], bench.motions[2:], middle_of(f)
+    copy(f[W], old[0])
+    copy(f[U], old[1])
+    respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, longrange)
+    if anew:
+        fill(law, p, lever, f, state, old, True, m)
+        if not factor(m, n, order):
+            return 0.0
+        for j in range(n):
+            per_e[j] = m[j, n]
+        substitute(m, n, order, per_e)
+    for j in range(n):
+        i = node(j)
+        right[j] = m[j, n] * (f[W, i] - old[0, i]) + m[j, n + 1] * (f[U, i] - old[1, i])
+    substitute(m, n, order, right)
+    change, slope = h, 0.0
+    for j in range(n):
+        to_h = drive_of(lever, f, state, j)
+        change += to_h * right[j]
+        slope -= to_h * per_e[j]
+    move = -change / slope
+    state[SLOPE] = slope
+    mean, push, drag = state[MEAN], state[PUSH], state[DRAG]
+    for j in range(n):
+        i = node(j)
+        more = right[j] - move * per_e[j]
+        f[G, i] += more
+        more *= WEIGHTS[j % N] * f[WEIGHT, i] / math.pi
+        mean, push, drag = mean + 0.5 * more, push + more * f[COS, i], drag + more * f[SIN, i]
+    respond(f, lever, mean, push, drag, True, longrange)
+    copy(f[W], new[0])
+    copy(f[U], new[1])
+    depth = amplitude * f[COS, middle] + old[0, middle] - e
+    deeper = abs(new[0, middle] - old[0, middle] - move)
+    share = min(1.0, LONGEST * max(abs(depth), AT_LEAST * reach) / max(deeper, 1e-300))
+    for _ in range(MOST_HALVINGS):
+        if _mix(f, old, new, share, amplitude, e + share * move):
+            state[E] = e + share * move
+            relay(f, lever, amplitude, state[E], True, longrange)
+            return share
+        share *= 0.5
+    return 0.0
+
+
+@kernel
+def newton(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, limits: np.ndarray, bench: Bench
+) -> int:  # fmt: skip
+    """Repeat steps from a motion that touches until its estimated errors are below the limits: FOUND, LOST or COARSE.
+
+    The error left is taken from the last two changes, as that of passes is.
+    """
+    f, state, longrange, middle = bench.nodes, bench.state, p[LONGRANGE] != 0.0, middle_of(bench.nodes)
+    amplitude, omega = state[AMP], lever[OMEGA]
+    h = evaluate(law, p, lever, f, state, True)
+    phase_before, height_before, w_before, left_before = math.nan, math.nan, f[W, middle], math.inf
+    if state[PASSES] > 0.0:
+        phase_before, height_before = state[PHASE], state[HEIGHT]
+    phase_change, height_change, ratio_before, anew = math.nan, math.nan, 1.0, True
+    for _ in range(MOST_STEPS):
+        share = _step(law, p, lever, reach, bench, h, anew)
+        if not share > 0.0:
+            return LOST
+        h = evaluate(law, p, lever, f, state, True)
+        state[PASSES] += 1.0
+        x = state[PUSH] + amplitude * (1.0 - omega * omega)
+        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
+        if not math.isfinite(phase + height):
+            return LOST
+        phase_last, height_last = phase_change, height_change
+        phase_change = abs(phase - phase_before)
+        height_change = max(abs(height - height_before), abs(f[W, middle] - w_before))
+        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
+        anew = not ratio < REUSED
+        nodes = unresolved(f, True, longrange)
+        state[PHASE], state[HEIGHT] = phase, height
+        if phase_change < MUCH and nodes > limits[0] * lever[BASE]:
+            return COARSE
+        if ratio >= 0.0 and share == 1.0:
+            rest = remaining(ratio, ratio_before)
+            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
+            state_errors(lever, state, rest, phase_left, height_left, nodes)
+            left = abs(closure(lever, state))
+            small = state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]
+            if small and left < CLOSED:
+                return FOUND
+            if small and left > 0.5 * left_before:
+                return COARSE
+            ratio_before, left_before = ratio, left
+        phase_before, height_before, w_before = phase, height, f[W, middle]
+    return LOST
+
+
+@kernel
+def cut(lever: np.ndarray, short: Bench, long: Bench, longrange: bool) -> None:
+    """Carry an orbit over to nodes that cut its contact in two."""
+    f, finer = short.nodes, long.nodes
+    copy(short.state, long.state)
+    copy(f[FAR], finer[FAR])
+    copy(f[FAR_WEIGHT], finer[FAR_WEIGHT])
+    lay(finer, lever, f[THETA, ENTRY], f[THETA, EXIT], longrange)
+    for row in (W, U):
+        copy(f[row], finer[row])
+        for j in range(2 * N):
+            total = 0.0
+            for k in range(N):
+                total += INTO_PARTS[j, k] * f[row, TOUCH + k]
+            finer[row, node(j)] = total

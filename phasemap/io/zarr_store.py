@@ -1,0 +1,63 @@
+"""The images of an ensemble as a zarr store, for what reads such stores from many processes or over a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phasemap.io.gwyddion import extra
+from phasemap.io.netcdf import check_target, replacing
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["SUFFIX", "check_store", "write_store"]
+
+SUFFIX = ".zarr"
+AT_ONCE = 1 << 26  # byte of samples in memory
+FORMAT = 2  # which every reader knows; text in version 3 has no agreed form yet
+
+
+def check_store(path: Path, overwrite: bool = False) -> Path:
+    """Return `path` if a store can be written there, before hours are spent on what to write.
+
+    Raises
+    ------
+    FileError
+        As in `phasemap.io.netcdf.check_target`; a folder that is no store is never replaced.
+    PhasemapError
+        If zarr is not installed.
+    """
+    extra("zarr", "writing zarr stores", "dask")
+    return check_target(path, overwrite)
+
+
+def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
+    """Copy a netCDF file with a dimension "sample" into a zarr store, a chunk a sample.
+
+    Parameters
+    ----------
+    source : Path
+        Of which some samples at a time are in memory.
+    path : Path
+        The store, a folder; it is there whole or not at all.
+    overwrite : bool
+        Whether an existing store may be replaced.
+    """
+    import xarray as xr
+
+    with xr.open_dataset(source, engine="netcdf4") as ds, replacing(path, overwrite) as temporary:
+        count = ds.sizes["sample"]
+        step = max(1, AT_ONCE * count // max(ds.nbytes, 1))
+        for start in range(0, count, step):
+            some = ds.isel(sample=slice(start, start + step)).load().drop_encoding()
+            if start:
+                some.to_zarr(temporary, append_dim="sample", consolidated=True)
+            else:
+                layout = {str(name): {"chunks": _chunk(one)} for name, one in some.variables.items() if one.ndim > 1}
+                some.to_zarr(temporary, mode="w", zarr_format=FORMAT, consolidated=True, encoding=layout)
+
+
+def _chunk(variable: xr.Variable) -> tuple[int, ...]:
+    """One image of one sample."""
+    return (1,) * (variable.ndim - 2) + variable.shape[-2:]
