@@ -16,9 +16,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.leap import lands, strong
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     HEIGHT,
+    REPULSIVE,
     UNCLEAR,
     approach,
     leaps,
@@ -26,6 +28,7 @@ from phasemap._kernels.engagement.resonance import (
     near_resonance,
     on_side,
     strongest,
+    told_in_time,
 )
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
@@ -38,7 +41,7 @@ TINY = 1e-6
 WEIGHT = 4.0
 MOST_STEPS = 400
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
-SURE, DOUBTFUL, OPEN = 0, 1, 2
+SURE, DOUBTFUL, OPEN, LEAP = 0, 1, 2, 3
 
 
 @kernel
@@ -137,18 +140,35 @@ def engage(
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
     Fills guess = (z0, mean deflection, A, P, S, dh/dz0) and returns a status code and how sure the decision is; OPEN
-    where averaging cannot tell the side, with the maximum of the mismatch in `top`.
+    where averaging cannot tell the side, with the maximum of the mismatch in `top`, and LEAP where the tip is carried
+    over its resonance and only time can tell where it lands.
     """
     free, reach = free_amplitude(lever), reach_of(law, p)
-    if near_resonance(lever):
+    rises = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
+    bent, told, near = rises and strong(law, p, lever, free), rises and told_in_time(lever), near_resonance(lever)
+    if near:
+        if bent and told:
+            return col.GOOD, LEAP
         side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
-        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not leaps(lever, reach, free):
+        if rises and not bent and side != REPULSIVE:
+            landed = lands(law, p, lever, reach, free)
+            if landed == UNCLEAR:
+                return col.GOOD, LEAP
+            if landed == REPULSIVE:
+                strongest(law, p, lever, reach, amplitude, math.inf, top)
+                sure = on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess)
+                return col.GOOD, SURE if sure else LEAP
+        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not rises:
             return col.GOOD, OPEN
         if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
+        if told and narrowest(lever) > 1.0 and side != REPULSIVE:
+            return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
     status, surety = engage_traced(law, p, lever, amplitude, guess)
     if status == col.GOOD:
         guess[5] = slope_of(law, p, lever, guess)
+        if told and not near and guess[3] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
+            return col.GOOD, LEAP
     return status, surety
 
 

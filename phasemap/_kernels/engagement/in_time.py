@@ -18,22 +18,34 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.lowering import (
+    AGAIN,
+    DISTURBED,
+    HELD,
+    LAST_GAIN,
+    LEFT,
+    LOWEST,
+    SEEN,
+    SPENT,
+    STILL,
+    TRAIL,
+    fall,
+    follow_down,
+    pace_of_leap,
+)
 from phasemap._kernels.engagement.stuck import stuck
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
-    amplitude_of,
     fill,
     fill_orbit,
     hold_periodic,
     new_tip,
     pass_period,
-    relaxed,
     rest,
     ring_down,
     skip,
-    slope_of,
 )
 
 if TYPE_CHECKING:
@@ -46,10 +58,7 @@ BANDWIDTH = 0.01
 PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
 COARSE, LOOSE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
 NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
-LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
-DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
-DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
 FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
 EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
@@ -57,12 +66,8 @@ PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which a
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
 HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
-PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
-STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
-SEEN, LEFT, SPENT, LOWEST, AGAIN = 0, 1, 2, 3, 4
-"""How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again."""
 # What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
 # and angle behind the lock-in and their squares. Carried on: the phasor behind the lock-in, the one from which angles
 # count, that of the last period; and the largest change of it from one period to the next.
@@ -136,51 +141,6 @@ def pace_of(lever: np.ndarray) -> float:
 
 
 @kernel
-def follow_down(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, how: Numbers, most: int, tip: Tip
-) -> int:
-    """Lower the tip along periodic orbits until the amplitude is reached; returns SEEN, LEFT, SPENT or LOWEST.
-
-    Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
-    ends; what comes next is then for time to say, at first for some ring-down times.
-    """
-    u, linear, before = tip.u, tip.linear, np.empty(4)
-    lowest, rings = -15.0 * lever[col.BASE] / lever[col.ALPHA0], ring_down(lever)
-    stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
-    while tip.periods[0] < most:
-        if u[3] < lowest:
-            return LOWEST
-        for j in range(4):
-            before[j] = u[j]
-        z, v = u[0] - z_slope * stride, u[1] - v_slope * stride
-        u[0], u[1], u[3] = z, v, u[3] - stride
-        rests = skip(law, p, lever, how, 0.0, tip)
-        off = math.hypot(u[0] - z, u[1] - v) if rests else math.inf
-        turned = rests and slope_of(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
-        small = stride <= SHORTEST * step
-        if not small and (turned or off > PREDICTED * amplitude):
-            stride *= 0.25
-            for j in range(4):
-                u[j] = before[j]
-            continue
-        if not rests:
-            for j in range(4):
-                u[j] = before[j]
-            u[3] -= stride
-            if not rest(law, p, lever, how, min(int(DISTURBED * rings), most - tip.periods[0]), tip):
-                return LEFT
-        if amplitude_of(lever, tip.acc) <= amplitude:
-            return SEEN
-        slope = slope_of(linear)
-        z_slope, v_slope = relaxed(linear, linear[12], linear[13])
-        if stride == 0.0:
-            stride = 0.1 * step
-        elif off < 0.1 * PREDICTED * amplitude:
-            stride = min(2.0 * stride, max(LONGEST * step, -DEEPER * u[3]))
-    return SPENT
-
-
-@kernel
 def move_slowly(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, least: float, how: Numbers, most: int, tip: Tip
 ) -> int:
@@ -207,15 +167,17 @@ def move_slowly(
 
 @kernel
 def hold_mean(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray
-) -> int:
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, gain: float, eta: float, most: int, tip: Tip,
+    row: np.ndarray,
+) -> int:  # fmt: skip
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
     the one that would hold the setpoint. Averaging ends when the standard error of groups is small, theory,
     Eq. (irregular-5); twice that is the error stated. NOT_SETTLED if it is still large when `most` periods were
     marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes nearer and
-    up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone.
+    up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
+    `gain` is that of the controller at first.
     """
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
@@ -225,7 +187,7 @@ def hold_mean(
     for _ in range(3 * GROUP):
         if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
             return col.NOT_SETTLED
-        tip.u[3] += EAGER * (amplitude - seen(lever, sums)) if held else 0.0
+        tip.u[3] += gain * (amplitude - seen(lever, sums)) if held else 0.0
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -241,7 +203,7 @@ def hold_mean(
             group[1] += sums[0]
             group[2] += sums[1]
             missed += (seen(lever, sums) - amplitude) ** 2
-            tip.u[3] += SLOW * (amplitude - seen(lever, sums)) if held else 0.0
+            tip.u[3] += min(gain, SLOW) * (amplitude - seen(lever, sums)) if held else 0.0
         if sums[CHANGE] < STILL * seen(lever, sums) and skip(law, p, lever, how, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
@@ -294,7 +256,7 @@ def hold(
     status = hold_periodic(law, p, lever, how, amplitude, most, tip, row)
     if status != col.NOT_SETTLED:
         return status
-    return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
+    return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
 
 
 @kernel
@@ -337,20 +299,23 @@ def approach(
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
     tip = new_tip(law, free.real, -omega * free.imag, z0)
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
-    least = AWAY * abs(free)
+    least, pace = AWAY * abs(free), pace_of_leap(law, p, lever)
     row[:] = math.nan
     while True:
-        ends = follow_down(law, p, lever, amplitude, step, how, most, tip)
+        ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
         periodic = ends == SEEN
-        if ends == LEFT:
+        if ends == LEFT and pace > 0.0:
+            ends = fall(law, p, lever, amplitude, pace, least, how, most, tip)
+            least *= 2.0
+        elif ends == LEFT:
             ends = move_slowly(law, p, lever, amplitude, least, how, most, tip)
             least *= 2.0
-        if ends == SEEN and stuck(law, p, lever, amplitude, tip):
+        if ends in (SEEN, HELD) and stuck(law, p, lever, amplitude, tip):
             return col.NO_STABLE_ORBIT
-        if periodic:
+        if periodic or ends == HELD:
             return hold(law, p, lever, amplitude, eta, most, tip, row)
         if ends == SEEN:
-            return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
+            return hold_mean(law, p, lever, amplitude, LAST_GAIN if pace > 0.0 else EAGER, eta, most, tip, row)
         if ends != AGAIN:
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
 
@@ -374,7 +339,7 @@ def carry_to(
     if rest(law, p, lever, how, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
         fill_orbit(lever, tip, row)
         return col.GOOD
-    return hold_mean(law, p, lever, 0.0, eta, most, tip, row)
+    return hold_mean(law, p, lever, 0.0, 0.0, eta, most, tip, row)
 
 
 @kernel
@@ -390,5 +355,5 @@ def carry_on(
     if ends == AGAIN:
         return hold(law, p, lever, amplitude, eta, most, tip, row)
     if ends == SEEN:
-        return hold_mean(law, p, lever, amplitude, eta, most, tip, row)
+        return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
     return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT

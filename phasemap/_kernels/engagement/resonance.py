@@ -25,7 +25,8 @@ maximum of the mismatch of (1), counted negative while X > 0, decides. Well abov
 the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
 that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
 held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
-follow the curve: it jumps, and only a strong attraction holds it then, or it goes on to the repulsive branch.
+follow the curve: it jumps, and where to is in `leap`. A lever that rings down for too long to be asked in time is left
+to a cruder rule: only a strong attraction holds it then, or it goes on to the repulsive branch.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
-FIRM = 1.0  # mismatch at the maximum that holds a tip that has jumped over the resonance
+HIGHEST_Q = 3000.0  # up to which a lever comes to rest within the periods that may be marched
+FIRM = 1.0  # mismatch at the maximum that holds a tip that has jumped over the resonance and was not asked in time
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
@@ -88,6 +90,12 @@ def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
     """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     x, y = detuning(lever)
     return x > 0.0 and (1.0 / y - 1.0) * free > reach
+
+
+@kernel
+def told_in_time(lever: np.ndarray) -> bool:
+    """Whether the lever rings down soon enough for time to tell where a leap ends."""
+    return lever[col.ALPHA0] > 0.5 / HIGHEST_Q
 
 
 @kernel
@@ -247,7 +255,7 @@ def decide(
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
     least = (PLAIN * q * (q + r * x) + 0.03) * margin
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    enough = max(plain, FIRM) if leaps(lever, reach, free) else plain
+    enough = max(plain, FIRM) if leaps(lever, reach, free) and not told_in_time(lever) else plain
     strongest(law, p, lever, reach, amplitude, enough, top)
     if top[HEIGHT] >= enough:
         return ATTRACTIVE

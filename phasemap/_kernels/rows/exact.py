@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed
-from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.averaged import LEAP, SURE
 from phasemap._kernels.engagement.exact import engage as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.resonance import MAXIMUM
@@ -34,7 +34,13 @@ def exact_orbit(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
     orbits: Orbits, row: np.ndarray,
 ) -> tuple[int, Orbits]:  # fmt: skip
-    """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve."""
+    """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve.
+
+    Where a tip leaps and lands no curve tells: NOT_CONVERGED.
+    """
+    if surety == LEAP:
+        row[:] = math.nan
+        return col.NOT_CONVERGED, orbits
     orbit, spare, saved, found = orbits
     target, tolerance = np.zeros(4), tolerance_of(law, p, lever)
     level = 0 if surety == SURE else FINEST + 1

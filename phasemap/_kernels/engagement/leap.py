@@ -1,0 +1,195 @@
+"""Where a lever lands that attraction carries over its resonance.
+
+Driven below resonance the lever comes nearer to it as the tip is lowered, swings wider, and so brings the tip nearer
+still: if its amplitude may rise by more than the reach of the force, the orbit it is on ends at a fold, and the tip
+falls. Beyond the resonance an attractive orbit may hold it, and in contact, below the resonance that repulsion moves
+up, a repulsive one. Which of the two it comes to is no question of how the curve of orbits runs, for the tip leaves the
+curve: it is one of the motion after the fold, that of the averaged lever a at a fixed tip offset,
+
+    2 (alpha0 + i omega) a' = u0 - (1 - omega^2 + 2 i alpha0 omega) a - (P - i S) a/|a|
+
+(theory, Eq. (slow-flow-1)), which is followed here until it comes to rest. Mean deflection and higher harmonics follow
+at once: harmonics lift the tip by 3/4 P where it touches shortly, by less where longer. Basins may be finely woven, and
+averaging is not exact. So the motion is followed several times, from several depths, with less lift, and with other
+damping; where not all ends are repulsive, or forces are too strong to be averaged, only time tells. An attractive end
+is no proof: of some hundred draws with two ends it is the wrong one in six, and a repulsive end in none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEAR, balance_depth
+from phasemap._kernels.law import Law, longrange_force
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+
+STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged
+FARTHEST, NEARER = 30.0, 0.75  # in reaches, gap from which a fold is sought, and steps of its distance from -1.5
+CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
+HALVINGS = 8
+VARIANTS = np.array(
+    [
+        [1.0, 0.1, 0.75],
+        [1.0, 0.2, 0.6],
+        [1.0, 0.05, 0.5],
+        [1.0, 0.4, 0.25],
+        [1.0, 0.1, 1.0],
+        [0.75, 0.1, 0.75],
+        [1.3, 0.1, 0.75],
+    ]
+)
+"""Damping and drive over what they are, depth below the fold in reaches, share of P by which harmonics lift the tip.
+
+Those that change the damping come last: they have a fold of their own."""
+SMOOTH, FOUND, FAR = 0, 1, 2
+"""How the search for a fold ends: there is none; it is found; it is farther than where the search begins."""
+TOLERANCE = 0.02  # in reaches, local error of a step
+LEFT, REST = 0.5, 0.1  # in reaches, way from the fold; and of the fastest rate, at which the motion counts as at rest
+MOST_STEPS = 1000
+# Entries of a fold: amplitude, gap, mean deflection, in-phase force [m].
+AMP, GAP, MEAN, PUSH, FOLD = 0, 1, 2, 3, 4
+
+
+@kernel
+def risen(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, gap: float, amplitude: float, at: np.ndarray
+) -> bool:
+    """Fill `at` with the orbit below resonance that has this gap, near an amplitude; False if there is none.
+
+    (A s + P)^2 + (2 alpha0 omega A)^2 = u0^2 is a quadratic equation for A, with P that hardly depends on it. What
+    damping in the sample takes is left out: folds lie where the tip hardly touches.
+    """
+    stiff, damped = 1.0 - lever[col.OMEGA] ** 2, 2.0 * lever[col.ALPHA0] * lever[col.OMEGA]
+    whole = stiff * stiff + damped * damped
+    for _ in range(4):
+        push, _, mean = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+        square = lever[col.BASE] ** 2 * whole - (push * damped) ** 2
+        if square < 0.0:
+            return False
+        before, amplitude = amplitude, (math.sqrt(square) - push * stiff) / whole
+        at[AMP], at[GAP], at[MEAN], at[PUSH] = amplitude, gap, mean, push
+        if abs(amplitude - before) < 1e-3 * reach:
+            break
+    return push + amplitude * stiff > 0.0
+
+
+@kernel
+def fold(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, at: np.ndarray) -> int:
+    """Fill `at` with the orbit of least tip offset to which a tip from far comes; FOUND, SMOOTH or FAR."""
+    gap, amplitude = FARTHEST * reach, free
+    x0 = x1 = z0 = z1 = math.inf
+    while risen(law, p, lever, reach, gap, amplitude, at):
+        amplitude = at[AMP]
+        z = amplitude + gap + at[MEAN]
+        if z > z1:
+            if not math.isfinite(z0):
+                return FAR
+            # The bottom of a parabola through three points.
+            rise = (z1 - z0) / (x1 - x0)
+            bend = ((z - z1) / (gap - x1) - rise) / (gap - x0)
+            gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
+            return FOUND if risen(law, p, lever, reach, gap, amplitude, at) else FAR
+        x0, z0, x1, z1 = x1, z1, gap, z
+        gap = NEARER * (gap + 1.5 * reach) - 1.5 * reach
+        if gap < -1.4 * reach:
+            break
+    return SMOOTH
+
+
+@kernel
+def _rate(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, z0: float, lift: float, a: complex, mean: float
+) -> tuple[complex, float, float]:
+    """da/dtau, the in-phase force P [m], and how far [m] mean deflection and harmonics carry the tip."""
+    omega, size = lever[col.OMEGA], abs(a)
+    push, drag, more = harmonics(law, p, lever, reach, size, (z0 - mean) / size)
+    drive = lever[col.BASE] - complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega) * a
+    return (
+        (drive - complex(push, -drag) * a / size) / (2.0 * complex(lever[col.ALPHA0], omega)),
+        push,
+        more + lift * push,
+    )
+
+
+@kernel
+def fall(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, at: np.ndarray, below: float, lift: float) -> int:
+    """Side on which a tip comes to rest that left the fold; UNCLEAR if it does not.
+
+    The steps are the pair of orders 3 and 2 of Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321.
+    """
+    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    stiff, mean = 1.0 - omega * omega, at[MEAN] + lift * at[PUSH]
+    z0 = at[AMP] + at[GAP] + mean - below * reach
+    # u0 = (X - i Y) a/|a| on an orbit.
+    begun = lever[col.BASE] * at[AMP] / complex(at[PUSH] + at[AMP] * stiff, 2.0 * alpha0 * omega * at[AMP])
+    a, h, fastest = begun, 0.02 / alpha0, 0.0
+    k1, push, mean = _rate(law, p, lever, reach, z0, lift, a, mean)
+    for _ in range(MOST_STEPS):
+        k2, _, _ = _rate(law, p, lever, reach, z0, lift, a + 0.5 * h * k1, mean)
+        k3, _, middle = _rate(law, p, lever, reach, z0, lift, a + 0.75 * h * k2, mean)
+        end = a + h * (2 / 9 * k1 + 1 / 3 * k2 + 4 / 9 * k3)
+        k4, push, last = _rate(law, p, lever, reach, z0, lift, end, middle)
+        error = abs(h * (-5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4)) / (TOLERANCE * reach)
+        if error <= 1.0:
+            a, k1, mean = end, k4, last
+            fastest = max(fastest, abs(k1))
+            if abs(k1) < REST * fastest and abs(a - begun) > LEFT * reach:
+                return REPULSIVE if push + abs(a) * stiff > 0.0 else ATTRACTIVE
+        h *= min(4.0, max(0.2, 0.9 * max(error, 1e-6) ** (-1.0 / 3.0)))
+    return UNCLEAR
+
+
+@kernel
+def highest_repelled(law: Law, p: np.ndarray, lever: np.ndarray, reach: float) -> float:
+    """Highest tip offset [m] of an orbit below the resonance that repulsion moves up; -infinity without one.
+
+    It is next to X = 0, where the amplitude is the largest that the drive can make if the sample takes nothing, and
+    -P = A (1 - omega^2) on the way in from the strongest attraction.
+    """
+    pull = (1.0 - lever[col.OMEGA] ** 2) * lever[col.BASE] / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA])
+    amplitude = lever[col.BASE] / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA])
+    outer, inner, mean = 0.0, 0.7 * balance_depth(law, p, reach), 0.0
+    push, _, _ = harmonics(law, p, lever, reach, amplitude, 1.0 - inner / amplitude)
+    while push + pull <= 0.0:
+        outer, inner = inner, 1.4 * inner
+        if inner > 1.9 * amplitude:
+            return -math.inf
+        push, _, _ = harmonics(law, p, lever, reach, amplitude, 1.0 - inner / amplitude)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (outer + inner)
+        push, _, more = harmonics(law, p, lever, reach, amplitude, 1.0 - middle / amplitude)
+        if push + pull > 0.0:
+            inner = middle
+        else:
+            outer, mean = middle, more
+    return amplitude - outer + mean
+
+
+@kernel
+def strong(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> bool:
+    """Whether the attraction bends the lever too much to be averaged."""
+    return -longrange_force(law, 0.0, p) > STRONG * lever[col.STIFFNESS] * free
+
+
+@kernel
+def lands(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float) -> int:
+    """Side on which a tip lands that comes from far and is carried over its resonance; UNCLEAR where time must tell."""
+    at, other = np.zeros(FOLD), lever.copy()
+    status = fold(law, p, lever, reach, free, at)
+    if status != FOUND:
+        return ATTRACTIVE if status == SMOOTH else UNCLEAR
+    if at[AMP] + at[GAP] + at[MEAN] > highest_repelled(law, p, lever, reach) + CLEAR * reach:
+        return ATTRACTIVE
+    for i in range(len(VARIANTS)):
+        other[col.ALPHA0] = VARIANTS[i, 0] * lever[col.ALPHA0]
+        other[col.BASE] = VARIANTS[i, 0] * lever[col.BASE]
+        if VARIANTS[i, 0] != 1.0 and fold(law, p, other, reach, free_amplitude(other), at) != FOUND:
+            return UNCLEAR
+        if fall(law, p, other, reach, at, VARIANTS[i, 1], VARIANTS[i, 2]) != REPULSIVE:
+            return UNCLEAR
+    return REPULSIVE

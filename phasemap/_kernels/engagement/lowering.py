@@ -1,0 +1,158 @@
+"""How a tip is lowered to the setpoint: along periodic orbits, and where it is carried over its resonance, in time.
+
+Where a lever leaps it depends on its motion where it lands. There the tip is lowered so slowly that the way of a free
+amplitude takes a thousand ring-down times, and is seen behind a low-pass of one ring-down time: as it falls the
+amplitude of single periods swings through the setpoint and back. When what is seen falls to the setpoint an integral
+feedback holds it, ten times slower than the lever rings down, and ever slower: a tip that it drives through the
+setpoint, down and up again, may be held when it comes by more slowly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.resonance import leaps, told_in_time
+from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.time.period_map import (
+    Tip,
+    amplitude_of,
+    pass_period,
+    relaxed,
+    rest,
+    ring_down,
+    skip,
+    slope_of,
+)
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
+
+LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
+DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
+PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
+DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
+STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
+PACE = 1e-3  # of the free amplitude, by which a tip that may leap is lowered in a ring-down time
+TRAIL = 16.0  # periods of that, in which it is moved at once to see whether it comes to rest
+FEWEST = 4  # periods, or a ring-down time, behind which its amplitude is seen
+GAIN = 0.1  # of the amplitude's error, by which the feedback moves it in a ring-down time, at first
+SLOWER = 50.0  # ring-down times in which that halves; after so many more it is a third, and so on
+PATIENCE = 400.0  # ring-down times in which the feedback has to come to rest
+SHARE = 0.5  # of the periods allowed, after which the mean of a motion that does not is taken
+LAST_GAIN = GAIN / (1.0 + PATIENCE / SLOWER)
+SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD = 0, 1, 2, 3, 4, 5
+"""How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again, and
+held on the amplitude."""
+
+
+@kernel
+def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not."""
+    free = free_amplitude(lever)
+    # A contact with hysteresis leaves its orbits by sticking, at any frequency.
+    smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
+    if not (smooth and told_in_time(lever) and leaps(lever, reach_of(law, p), free)):
+        return 0.0
+    return PACE * free / max(FEWEST, ring_down(lever))
+
+
+@kernel
+def follow_down(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, trail: float, how: Numbers, most: int,
+    tip: Tip,
+) -> int:  # fmt: skip
+    """Lower the tip along periodic orbits until the amplitude is reached; returns SEEN, LEFT, SPENT or LOWEST.
+
+    Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
+    ends; what comes next is then for time to say, at first for some ring-down times.
+    """
+    u, linear, before = tip.u, tip.linear, np.empty(4)
+    lowest, rings = -15.0 * lever[col.BASE] / lever[col.ALPHA0], ring_down(lever)
+    stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
+    while tip.periods[0] < most:
+        if u[3] < lowest:
+            return LOWEST
+        for j in range(4):
+            before[j] = u[j]
+        z, v = u[0] - z_slope * stride, u[1] - v_slope * stride
+        u[0], u[1], u[3] = z, v, u[3] - stride
+        rests = skip(law, p, lever, how, 0.0, tip)
+        off = math.hypot(u[0] - z, u[1] - v) if rests else math.inf
+        turned = rests and slope_of(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
+        small = stride <= SHORTEST * step
+        if not small and (turned or off > PREDICTED * amplitude):
+            stride *= 0.25
+            for j in range(4):
+                u[j] = before[j]
+            if rests or trail == 0.0:
+                continue
+            # A tip that moves trails its orbit, and loses one that draws in its closest neighbours only.
+            u[3] -= trail
+            off = math.inf
+            if not skip(law, p, lever, how, 0.0, tip):
+                return LEFT
+        elif not rests and trail > 0.0 and stride > 0.0:
+            for j in range(4):
+                u[j] = before[j]
+            return LEFT
+        elif not rests:
+            for j in range(4):
+                u[j] = before[j]
+            u[3] -= stride
+            if not rest(law, p, lever, how, min(int(DISTURBED * rings), most - tip.periods[0]), tip):
+                return LEFT
+        if amplitude_of(lever, tip.acc) <= amplitude:
+            return SEEN
+        slope = slope_of(linear)
+        z_slope, v_slope = relaxed(linear, linear[12], linear[13])
+        if stride == 0.0:
+            stride = 0.1 * step
+        elif off < 0.1 * PREDICTED * amplitude:
+            stride = min(2.0 * stride, max(LONGEST * step, -DEEPER * u[3]))
+    return SPENT
+
+
+@kernel
+def fall(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, pace: float, least: float, how: Numbers, most: int,
+    tip: Tip,
+) -> int:  # fmt: skip
+    """Lower the tip by `pace` [m] a period until its motion repeats itself, AGAIN above the amplitude or HELD at it.
+
+    Else SEEN where the feedback does not come to rest, SPENT or LOWEST. An orbit above the amplitude is not looked for
+    before z0 has fallen by `least` [m].
+    """
+    u, acc, ring = tip.u, tip.acc, max(FEWEST, ring_down(lever))
+    if not pass_period(law, p, lever, how[0], tip):
+        return SPENT
+    x, y = acc[0] - lever[col.SHAKER], acc[1]
+    from_z0, lowest, seen = u[3], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0
+    while tip.periods[0] + ring <= most:
+        change = 0.0
+        for _ in range(ring):
+            u[3] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
+            last_x, last_y = acc[0], acc[1]
+            if not pass_period(law, p, lever, how[0], tip):
+                return SPENT
+            change = max(change, math.hypot(acc[0] - last_x, acc[1] - last_y))
+            x += (acc[0] - lever[col.SHAKER] - x) / ring
+            y += (acc[1] - y) / ring
+            if seen > 0 or math.hypot(x, y) <= amplitude:
+                seen += 1
+        if not abs(u[3]) < -lowest:
+            return LOWEST
+        still = change < STILL * amplitude
+        if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
+            return SEEN if not still else AGAIN if math.hypot(x, y) > amplitude else HELD
+        if still:
+            if seen > 0 and skip(law, p, lever, how, amplitude, tip):
+                return HELD
+            if seen == 0 and from_z0 - u[3] > least and skip(law, p, lever, how, 0.0, tip):
+                return AGAIN
+    return SPENT
