@@ -14,7 +14,7 @@ from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap.imaging.feedback.loop import loop_of
-from phasemap.solvers.continuation.pieces import patience
+from phasemap.solvers.continuation.pieces import settling_periods
 from phasemap.solvers.problem import work_of_material
 
 SCOPE = pm.Microscope(
@@ -60,7 +60,7 @@ def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
 
 
 def test_a_landing_is_given_up_after_as_many() -> None:
-    assert patience(np.array([1.0, 0.5 / 1e6, 3.0, 1e-13])) == pm.Accuracy().periods
+    assert settling_periods(np.array([1.0, 0.5 / 1e6, 3.0, 1e-13])) == pm.Accuracy().periods
 
 
 @pytest.mark.parametrize(("periods", "expected"), [(50, col.NOT_SETTLED), (10**6, col.GOOD)])
