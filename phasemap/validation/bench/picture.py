@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 COLUMNS = 4
 PANEL, GAP, BLOCK = (2.75, 2.2), (0.28, 0.7), 0.8  # sizes on the page [inch]
 LEFT, RIGHT, BOTTOM = 0.85, 0.3, 0.65
+LINE = 0.26  # height of a line of the legend [inch]
 
 # Okabe and Ito's colours, which the colour-blind tell apart; markers and dashes say the same once more.
 STYLES = {
@@ -76,11 +77,13 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     """
     from phasemap.plot.page import Page
 
-    columns = min(COLUMNS, ds.sizes["regime"] + 1)
-    rows = -(-(ds.sizes["regime"] + 1) // columns)  # and one place for the legend
+    columns = min(COLUMNS, max(2, ds.sizes["regime"]))
+    rows = -(-ds.sizes["regime"] // columns)
     block = BLOCK + rows * (PANEL[1] + GAP[1])
     width = LEFT + columns * PANEL[0] + (columns - 1) * GAP[0] + RIGHT
-    page = Page(width, len(QUANTITIES) * block + BOTTOM - GAP[1], _head(ds), left=LEFT)
+    handles = _handles(ds)
+    end, key = len(QUANTITIES) * block + BOTTOM - GAP[1], LINE * (1 + len(handles) // columns)
+    page = Page(width, end + key, _head(ds), left=LEFT)
 
     def axes_at(number: int, part: int, title: str = "") -> Axes:
         row, column = divmod(number, columns)
@@ -102,8 +105,9 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
                 axes.tick_params(labelleft=False)
             if r + columns >= ds.sizes["regime"]:
                 axes.set_xlabel(quantity.label, fontsize=9)
-        if part == 0:
-            _legend(axes_at(ds.sizes["regime"], part), ds)
+    below = page.panel(LEFT, end, width - LEFT - RIGHT, key)
+    below.set_axis_off()
+    below.legend(handles=handles, loc="upper left", fontsize=10, frameon=False, ncols=columns)
     return page.finished(path, overwrite)
 
 
@@ -144,25 +148,24 @@ def _panel(axes: Axes, ds: xr.Dataset, quantity: _Quantity, span: tuple[float, f
     axes.set_axisbelow(True)
 
 
-def _legend(axes: Axes, ds: xr.Dataset) -> None:
-    """Which line is which, and what else is drawn, in the place of one panel."""
+def _handles(ds: xr.Dataset) -> list[Any]:
+    """Of the legend: which line is which, and what else is drawn."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    axes.set_axis_off()
     handles: list[Any] = []
     for family in families(ds):
         colour, marker = STYLES.get(family, OTHER_STYLE)
         style: Any = "-" if family in OWN else (0, (4, 2))
         size = 10 if marker == "*" else 6
         handles.append(Line2D([], [], color=colour, marker=marker, markersize=size, linestyle=style, label=family))
-    handles += [
+    return [
+        *handles,
         Line2D([], [], **HOLLOW),
         Line2D([], [], color="0.3", linewidth=0.7, label="from median to 99th percentile"),
         Line2D([], [], color="0.6", linewidth=0.8, linestyle=":", label="accuracy asked for by default"),
         Patch(color="0.9", label="below the reference's own error"),
     ]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 1.05), fontsize=10, frameon=False)
 
 
 def _head(ds: xr.Dataset) -> list[str]:
