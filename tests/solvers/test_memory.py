@@ -128,7 +128,7 @@ def test_only_the_material_that_relaxes_is_marched() -> None:
 def test_a_feedback_in_time_settles_where_the_pixel_is() -> None:
     surface = pm.Surface(**SOLID, pixel_size=4e-9, shape=(1, 4))
     scope = scope_of({"quality_factor": 60.0})
-    image = pm.simulate(surface, scope, 0.6, control=pm.Feedback(line_rate=1.0, engage="line"))
+    image = pm.simulate(surface, scope, 0.6, control=pm.Feedback(line_rate=8.0, engage="line"))
     pixel = pm.solve_pixel(pm.Material(**SOLID), scope, 0.6)
     assert "march" in str(image.attrs["configuration"]) or (image.solver == 2).all()
     np.testing.assert_allclose(image.phase.values, pixel.phase, atol=0.02)  # of steps of 0.7, and of a settling loop
