@@ -105,8 +105,14 @@ class FromFar(March):
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        status[first:last] = col.PENDING  # for `settle`: there is no orbit to begin with
-        self.settle(work, np.arange(first, last), out, status, solver, accuracy.periods)
+        self.engage(work, np.arange(first, last), out, status, solver, accuracy.periods)
+
+    def engage(
+        self, work: Work, chosen: np.ndarray, out: np.ndarray, status: np.ndarray, solver: np.ndarray, periods: int
+    ) -> None:
+        """March the chosen rows, an array of numbers, from far."""
+        status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
+        self.settle(work, chosen, out, status, solver, periods)
 
 
 class Remembering(FromFar):
@@ -129,9 +135,7 @@ class Remembering(FromFar):
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
-        chosen = first + np.flatnonzero(remembers)
-        status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
-        self.settle(work, chosen, out, status, solver, accuracy.periods)
+        self.engage(work, first + np.flatnonzero(remembers), out, status, solver, accuracy.periods)
         rest = first + np.flatnonzero(~remembers)
         if not len(rest):
             return
