@@ -106,6 +106,8 @@ def refine_stiff(
     That its harmonics lift the tip does not bring it to another branch.
     """
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[0] - guess[1], guess[2], 1
+    if p[LONGRANGE] != 0.0 and abs(e - amplitude) < GRAZING * reach:
+        return 0  # whether it touches changes from step to step
     bench.state[:] = 0.0
     bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[5]
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
