@@ -234,6 +234,13 @@ def test_the_numbers_do_not_depend_on_the_threads_and_a_file_holds_them(tmp_path
         assert "units" in variable.attrs or "flag_meanings" in variable.attrs or name == "material", name
 
 
+def test_materials_in_a_dict_are_told_how_to_come():
+    ask: Any = pm.contrast
+    for given in ({"particle": PARTICLE, "matrix": MATRIX}, [PARTICLE, MATRIX]):
+        with pytest.raises(TypeError, match=r"^contrast needs scope; .* not in a dict or list\.$"):
+            ask(given, SCOPE)
+
+
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"first": "rubber"}, "first is 'rubber'; allowed: a Material"),
     ({"setpoints": [0.5, 1.2]}, "setpoint is 1.2; allowed: a number above 0 and below 1"),
