@@ -100,8 +100,17 @@ def _title(ds: xr.Dataset, i: int, wide: float) -> str:
     name = str(ds["file"].values[i])
     most = int(14 * wide)
     short = name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}"
-    size = 1e9 * float(ds["free_amplitude"][i])
-    return f"{short}\nsetpoint {float(ds['setpoint'][i]):.2f}, A₀ {size:.3g} nm"
+    level, size = of_file(ds, "setpoint", i), of_file(ds, "free_amplitude", i, 1e9)
+    return f"{short}\nsetpoint {level}, A₀ {size} nm"
+
+
+def of_file(ds: xr.Dataset, name: str, i: int, scale: float = 1.0) -> str:
+    """The setpoint or free amplitude of a file as recorded, else from where to where it may be."""
+    recorded = scale * float(ds[f"recorded_{name}"][i])
+    if np.isfinite(recorded):
+        return f"{recorded:.3g}"
+    ends = [scale * float(ds[f"{name}_{end}"][i]) for end in ("low", "high")]
+    return " to ".join(f"{end:.0f}" if end >= 100 else f"{end:.2g}" for end in ends)
 
 
 def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
@@ -118,8 +127,8 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             at = ds["setpoint"].values[some]
             measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))
             ends = np.abs(np.stack([ds["setpoint_low"].values[some], ds["setpoint_high"].values[some]]) - at)
-            size = 1e9 * float(ds["free_amplitude"].values[some[0]])
-            said = f"region {region}" + (f", {size:.3g} nm" if ds.sizes["curve"] > 1 else "")
+            size = of_file(ds, "free_amplitude", int(some[0]), 1e9)
+            said = f"region {region}" + (f", {size} nm" if ds.sizes["curve"] > 1 else "")
             axes.errorbar(
                 at, measured, SURE * error, ends, fmt=MARKERS[curve % len(MARKERS)], color=color, markersize=5,
                 capsize=2, linewidth=1, label=f"{said}, measured",
