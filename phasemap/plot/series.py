@@ -22,7 +22,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
 SURE = 1.96
 MOST = 6  # files that are shown
 WIDTH, SIDE, TALL = 11.0, 3.0, 2.6  # of the page, of curves [inch]
-TITLE, AXIS, GAP, LEFT, MARGIN = 0.35, 0.55, 0.75, 0.65, 0.25
+TITLE, TITLES, AXIS, GAP, LEFT, MARGIN = 0.35, 0.5, 0.55, 0.75, 0.65, 0.25  # titles of images have three lines
 BAR = 0.55  # of an image's width, beside its column of images
 
 
@@ -62,12 +62,12 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     columns = len(shown)
     wide = min((WIDTH - LEFT - MARGIN - BAR - 0.1 * columns) / columns, 2.2)
     tall = wide * max(_shape(ds, i) for i in shown)
-    body = TITLE + TALL + AXIS + TITLE + 2 * tall + 0.1 + 0.1
+    body = TITLE + TALL + AXIS + TITLES + 2 * tall + 0.1 + 0.1
     page = Page(WIDTH, body, notes=str(ds.attrs["verdict"]).splitlines(), left=LEFT)
     half = (WIDTH - LEFT - MARGIN - GAP) / 2
     _draw_contrasts(page.place(LEFT, TITLE, half, TALL), ds)
     _draw_branches(page.place(LEFT + half + GAP, TITLE, half, TALL), ds)
-    top = TITLE + TALL + AXIS + TITLE
+    top = TITLE + TALL + AXIS + TITLES
     for column, i in enumerate(shown):
         left = LEFT + column * (wide + 0.1)
         panels = [page.place(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
@@ -101,7 +101,7 @@ def _title(ds: xr.Dataset, i: int, wide: float) -> str:
     most = int(14 * wide)
     short = name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}"
     level, size = of_file(ds, "setpoint", i), of_file(ds, "free_amplitude", i, 1e9)
-    return f"{short}\nsetpoint {level}, A₀ {size} nm"
+    return f"{short}\nsetpoint {level}\nA₀ {size} nm"
 
 
 def of_file(ds: xr.Dataset, name: str, i: int, scale: float = 1.0) -> str:
@@ -153,7 +153,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
                 said = f"region {region}" if branch == 1 and curve == 0 else None
                 axes.plot(level, phase, style, color=color, linewidth=1.6 if branch else 0.9, label=said)
         zeroed = sign * ((ds["phase"].values[region] - ds["likeliest_zero"].values + 180) % 360 - 180)
-        axes.plot(ds["setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
+        axes.plot(ds["likeliest_setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="files, with the fitted zero")
     axes.set_title("likeliest phases: repulsive bold, attractive thin (degrees)", fontsize=10, loc="left")

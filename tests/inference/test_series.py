@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap.inference.series.contrasts import medians, regions_of
@@ -102,6 +103,10 @@ def test_a_series_is_a_file_and_a_page(found, tmp_path):
         figure = pm.plot.series(again, tmp_path / "page.png")
     assert len(figure.axes) == 2 + 2 * found.sizes["file"] + 1
     assert (tmp_path / "page.png").stat().st_size > 20_000
+
+
+def test_the_page_on_files_lists_the_variables_of_a_series(found):
+    check("Variables of a series", found)
 
 
 def test_regions_are_found_at_different_places_and_named_alike():

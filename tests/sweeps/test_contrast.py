@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap.cli import main
@@ -39,6 +40,10 @@ def jumping() -> xr.Dataset:
 def crossing() -> xr.Dataset:
     """A line on which both phases are continuous and cross each other."""
     return pm.contrast(STICKY, LOSSY, SCOPE, SETPOINTS)
+
+
+def test_the_page_on_files_lists_the_variables_of_a_contrast_map(jumping: xr.Dataset) -> None:
+    check("Variables of a contrast map", jumping)
 
 
 def test_undamped_materials_in_one_regime_have_no_phase_contrast_but_one_of_height() -> None:

@@ -87,6 +87,7 @@ def dataset_of(
     ds["misfit"] = ((), _misfit(problem, fit, likeliest), {"long_name": "chi2 of the likeliest draw", "units": "1"})
     about = {"long_name": "recorded phase of the free lever by the likeliest draw", **DEGREE}
     ds["likeliest_zero"] = ("file", fit.zeros[likeliest], about)
+    ds["likeliest_setpoint"] = ("file", state.ratios[likeliest], {"long_name": "setpoint by that draw", "units": "1"})
     _add_curves(ds, problem, draws, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)
