@@ -58,16 +58,14 @@ def exact_orbit(
             state_errors(law, p, lever, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)
         break
-    done, path = col.NOT_CONVERGED, fixed(law, p, lever)
+    done, path = col.NOT_CONVERGED, fixed(law, p, lever, tables)
     if lever[col.ALPHA0] < 0.5 / LOWEST_Q:
-        done, orbit, spare, found = engage_near(
-            law, fixed(law, p, lever), tables, amplitude, tolerance, orbit, spare, saved, found
-        )
+        done, orbit, spare, found = engage_near(path, amplitude, tolerance, orbit, spare, saved, found)
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
     level, lingering, done = 0, LINGERING, done if done == col.GOOD else col.NOT_SETTLED
     while done != col.GOOD:
         done, orbit, spare, found = engage_exact(
-            law, path, tables, amplitude, level, tolerance, lingering, orbit, spare, saved, found
+            path, amplitude, level, tolerance, lingering, orbit, spare, saved, found
         )
         if done == col.NOT_SETTLED and lingering < math.inf:
             level, lingering = 0, math.inf

@@ -59,7 +59,7 @@ def nearby_rows(
             if warm:
                 head = orbit.head
                 head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[3], guess[4]
-                if not relay(law, fixed(law, p, lever), tables, orbit, spare):
+                if not relay(fixed(law, p, lever, tables), orbit, spare):
                     continue
                 orbit, spare = spare, orbit
             elif not begin(law, p, lever, tables, orbit, guess, 0):
