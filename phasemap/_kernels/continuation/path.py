@@ -202,13 +202,14 @@ def solve_on(
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
     """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only."""
     law, tables, value = path.law, path.tables, orbit.head[VALUE]
+    r_z, r_a, r_m = row
     if path.kind == FIXED:
         hold = HOLD_ARC if coarse else HOLD_PLANE
-        target = np.array([row[0], row[1], value[Z0], value[A]])
+        target = np.array([r_z, r_a, value[Z0], value[A]])
         return newton(law, path.p, path.lever, tables, orbit, spare, hold, target, level, tolerance, most)
     holds = np.zeros((2, 4))
-    holds[1, 0], holds[1, 1], holds[1, 2] = row[0], row[1], row[2]
-    holds[1, 3] = row[0] * value[Z0] + row[1] * value[A] + row[2] * value[M]
+    holds[1, 0], holds[1, 1], holds[1, 2] = r_z, r_a, r_m
+    holds[1, 3] = r_z * value[Z0] + r_a * value[A] + r_m * value[M]
     status, steps = col.PENDING, 0
     while status == col.PENDING and steps < most:
         m = orbit.head[VALUE, M]

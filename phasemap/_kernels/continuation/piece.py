@@ -284,9 +284,9 @@ def start_at(
     orbit.head[VALUE, M] = m
     law, tables = path.law, path.tables
     p, lever = standing_at(path, m)
-    if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
         return False, orbit, spare
-    target = np.array([guess[0], 0.0, 0.0, 0.0])
+    target = np.array([guess[col.G_Z0], 0.0, 0.0, 0.0])
     status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, hold, target, level, tolerance, MOST_STEPS)
     return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
 

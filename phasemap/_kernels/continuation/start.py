@@ -19,7 +19,7 @@ def start_far(path: Path, orbit: Orbit, spare: Orbit, amplitude: float, level: i
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     free = free_amplitude(lever)
     guess = np.array([free * far_start(law, p, lever, reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0])
-    target = np.array([1.0, -1.0, guess[0], free])
+    target = np.array([1.0, -1.0, guess[col.G_Z0], free])
     if not begin(law, p, lever, tables, orbit, guess, level):
         return col.NOT_CONVERGED, orbit, spare
     tolerance = 1e-3 * path.reach

@@ -170,7 +170,7 @@ def tapping(
     guesses = averaged_orbits(law, p, lever, amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[3] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+        if guess[col.G_P] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
             law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 20
@@ -274,7 +274,7 @@ def engage_near(
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
-    free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
+    free, guess, top, target = free_amplitude(lever), np.zeros(col.GUESS), np.zeros(MAXIMUM), np.zeros(4)
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
     if not near_resonance(lever) or leaps(lever, force_reach, free):
         return col.NOT_CONVERGED, orbit, spare, found
@@ -311,7 +311,7 @@ def engage_near(
     guesses = averaged_orbits(law, p, lever, amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[3] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
+        if guess[col.G_P] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
             continue
         status, _, found, spare = newton(law, p, lever, tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
         if status == col.GOOD and finish(law, p, lever, tables, found, row) == col.GOOD:

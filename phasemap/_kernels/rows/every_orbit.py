@@ -109,20 +109,20 @@ def seed(
         )
         if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
             continue
-        if guess[2] == amplitude:
+        if guess[col.G_A] == amplitude:
             finish(law, p, lever, tables, orbit, rows[count])
             state_errors(law, p, lever, tables, orbit, spare, rows[count])
             count = insert(rows, count)
             continue
         point[:] = 0.0
-        point[TV] = 1.0 if amplitude > guess[2] else -1.0
+        point[TV] = 1.0 if amplitude > guess[col.G_A] else -1.0
         if not mark(path, orbit, point):
             continue
         step = 0.1
         for _ in range(80):
             before = point.copy()
             status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
-            if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[2] - amplitude):
+            if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[col.G_A] - amplitude):
                 break
             if (before[AP] > amplitude) != (point[AP] > amplitude) and count < len(rows):
                 copy_orbit(orbit, one)
@@ -155,6 +155,6 @@ def every_orbit(
         # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
         guesses = averaged_orbits(law, p, lever, value)
         for i in range(len(guesses)):
-            guesses[i, 0] += THROWN * value
+            guesses[i, col.G_Z0] += THROWN * value
         count = seed(path, value, guesses, level, tolerance, found, count)
     return status, found[:count]

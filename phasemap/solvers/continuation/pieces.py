@@ -125,7 +125,9 @@ class Curves:
 
         p, lever = self.standing(0.0)
         for guess in averaged_orbits(self.law, p, lever, amplitude):
-            if not self.box[0] <= guess[0] <= self.box[1] or self._near(guess[0], amplitude, guess[3], lever):
+            if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
+                guess[col.G_Z0], amplitude, guess[col.G_P], lever
+            ):
                 continue
             status, orbit, spare = self._go(guess, 0.0, True)
             push, _, z0, exact = orbit.head[0, :4]
