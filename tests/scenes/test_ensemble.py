@@ -237,6 +237,9 @@ def test_a_zarr_store_holds_the_same(ensemble: Ensemble, whole: bytes, tmp_path:
     assert zarr.open_group(path, mode="r")["phase"].chunks == (1, 2, 6)
     with pytest.raises(FileError, match="it exists already"):
         ensemble.simulate(path)
+    assert main(["plot", str(path), "--sample", "3"]) == 0
+    assert (tmp_path / "images.png").read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "images.png").unlink()
     few = load_ensemble(tmp_path / "ensemble.toml", ["ensemble.count=2"])
     with xr.open_zarr(few.simulate(path, overwrite=True)) as ds:
         assert ds.sizes["sample"] == 2
@@ -248,6 +251,8 @@ def test_a_folder_that_is_no_store_is_not_replaced(ensemble: Ensemble, tmp_path:
     (tmp_path / "mine.zarr" / "work.txt").write_text("years")
     with pytest.raises(FileError, match=r"cannot write .*mine\.zarr: it is a folder or a device, not a file"):
         ensemble.simulate(tmp_path / "mine.zarr", overwrite=True)
+    with pytest.raises(FileError, match=r"cannot read .*mine\.zarr: it is not a zarr store"):
+        load(tmp_path / "mine.zarr")
 
 
 def test_samples_are_put_into_a_store_some_at_a_time(
