@@ -107,6 +107,8 @@ def refine_stiff(
     That its harmonics lift the tip does not bring it to another branch.
     """
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
+    if p[LONGRANGE] != 0.0 and abs(e - amplitude) < GRAZING * reach:
+        return 0  # whether it touches changes from step to step
     bench.state[:] = 0.0
     bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[col.G_SLOPE]
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
