@@ -381,7 +381,11 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     highest, grade, gone = d, 1.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
     sums = np.zeros(SUMS)
-    steps, what, speed = 0, 1, 0.0  # what happened at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
+    steps, what, speed = (
+        0,
+        1,
+        0.0,
+    )  # what happened at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
     while left > 0:
         steps += 1
         if steps > MAX_STEPS:
