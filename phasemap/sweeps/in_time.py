@@ -122,9 +122,10 @@ def _dataset(
     """The Dataset of a sweep without a curve."""
     from phasemap._kernels.continuation.path import fixed
     from phasemap._kernels.law import parameters
+    from phasemap._kernels.quadrature import TABLES
 
     if samples:
         raise InputError("samples", samples, "0 where contacts remember: what is marched keeps no traces")
-    path = fixed(work.law, parameters(work.rows[0]), work.lever)
-    curves = Curves(work.law, path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
+    path = fixed(work.law, parameters(work.rows[0]), work.lever, TABLES)
+    curves = Curves(path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, lambda x: x, visits, question.material, question.scope, held)
