@@ -63,7 +63,7 @@ FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a 
 FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
 STICKY_GROUP, STICKY_GROUPS = 2, 6  # the same of a contact with hysteresis, whose motion forgets sooner
-QUICK, CALM = 0.8, 1e-5  # gain at first there, and miss of the amplitude, over it, at which averaging begins
+CALM = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
 HASTE, CLOSER = 4.0, 0.25  # times faster than that z0 of such a contact falls, at most, and of what is left to go
 ROUGH = 1.6  # longer steps on that way
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
@@ -218,7 +218,7 @@ def hold_mean(
         if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
             return col.NOT_SETTLED
         miss = amplitude - seen(lever, sums)
-        tip.u[3] += (QUICK if sticky and j < GROUP else gain) * miss if held else 0.0
+        tip.u[3] += gain * miss if held else 0.0
         if sticky and j >= GROUP and abs(miss) < CALM * amplitude:
             break
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
