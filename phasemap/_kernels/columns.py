@@ -12,6 +12,7 @@ CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
 INVERSE_REACH = 5  # 1/d0 [1/m] of the built-in long-range law, whose strength [N] stands at LONGRANGE
 EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
+PULL = 1  # attraction [N] in contact of DMT's law
 RELAXATION, RELAXING = 2, 3  # of a law that may remember: tau [1/omega_c] if above 0, and 1 - E_inf/E_0 [1]
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 
@@ -56,6 +57,11 @@ INDEX = 31  # of the value asked for
 SEEN = 32  # amplitude that the detector sees [m]
 FULL = 33
 ON_THE_WAY, WANTED, FOLD, END, TURN = 0, 1, 2, 3, 4  # FOLD: the control turns; TURN: the value wanted does
+
+# Entries of a harmonic orbit, averaged or to start from, shape (GUESS,): z0, mean deflection, A, P, S [m], and the
+# change of the mismatch with the tip offset at this amplitude [1/m], where it is asked for.
+G_Z0, G_MEAN, G_A, G_P, G_S, G_SLOPE, GUESS = 0, 1, 2, 3, 4, 5, 6
+HARMONIC_ORBIT = 5  # without the last one
 
 # Status codes; `phasemap.results.status.Status` says them in words.
 GOOD = 0
