@@ -100,7 +100,13 @@ class Remembering(FromFar):
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
-        self.engage(work, first + np.flatnonzero(remembers), answers, accuracy.periods)
+        near = remembers & self._has_one_orbit(rows, work.lever)
+        if near.any():
+            chosen = first + np.flatnonzero(near)
+            self._engage_elastic(work, chosen, answers, accuracy.periods)
+            self.settle(work, chosen, answers, accuracy.periods)
+        far = first + np.flatnonzero(remembers & ~(near & (answers.status[first:last] == col.GOOD)))
+        self.engage(work, far, answers, accuracy.periods)
         rest = first + np.flatnonzero(~remembers)
         if not len(rest):
             return
@@ -108,6 +114,24 @@ class Remembering(FromFar):
         some = answers.of(rest)
         self.other.solve(plain, accuracy, 0, len(rest), some)
         answers.put(rest, some)
+
+    @staticmethod
+    def _has_one_orbit(rows: np.ndarray, lever: np.ndarray) -> np.ndarray:
+        """Where nothing attracts a tip at resonance its amplitude falls all the way down, from whatever orbit."""
+        attracts = (rows[:, col.PULL] != 0) | (rows[:, col.LONGRANGE] != 0) | (rows[:, col.BIAS] != 0)
+        return np.asarray(~attracts & (lever[col.OMEGA] == 1.0))
+
+    @staticmethod
+    def _engage_elastic(work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
+        """Averaged orbits on the same materials as if nothing relaxed, to begin from."""
+        from phasemap.solvers.averaging import engage_averaged
+
+        elastic = work.part(chosen)
+        elastic = replace(elastic, law=work.law._replace(memory=0), rows=elastic.rows.copy())
+        elastic.rows[:, [col.RELAXATION, col.RELAXING, col.DAMPING]] = 0.0
+        some = answers.of(chosen)
+        engage_averaged(elastic, periods, 0, len(chosen), some)
+        answers.put(chosen, some)
 
 
 def check_marches(name: str) -> None:
