@@ -10,7 +10,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.collocation.elements import PERMANENT, carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.closing import accept, along, close, close_swept
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.system import (
     CONTACT,
     CONTACTS,
@@ -42,10 +44,6 @@ from phasemap._kernels.orbits.collocation.system import (
     S,
     U,
     W,
-    accept,
-    along,
-    close,
-    close_swept,
     linearise,
     no_drift,
     surface_force,
@@ -63,9 +61,9 @@ def begin(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int
 ) -> bool:
     """Set a harmonic orbit, guess = (z0, mean deflection, A, P, S)."""
-    z0, mean, amplitude = guess[0], guess[1], guess[2]
+    z0, mean, amplitude = guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A]
     head = orbit.head
-    head[VALUE, Z0], head[VALUE, A], head[VALUE, P], head[VALUE, S] = z0, amplitude, guess[3], guess[4]
+    head[VALUE, Z0], head[VALUE, A], head[VALUE, P], head[VALUE, S] = z0, amplitude, guess[col.G_P], guess[col.G_S]
     c = (z0 - mean) / amplitude
     if c >= 1.0:
         head[COUNT, CONTACTS] = 0
