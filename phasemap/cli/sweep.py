@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from phasemap.scenes.scene import Setup
 
 PARAMETERS = (
-    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "stiffness", "quality_factor",
-    "radius", "free_amplitude", "decay_length", "bias",
+    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
+    "stiffness", "quality_factor", "radius", "free_amplitude", "decay_length", "bias",
 )  # fmt: skip
 AXES = ("distance", "setpoint", "frequency", *PARAMETERS)
 BEYOND = 5e-9  # farther than the free amplitude, where an approach begins [m]
@@ -46,9 +46,9 @@ EXAMPLES = """AXIS, and what START and STOP are if they are not given (SI units)
   setpoint   with the feedback on; from 0.98 to 0.1
   frequency  of the drive, feedback off; 10 half widths on either side of the resonance; the tip
              stays where it is engaged to the setpoint, or at --tip-offset
-  NAME       one of modulus, adhesion, damping, viscosity, poisson_ratio, thickness, stiffness,
-             quality_factor, radius, free_amplitude, decay_length, bias, with the setpoint (or
-             --tip-offset) held; half a decade on either side of what the scene says
+  NAME       one of modulus, adhesion, damping, viscosity, poisson_ratio, thickness, relaxed_modulus,
+             relaxation_time, stiffness, quality_factor, radius, free_amplitude, decay_length, bias, with
+             the setpoint (or --tip-offset) held; half a decade on either side of what the scene says
 
 examples:
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png

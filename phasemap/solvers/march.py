@@ -90,7 +90,10 @@ class FromFar(March):
 
 
 class Remembering(FromFar):
-    """The march for surfaces that remember, and another solver for the materials among them that do not."""
+    """The march for surfaces that remember, and another solver for the materials among them that do not.
+
+    Where that is the march from far, all are engaged from far.
+    """
 
     def __init__(self, other: Solver) -> None:
         super().__init__()
@@ -100,7 +103,7 @@ class Remembering(FromFar):
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
-        near = remembers & self._has_one_orbit(rows, work.lever)
+        near = remembers & self._has_one_orbit(rows, work.lever) & (not isinstance(self.other, FromFar))
         if near.any():
             chosen = first + np.flatnonzero(near)
             self._engage_elastic(work, chosen, answers, accuracy.periods)

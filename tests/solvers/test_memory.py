@@ -125,6 +125,14 @@ def test_only_the_material_that_relaxes_is_marched() -> None:
     assert image.solver.values[0, 0] == flags["march"] != image.solver.values[0, 1]
 
 
+def test_a_check_solves_it_again_from_far() -> None:
+    solid, glass = pm.Material(**SOLID), pm.Material(modulus=2e9)
+    surface = pm.Surface.from_labels([[0, 1]], [solid, glass], pixel_size=4e-9)
+    for solver in ("auto", "march"):
+        result = pm.check(pm.simulate(surface, scope_of(), 0.6, solver), surface=surface)
+        assert result.holds, result.verdict
+
+
 def test_a_feedback_in_time_settles_where_the_pixel_is() -> None:
     surface = pm.Surface(**SOLID, pixel_size=4e-9, shape=(1, 4))
     scope = scope_of({"quality_factor": 60.0})

@@ -113,7 +113,9 @@ def solve_again(
             at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
             several = with_adhesion(found.rows, part.work, part.bare), found.status, found.solver
         else:
-            solved, codes, by = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
+            # Only the march knows a memory: instead of an orbit it is engaged from far, which images may do without.
+            by_time = FromFar() if part.work.law.memory and isinstance(solver, Orbit) else solver
+            solved, codes, by = run(by_time, part.work, claims.accuracy, threads=threads, progress=report)
             at, several = (part.numbers,), (with_adhesion(solved, part.work, part.bare), codes, by)
         rows[part.pixels], status[part.pixels], used[part.pixels] = (values[at] for values in several)
         materials, done = materials + len(part.work), done + len(part.pixels)
@@ -144,7 +146,7 @@ def _work(
     materials, numbers = np.unique(surface.materials(pixels), axis=0, return_inverse=True)
     viscous = surface.viscosity is not None
     bare = bare_rows(properties(materials, viscous, scope)[0], scope, film_of(materials))
-    return make_work(materials, viscous, scope, amplitude), bare, numbers.reshape(-1)
+    return make_work(materials, viscous, scope, amplitude, marched=True), bare, numbers.reshape(-1)
 
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:
