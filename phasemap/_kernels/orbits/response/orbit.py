@@ -16,6 +16,7 @@ from phasemap._kernels.orbits.response.firm import firm
 from phasemap._kernels.orbits.response.newton import COARSE, FOUND, Bench, cut, middle_of, newton
 from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, W
 from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
+from phasemap._kernels.orbits.response.pressed import SHALLOWEST, press
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
@@ -64,6 +65,9 @@ def refine(
 ) -> bool:  # fmt: skip
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = guess[2], guess[0] - guess[1]
+    if e < -SHALLOWEST * amplitude:
+        _begin(guess, e, state)
+        return press(law, p, lever, limits, state) and _belongs(lever, guess, state)
     if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
         return True
     if p[LONGRANGE] == 0.0 or abs(e - amplitude) > GRAZING * reach:
@@ -86,15 +90,27 @@ def _pass_from(
     state: np.ndarray,
 ) -> bool:  # fmt: skip
     """Passes from a harmonic orbit with this e, which settles whether the tip touches."""
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = guess[2], e, guess[5]
+    _begin(guess, e, state)
     return (
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
-        and (state[PUSH] > 0.0) == (guess[3] > 0.0)
-        and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
+        and _belongs(lever, guess, state)
         and sound(law, p, lever, reach, f, state)
     )
+
+
+@kernel
+def _begin(guess: np.ndarray, e: float, state: np.ndarray) -> None:
+    """Begin from a harmonic orbit with this e."""
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE] = guess[2], e, guess[5]
+
+
+@kernel
+def _belongs(lever: np.ndarray, guess: np.ndarray, state: np.ndarray) -> bool:
+    """Whether an orbit is on the branch of the averaged one."""
+    same = (state[PUSH] > 0.0) == (guess[3] > 0.0)
+    return same and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
 
 
 @kernel
@@ -106,8 +122,7 @@ def refine_stiff(
     That its harmonics lift the tip does not bring it to another branch.
     """
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[0] - guess[1], guess[2], 1
-    bench.state[:] = 0.0
-    bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[5]
+    _begin(guess, e, bench.state)
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
         return 0
     found = newton(law, p, lever, reach, limits, bench)
