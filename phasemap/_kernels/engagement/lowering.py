@@ -43,13 +43,12 @@ TRAIL = 16.0  # periods of that, in which it is moved at once to see whether it 
 FEWEST = 4  # periods, or a ring-down time, behind which its amplitude is seen
 GAIN = 0.1  # of the amplitude's error, by which the feedback moves it in a ring-down time, at first
 SLOWER = 50.0  # ring-down times in which that halves; after so many more it is a third, and so on
-PATIENCE = 400.0  # ring-down times in which the feedback has to come to rest
+PATIENCE = 1600.0  # ring-down times in which the feedback has to come to rest
 SHARE = 0.5  # of the periods allowed, after which the mean of a motion that does not is taken
 LAST_GAIN = GAIN / (1.0 + PATIENCE / SLOWER)
 SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD, STEADY = 0, 1, 2, 3, 4, 5, 6
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again; and
 held on the amplitude, by a periodic orbit or a motion that is none."""
-RESTLESS, HASTY = 16, 4.0  # ring-down times after which a tip that does not come to rest is lowered so much faster
 EVEN, LONG = 0.01, 40  # of the amplitude, by which what is seen may miss it for so many ring-down times to be STEADY
 WHOLE = 64.0  # ring-down times that a fall takes with what comes before and after; with fewer periods none is begun
 
@@ -136,12 +135,8 @@ def fall(
         return SPENT
     x, y = acc[0] - lever[col.SHAKER], acc[1]
     from_z0, lowest, seen, steady = u[3], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0, 0
-    rings = 0
     while tip.periods[0] + ring <= most:
         change = missed = 0.0
-        rings += 1
-        if rings == RESTLESS:
-            pace *= HASTY
         for _ in range(ring):
             u[3] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
             last_x, last_y = acc[0], acc[1]

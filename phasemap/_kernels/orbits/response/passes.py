@@ -67,6 +67,12 @@ def evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: n
     return mismatch(lever, amplitude, push, drag)
 
 
+@kernel
+def beside_resonance(lever: np.ndarray) -> bool:
+    """Whether the drive is more than a linewidth off."""
+    return abs(1.0 - lever[OMEGA] ** 2) > 2.0 * lever[ALPHA0] * lever[OMEGA]
+
+
 @kernel(fastmath=ANY_ORDER)
 def unresolved(lever: np.ndarray, f: np.ndarray, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
@@ -75,7 +81,6 @@ def unresolved(lever: np.ndarray, f: np.ndarray, touching: bool, longrange: bool
     integral. A tenth of that is a hundred times the error and more; beside resonance, where contacts are long, no more
     than a hundredth is taken.
     """
-    beside = abs(1.0 - lever[OMEGA] ** 2) > 2.0 * lever[ALPHA0] * lever[OMEGA]
     rest = 0.0
     for element in range(2 + parts_of(f)):
         if not (longrange if element == 0 or element == 2 else touching):
@@ -87,7 +92,7 @@ def unresolved(lever: np.ndarray, f: np.ndarray, touching: bool, longrange: bool
             odd += _HIGHEST[1, j] * share
             size += WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
-    return (BESIDE if beside else WITHIN) * rest
+    return (BESIDE if beside_resonance(lever) else WITHIN) * rest
 
 
 @kernel
@@ -158,14 +163,15 @@ def converge(
 
     The error left is taken from the last two changes as if they went on like a geometric series, many times over:
     theory, Eq. (errors-1).
-    Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
+    Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
+    and passes that contract slowly in contact are given up soon, for Newton's method.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
     touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest = TOUCH + N // 2 if touching else OUT
     phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
     w_before, left_before = 0.0, math.inf
-    ratio_before, slow = 1.0, 0
+    ratio_before, slow, most_slow = 1.0, 0, 1 if touching and beside_resonance(lever) else 4
     for _ in range(MOST_PASSES):
         respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
         h = balance(law, p, lever, f, state, touching, hold)
@@ -190,7 +196,7 @@ def converge(
             if small and left < CLOSED:
                 return True
             slow += ratio > 0.7
-            if slow > 4 or nodes > limit_phase * lever[BASE] or (small and left > 0.5 * left_before):
+            if slow > most_slow or nodes > limit_phase * lever[BASE] or (small and left > 0.5 * left_before):
                 return False
             ratio_before, left_before = ratio, left
         phase_before, height_before, w_before = phase, height, f[W, nearest]
