@@ -37,6 +37,7 @@ LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the o
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
+STUCK = 1.0  # the same of a contact with hysteresis: it mostly finds none
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 PACE = 1e-3  # of the free amplitude, by which a tip that may leap is lowered in a ring-down time
 TRAIL = 16.0  # periods of that, in which it is moved at once to see whether it comes to rest
@@ -46,10 +47,10 @@ SLOWER = 50.0  # ring-down times in which that halves; after so many more it is 
 PATIENCE = 1600.0  # ring-down times in which the feedback has to come to rest
 SHARE = 0.5  # of the periods allowed, after which the mean of a motion that does not is taken
 LAST_GAIN = GAIN / (1.0 + PATIENCE / SLOWER)
-SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD, STEADY = 0, 1, 2, 3, 4, 5, 6
+SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD, KEPT = 0, 1, 2, 3, 4, 5, 6
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again; and
 held on the amplitude, by a periodic orbit or a motion that is none."""
-EVEN, LONG = 0.01, 40  # of the amplitude, by which what is seen may miss it for so many ring-down times to be STEADY
+EVEN, LONG = 0.01, 40  # of the amplitude, by which what is seen may miss it for so many ring-down times to be KEPT
 WHOLE = 64.0  # ring-down times that a fall takes with what comes before and after; with fewer periods none is begun
 
 
@@ -75,7 +76,8 @@ def follow_down(
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
     u, linear, before = tip.u, tip.linear, np.empty(4)
-    lowest, rings = -15.0 * lever[col.BASE] / lever[col.ALPHA0], ring_down(lever)
+    lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
+    patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
     stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
     while tip.periods[0] < most:
         if u[3] < lowest:
@@ -107,7 +109,7 @@ def follow_down(
             for j in range(4):
                 u[j] = before[j]
             u[3] -= stride
-            if not rest(law, p, lever, how, min(int(DISTURBED * rings), most - tip.periods[0]), tip):
+            if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
                 return LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN
@@ -127,7 +129,7 @@ def fall(
 ) -> int:  # fmt: skip
     """Lower the tip by `pace` [m] a period until its motion repeats itself, AGAIN above the amplitude or HELD at it.
 
-    Else STEADY where the feedback holds it so for long, SEEN where it does not come to rest, SPENT or LOWEST. An orbit
+    Else KEPT where the feedback holds it so for long, SEEN where it does not come to rest, SPENT or LOWEST. An orbit
     above the amplitude is not looked for before z0 has fallen by `least` [m].
     """
     u, acc, ring = tip.u, tip.acc, max(FEWEST, ring_down(lever))
@@ -160,5 +162,5 @@ def fall(
                 return AGAIN
         steady = steady + 1 if seen > 0 and missed < EVEN * amplitude else 0
         if steady >= LONG:
-            return STEADY
+            return KEPT
     return SPENT

@@ -38,7 +38,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import lowest, mismatch
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
@@ -156,9 +156,11 @@ def strongest(
 @kernel
 def _between(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, shift: float,
-    a: float, f_a: float, b: float, f_b: float,
+    one: tuple[float, float], two: tuple[float, float],
 ) -> float:  # fmt: skip
-    """Gap of the crossing between gaps a and b of opposite sign, by regula falsi in ln(gap + shift) or in the gap."""
+    """Gap of the crossing between two of opposite sign, (gap, f), by regula falsi in ln(gap + shift) or in the gap."""
+    a, f_a = one
+    b, f_b = two
     logarithmic = side == ATTRACTIVE
     if logarithmic:
         a, b = math.log(a + shift), math.log(b + shift)
@@ -202,7 +204,7 @@ def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
         h, _ = at_gap(law, p, lever, reach, amplitude, far)
         if h <= 0.0:
             return _between(
-                law, p, lever, reach, amplitude, ATTRACTIVE, shift, near, math.log1p(h_near), far, math.log1p(h)
+                law, p, lever, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
             )
         near, h_near = far, h
     return math.nan
@@ -220,7 +222,7 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
         if h > 0.0 and push > 0.0:
             if not repelled(lever, amplitude, push):
                 return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, near, f_near, gap, math.log1p(h))
+            return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
         near, f_near = gap, sided(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top[PUSH], 0.02 * want))
@@ -280,8 +282,8 @@ def at_crossing(
     slope = (at_gap(law, p, lever, reach, amplitude, gap + small)[0] - h) / small
     larger = amplitude * 1.00001
     push_a, drag_a, _ = harmonics(law, p, lever, reach, larger, c)
-    guess[0], guess[1], guess[2] = amplitude * c + mean, mean, amplitude
-    guess[3], guess[4], guess[5] = push, drag, slope
+    put(guess, amplitude, c, push, drag, mean)
+    guess[col.G_SLOPE] = slope
     return c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
 
 
@@ -298,4 +300,5 @@ def on_side(
     if math.isnan(gap):
         return False
     along = at_crossing(law, p, lever, reach, amplitude, gap, guess)
-    return along > STEEPEST and (guess[3] > 0.0) == (side == REPULSIVE) and guess[0] > lowest(law, p, lever)
+    inside = guess[col.G_Z0] > lowest(law, p, lever)
+    return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside
