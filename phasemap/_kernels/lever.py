@@ -57,3 +57,15 @@ def reach_of(law: Law, p: np.ndarray) -> float:
     if p[LONGRANGE] == 0.0:
         return 0.0
     return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
+
+
+@kernel
+def pulled(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """How far [m] adhesion at first contact bends the lever."""
+    return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
+
+
+@kernel
+def lowest(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """Tip offset [m] below which the lever is pressed in farther than any instrument would."""
+    return -(30.0 * free_amplitude(lever) + 20.0 * pulled(law, p, lever) + 1e-7)

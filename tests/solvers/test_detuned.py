@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.resonance import narrowest
+from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
@@ -78,6 +79,29 @@ def test_next_to_resonance_no_more_orbits_are_left_to_collocation(name: str) -> 
     at_resonance = left(1.0)
     assert at_resonance < 12  # of 120, a tenth
     assert all(left(1.0 + sign * apart) <= at_resonance for apart in CLOSE for sign in (-1, 1))
+
+
+def test_above_resonance_a_tip_that_never_leaves_a_soft_sample_needs_no_collocation() -> None:
+    drive = pm.Drive(60e-9 * 63.0, 330e3)  # 60 nm at 1.1 of the resonance
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 300.0), pm.Tip(20e-9), drive, pm.Interaction(decay_length=0.3e-9))
+    soft = np.column_stack([np.geomspace(4e7, 2e8, 12), np.full(12, 0.03), np.tile([0.0, 0.05], 6), np.full(12, 0.35)])
+    work = Batch(scope, soft, 0.6).work()
+    rows, status, used = run(by_name("orbit"), work, pm.Accuracy())
+    exact, _, _ = run(Orbit(complete=True), work, pm.Accuracy())
+    pressed = rows[:, col.TIP_OFFSET] - rows[:, col.MEAN] < -1.1 * rows[:, col.AMPLITUDE]
+    assert np.sum(pressed) >= 6
+    assert (status == col.GOOD).all() and (used[pressed] == col.CORRECTED).all()
+    assert (abs(rows - exact)[:, col.PHASE] < rows[:, col.ERROR_PHASE]).all()
+    assert (abs(rows - exact)[:, col.TIP_OFFSET] < rows[:, col.ERROR_HEIGHT]).all()
+    assert rows[:, col.INDENTATION] == pytest.approx(exact[:, col.INDENTATION], abs=5e-12)
+
+
+def test_a_fall_that_takes_more_time_than_allowed_is_no_answer() -> None:
+    # Adhesion bends this lever by more than it swings: averaging says nothing of where it lands.
+    scope = pm.Microscope(pm.Cantilever(0.5, 300e3, 20e3), pm.Tip(20e-9), pm.Drive(400e-9, 0.9995 * 300e3))
+    pixel = pm.solve_pixel(pm.Material(1e9, 0.05, 0.01), scope, 0.7, solver="orbit")
+    assert pixel.status is pm.Status.not_settled
+    assert "Accuracy(periods=...)" in pixel.status.value
 
 
 LEAPS = load("leaps")

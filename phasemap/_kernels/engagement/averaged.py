@@ -21,19 +21,20 @@ from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     HEIGHT,
     REPULSIVE,
+    STEEPEST,
     UNCLEAR,
     approach,
+    at_crossing,
     leaps,
     narrowest,
     near_resonance,
     on_side,
     strongest,
-    told_in_time,
 )
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
-from phasemap._kernels.orbits.averaged.orbits import crossing, far_start, slope_of
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, crossing, far_start, slope_of
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
 SMALLEST_STEP = 1e-6
@@ -145,31 +146,46 @@ def engage(
     """
     free, reach = free_amplitude(lever), reach_of(law, p)
     rises = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
-    bent, told, near = rises and strong(law, p, lever, free), rises and told_in_time(lever), near_resonance(lever)
+    bent, near = rises and strong(law, p, lever, free), near_resonance(lever)
     if near:
-        if bent and told:
+        if bent:
             return col.GOOD, LEAP
         side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
-        if rises and not bent and side != REPULSIVE:
+        if rises and side != REPULSIVE:
             landed = lands(law, p, lever, reach, free)
             if landed == UNCLEAR:
                 return col.GOOD, LEAP
             if landed == REPULSIVE:
                 strongest(law, p, lever, reach, amplitude, math.inf, top)
                 sure = on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess)
+                sure = sure or only_below(law, p, lever, reach, amplitude, guess)
                 return col.GOOD, SURE if sure else LEAP
         if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not rises:
             return col.GOOD, OPEN
         if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
-        if told and narrowest(lever) > 1.0 and side != REPULSIVE:
+        if rises and narrowest(lever) > 1.0 and side != REPULSIVE:
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
     status, surety = engage_traced(law, p, lever, amplitude, guess)
     if status == col.GOOD:
         guess[col.G_SLOPE] = slope_of(law, p, lever, guess)
-        if told and not near and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
+        if rises and not near and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
             return col.GOOD, LEAP
     return status, surety
+
+
+@kernel
+def only_below(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged orbit of this amplitude below the resonance, X > 0, if there is no other at all.
+
+    Where the sample takes so much that the lever is held before contact repels more than the rest attracts, P < 0.
+    """
+    found = averaged_orbits(law, p, lever, amplitude)
+    if len(found) != 1:
+        return False
+    gap = found[0, col.G_Z0] - found[0, col.G_MEAN] - amplitude
+    along = at_crossing(law, p, lever, reach, amplitude, gap, guess)
+    return along > STEEPEST and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) > 0.0
 
 
 @kernel

@@ -18,8 +18,8 @@ from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
-from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in, pulled
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in
+from phasemap._kernels.lever import free_amplitude, pulled, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton

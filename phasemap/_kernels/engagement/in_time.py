@@ -23,6 +23,7 @@ from phasemap._kernels.engagement.lowering import (
     AGAIN,
     DISTURBED,
     HELD,
+    KEPT,
     LAST_GAIN,
     LEFT,
     LOWEST,
@@ -30,6 +31,7 @@ from phasemap._kernels.engagement.lowering import (
     SPENT,
     STILL,
     TRAIL,
+    WHOLE,
     fall,
     follow_down,
     pace_of_leap,
@@ -348,6 +350,8 @@ def approach(
     how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
     least, pace = AWAY * abs(free), pace_of_leap(law, p, lever)
     row[:] = math.nan
+    if pace > 0.0 and WHOLE * ring_down(lever) > most:
+        return col.NOT_SETTLED
     while True:
         ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
         periodic = ends == SEEN
@@ -361,8 +365,9 @@ def approach(
             return col.NO_STABLE_ORBIT
         if periodic or ends == HELD:
             return hold(law, p, lever, amplitude, eta, most, tip, row)
-        if ends == SEEN:
-            return hold_mean(law, p, lever, amplitude, LAST_GAIN if pace > 0.0 else EAGER, eta, most, tip, row)
+        if ends in (SEEN, KEPT):
+            gain = SLOW if ends == KEPT else LAST_GAIN if pace > 0.0 else EAGER
+            return hold_mean(law, p, lever, amplitude, gain, eta, most, tip, row)
         if ends != AGAIN:
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import leaps, told_in_time
+from phasemap._kernels.engagement.resonance import leaps
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
@@ -47,9 +47,11 @@ SLOWER = 50.0  # ring-down times in which that halves; after so many more it is 
 PATIENCE = 400.0  # ring-down times in which the feedback has to come to rest
 SHARE = 0.5  # of the periods allowed, after which the mean of a motion that does not is taken
 LAST_GAIN = GAIN / (1.0 + PATIENCE / SLOWER)
-SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD = 0, 1, 2, 3, 4, 5
-"""How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again, and
-held on the amplitude."""
+SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD, KEPT = 0, 1, 2, 3, 4, 5, 6
+"""How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again; and
+held on the amplitude, by a periodic orbit or a motion that is none."""
+EVEN, LONG = 0.01, 40  # of the amplitude, by which what is seen may miss it for so many ring-down times to be KEPT
+WHOLE = 64.0  # ring-down times that a fall takes with what comes before and after; with fewer periods none is begun
 
 
 @kernel
@@ -58,7 +60,7 @@ def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     free = free_amplitude(lever)
     # A contact with hysteresis leaves its orbits by sticking, at any frequency.
     smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
-    if not (smooth and told_in_time(lever) and leaps(lever, reach_of(law, p), free)):
+    if not (smooth and leaps(lever, reach_of(law, p), free)):
         return 0.0
     return PACE * free / max(FEWEST, ring_down(lever))
 
@@ -127,16 +129,16 @@ def fall(
 ) -> int:  # fmt: skip
     """Lower the tip by `pace` [m] a period until its motion repeats itself, AGAIN above the amplitude or HELD at it.
 
-    Else SEEN where the feedback does not come to rest, SPENT or LOWEST. An orbit above the amplitude is not looked for
-    before z0 has fallen by `least` [m].
+    Else KEPT where the feedback holds it so for long, SEEN where it does not come to rest, SPENT or LOWEST. An orbit
+    above the amplitude is not looked for before z0 has fallen by `least` [m].
     """
     u, acc, ring = tip.u, tip.acc, max(FEWEST, ring_down(lever))
     if not pass_period(law, p, lever, how[0], tip):
         return SPENT
     x, y = acc[0] - lever[col.SHAKER], acc[1]
-    from_z0, lowest, seen = u[3], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0
+    from_z0, lowest, seen, steady = u[3], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0, 0
     while tip.periods[0] + ring <= most:
-        change = 0.0
+        change = missed = 0.0
         for _ in range(ring):
             u[3] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
             last_x, last_y = acc[0], acc[1]
@@ -147,6 +149,7 @@ def fall(
             y += (acc[1] - y) / ring
             if seen > 0 or math.hypot(x, y) <= amplitude:
                 seen += 1
+            missed = max(missed, abs(math.hypot(x, y) - amplitude))
         if not abs(u[3]) < -lowest:
             return LOWEST
         still = change < STILL * amplitude
@@ -157,4 +160,7 @@ def fall(
                 return HELD
             if seen == 0 and from_z0 - u[3] > least and skip(law, p, lever, how, 0.0, tip):
                 return AGAIN
+        steady = steady + 1 if seen > 0 and missed < EVEN * amplitude else 0
+        if steady >= LONG:
+            return KEPT
     return SPENT

@@ -25,8 +25,7 @@ maximum of the mismatch of (1), counted negative while X > 0, decides. Well abov
 the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
 that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
 held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
-follow the curve: it jumps, and where to is in `leap`. A lever that rings down for too long to be asked in time is left
-to a cruder rule: only a strong attraction holds it then, or it goes on to the repulsive branch.
+follow the curve: it jumps, and where to is in `leap`.
 """
 
 from __future__ import annotations
@@ -38,15 +37,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
-from phasemap._kernels.lever import mismatch
+from phasemap._kernels.lever import lowest, mismatch
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
-HIGHEST_Q = 3000.0  # up to which a lever comes to rest within the periods that may be marched
-FIRM = 1.0  # mismatch at the maximum that holds a tip that has jumped over the resonance and was not asked in time
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
@@ -90,12 +87,6 @@ def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
     """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     x, y = detuning(lever)
     return x > 0.0 and (1.0 / y - 1.0) * free > reach
-
-
-@kernel
-def told_in_time(lever: np.ndarray) -> bool:
-    """Whether the lever rings down soon enough for time to tell where a leap ends."""
-    return lever[col.ALPHA0] > 0.5 / HIGHEST_Q
 
 
 @kernel
@@ -225,7 +216,7 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
     stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
     peak, want = top[GAP], lever[col.BASE] - stiff - top[PUSH]
     near, f_near = peak, min(-0.5, -abs(math.log1p(max(top[HEIGHT], LEAST))))
-    gap = top[BEHIND]
+    gap, deepest = top[BEHIND], lowest(law, p, lever)
     for _ in range(60):
         h, push = at_gap(law, p, lever, reach, amplitude, gap)
         if h > 0.0 and push > 0.0:
@@ -236,7 +227,7 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top[PUSH], 0.02 * want))
         gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
-        if gap < -1.9 * amplitude:
+        if gap < deepest:
             break
     return math.nan
 
@@ -257,9 +248,8 @@ def decide(
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
     least = (PLAIN * q * (q + r * x) + 0.03) * margin
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    enough = max(plain, FIRM) if leaps(lever, reach, free) and not told_in_time(lever) else plain
-    strongest(law, p, lever, reach, amplitude, enough, top)
-    if top[HEIGHT] >= enough:
+    strongest(law, p, lever, reach, amplitude, plain, top)
+    if top[HEIGHT] >= plain:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
     half = q * q - 0.25 * (q - r * x) ** 2
@@ -280,17 +270,10 @@ def approach(
 
 
 @kernel
-def on_side(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
-    guess: np.ndarray,
-) -> bool:  # fmt: skip
-    """Fill guess = (z0, mean deflection, A, P, S, dh/dz0) with this side's averaged orbit, if it is far from a fold."""
-    if side == ATTRACTIVE:
-        gap = outer(law, p, lever, reach, amplitude, top)
-    else:
-        gap = inner(law, p, lever, reach, amplitude, top)
-    if math.isnan(gap):
-        return False
+def at_crossing(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, guess: np.ndarray
+) -> float:
+    """Fill guess = (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit of this gap; returns its dz0/dA."""
     c = 1.0 + gap / amplitude
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
     h = mismatch(lever, amplitude, push, drag)
@@ -299,9 +282,23 @@ def on_side(
     slope = (at_gap(law, p, lever, reach, amplitude, gap + small)[0] - h) / small
     larger = amplitude * 1.00001
     push_a, drag_a, _ = harmonics(law, p, lever, reach, larger, c)
-    along = c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
-    if not along > STEEPEST or (push > 0.0) != (side == REPULSIVE):
-        return False
     put(guess, amplitude, c, push, drag, mean)
     guess[col.G_SLOPE] = slope
-    return True
+    return c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
+
+
+@kernel
+def on_side(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
+    guess: np.ndarray,
+) -> bool:  # fmt: skip
+    """Fill `guess` with this side's averaged orbit, if it is far from a fold and from being pressed in."""
+    if side == ATTRACTIVE:
+        gap = outer(law, p, lever, reach, amplitude, top)
+    else:
+        gap = inner(law, p, lever, reach, amplitude, top)
+    if math.isnan(gap):
+        return False
+    along = at_crossing(law, p, lever, reach, amplitude, gap, guess)
+    inside = guess[col.G_Z0] > lowest(law, p, lever)
+    return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

@@ -19,10 +19,11 @@ from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, refine, steep
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, start
+from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, beside_resonance, converge, start
 
 LOWEST_Q = 25.0  # below this averaging does not choose the branch
 TIGHT = 0.015  # mismatch at the exact maximum that decides
+MOST_SHIFTS = 3  # of three points, to where orbits are found
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
 
 
@@ -68,6 +69,11 @@ def decide_exactly(
         return REPULSIVE
     h1 = _held(law, p, lever, reach, amplitude, middle + step, f, state)
     h2 = _held(law, p, lever, reach, amplitude, middle - step, f, state)
+    for _ in range(MOST_SHIFTS):
+        if math.isfinite(h0 + h1 + h2) or not beside_resonance(lever):
+            break
+        middle, h1, h0 = middle - step, h0, h2  # passes may not converge where a tip just touches
+        h2 = _held(law, p, lever, reach, amplitude, middle - step, f, state)
     bend = (h1 - 2.0 * h0 + h2) / (step * step)
     if not bend < 0.0:
         return UNCLEAR

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_slope
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import lowest, pulled
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
 from phasemap._kernels.orbits.collocation.system import (
@@ -36,17 +36,11 @@ PRECISION = 1e-6  # of the amplitude, at which a landing is known
 
 
 @kernel
-def pulled(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
-    """How far [m] adhesion at first contact bends the lever."""
-    return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
-
-
-@kernel
 def pressed_in(law: Law, p: np.ndarray, lever: np.ndarray, orbit: Orbit) -> bool:
     """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
     if orbit.head[COUNT, CONTACTS] != PERMANENT:
         return False
-    return orbit.head[VALUE, Z0] < -(30.0 * free_amplitude(lever) + 20.0 * pulled(law, p, lever) + 1e-7)
+    return orbit.head[VALUE, Z0] < lowest(law, p, lever)
 
 
 @kernel

@@ -288,7 +288,7 @@ def newton(
         height_change = max(abs(height - height_before), abs(f[W, middle] - w_before))
         ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
         anew = not ratio < REUSED
-        nodes = unresolved(f, True, longrange)
+        nodes = unresolved(lever, f, True, longrange)
         state[PHASE], state[HEIGHT] = phase, height
         if phase_change < MUCH and nodes > limits[0] * lever[BASE]:
             return COARSE

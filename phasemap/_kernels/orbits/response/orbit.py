@@ -17,6 +17,7 @@ from phasemap._kernels.orbits.response.firm import firm
 from phasemap._kernels.orbits.response.newton import COARSE, FOUND, Bench, cut, middle_of, newton
 from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, W
 from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
+from phasemap._kernels.orbits.response.pressed import SHALLOWEST, press
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
@@ -65,6 +66,9 @@ def refine(
 ) -> bool:  # fmt: skip
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
+    if e < -SHALLOWEST * amplitude:
+        _begin(guess, e, state)
+        return press(law, p, lever, limits, state) and _belongs(lever, guess, state)
     if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
         return True
     if p[LONGRANGE] == 0.0 or abs(e - amplitude) > GRAZING * reach:
@@ -87,15 +91,27 @@ def _pass_from(
     state: np.ndarray,
 ) -> bool:  # fmt: skip
     """Passes from a harmonic orbit with this e, which settles whether the tip touches."""
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = guess[col.G_A], e, guess[col.G_SLOPE]
+    _begin(guess, e, state)
     return (
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
-        and (state[PUSH] > 0.0) == (guess[col.G_P] > 0.0)
-        and abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
+        and _belongs(lever, guess, state)
         and sound(law, p, lever, reach, f, state)
     )
+
+
+@kernel
+def _begin(guess: np.ndarray, e: float, state: np.ndarray) -> None:
+    """Begin from a harmonic orbit with this e."""
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE] = guess[col.G_A], e, guess[col.G_SLOPE]
+
+
+@kernel
+def _belongs(lever: np.ndarray, guess: np.ndarray, state: np.ndarray) -> bool:
+    """Whether an orbit is on the branch of the averaged one."""
+    same = (state[PUSH] > 0.0) == (guess[col.G_P] > 0.0)
+    return same and abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
 
 
 @kernel
@@ -109,8 +125,7 @@ def refine_stiff(
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
     if p[LONGRANGE] != 0.0 and abs(e - amplitude) < GRAZING * reach:
         return 0  # whether it touches changes from step to step
-    bench.state[:] = 0.0
-    bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[col.G_SLOPE]
+    _begin(guess, e, bench.state)
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
         return 0
     found = newton(law, p, lever, reach, limits, bench)

@@ -46,9 +46,12 @@ FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 CLOSED = 5e-7  # largest energy imbalance
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
+WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
 DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
-# Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors.
-AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL, PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, STATE = range(15)
+# Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
+# largest A cos(theta) + w where the nodes are others, else 0.
+AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL = range(9)
+PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, CREST, STATE = range(9, 16)
 BARYCENTRIC = barycentric(X)
 _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
@@ -64,12 +67,19 @@ def evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: n
     return mismatch(lever, amplitude, push, drag)
 
 
+@kernel
+def beside_resonance(lever: np.ndarray) -> bool:
+    """Whether the drive is more than a linewidth off."""
+    return abs(1.0 - lever[OMEGA] ** 2) > 2.0 * lever[ALPHA0] * lever[OMEGA]
+
+
 @kernel(fastmath=ANY_ORDER)
-def unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
+def unresolved(lever: np.ndarray, f: np.ndarray, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
-    integral.
+    integral. A tenth of that is a hundred times the error and more; beside resonance, where contacts are long, no more
+    than a hundredth is taken.
     """
     rest = 0.0
     for element in range(2 + parts_of(f)):
@@ -82,7 +92,7 @@ def unresolved(f: np.ndarray, touching: bool, longrange: bool) -> float:
             odd += _HIGHEST[1, j] * share
             size += WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
-    return 0.1 * rest
+    return (BESIDE if beside_resonance(lever) else WITHIN) * rest
 
 
 @kernel
@@ -153,14 +163,15 @@ def converge(
 
     The error left is taken from the last two changes as if they went on like a geometric series, many times over:
     theory, Eq. (errors-1).
-    Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last.
+    Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
+    and passes that contract slowly in contact are given up soon, for Newton's method.
     """
     amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
     touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest = TOUCH + N // 2 if touching else OUT
     phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
-    w_before = 0.0
-    ratio_before, slow = 1.0, 0
+    w_before, left_before = 0.0, math.inf
+    ratio_before, slow, most_slow = 1.0, 0, 1 if touching and beside_resonance(lever) else 4
     for _ in range(MOST_PASSES):
         respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
         h = balance(law, p, lever, f, state, touching, hold)
@@ -176,17 +187,18 @@ def converge(
         ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
         if ratio >= 0.0:
             rest = remaining(ratio, ratio_before)
-            nodes = unresolved(f, touching, longrange)
+            nodes = unresolved(lever, f, touching, longrange)
             state[PHASE], state[HEIGHT] = phase, height
             phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
             state_errors(lever, state, rest, phase_left, height_left, nodes)
-            closed = hold or abs(closure(lever, state)) < CLOSED
-            if closed and state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height:
+            left = 0.0 if hold else abs(closure(lever, state))
+            small = state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height
+            if small and left < CLOSED:
                 return True
             slow += ratio > 0.7
-            if slow > 4 or nodes > limit_phase * lever[BASE]:
+            if slow > most_slow or nodes > limit_phase * lever[BASE] or (small and left > 0.5 * left_before):
                 return False
-            ratio_before = ratio
+            ratio_before, left_before = ratio, left
         phase_before, height_before, w_before = phase, height, f[W, nearest]
     return False
 
@@ -279,7 +291,7 @@ def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray)
         state[PHASE],
         amplitude,
     )
-    row[col.INDENTATION] = deepest(f, amplitude) - state[E]
+    row[col.INDENTATION] = (state[CREST] if state[CREST] > 0.0 else deepest(f, amplitude)) - state[E]
     row[col.DISSIPATION] = stiffness * state[LOSS]
     row[col.VIRIAL] = -stiffness * (state[VIRIAL] / (2 * math.pi) + state[MEAN] * mean)
     row[col.STIFFENING] = push / amplitude
