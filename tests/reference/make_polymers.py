@@ -116,12 +116,12 @@ def draw(count):
 class Run:
     """A tip in time, and the phasors behind the low-passes of `follow`."""
 
-    def __init__(self, library, case, start=0.0):
+    def __init__(self, library, case, speed=SPEED, start=0.0):
         stiff = 4 / 3 * case["modulus"] / (1 - POISSON**2)
         radius, k, reach = case["tip_radius"], case["stiffness"], (case["decay_length"] or 0.0) * 1e9
         pull = 2 * math.pi * case["adhesion"] * radius
         s_c6 = pull * radius / (12 * stiff)
-        self.library, self.amplitude = library, case["free_amplitude"] * 1e9
+        self.library, self.amplitude, self.speed = library, case["free_amplitude"] * 1e9, speed
         self.ring = case["quality_factor"] / math.pi
         self.tip = Tip(
             omega=1.0, alpha0=0.5 / case["quality_factor"], drive=self.amplitude / case["quality_factor"],
@@ -137,19 +137,19 @@ class Run:
         other.__dict__ = self.__dict__ | {"tip": Tip.from_buffer_copy(self.tip), "slow": self.slow.copy()}
         return other
 
-    def pass_periods(self, count, target=0.0, gain=0.0, speed=SPEED, until=-1.0, record=True):
+    def pass_periods(self, count, target, gain, until=-1.0, record=True):
         """Rows of phasor (2), z0, whether it touched, phasor of the narrow lock-in (2); or the periods done."""
         rows = np.zeros((count, 6)) if record else None
         real = ctypes.POINTER(ctypes.c_double)
         to = rows.ctypes.data_as(real) if record else None
         slow = self.slow.ctypes.data_as(real)
-        done = self.library.follow(ctypes.byref(self.tip), slow, target, gain, speed, until, count, to)
+        done = self.library.follow(ctypes.byref(self.tip), slow, target, gain, self.speed, until, count, to)
         if done < 0 or self.tip.z0 < -3 * self.amplitude:
             raise OverflowError("the tip is lost")
         return rows if record else done
 
-    def descend(self, target, speed):
-        while self.pass_periods(100_000, -1e9, GAIN, speed, target + speed / GAIN, record=False) == 100_000:
+    def descend(self, target):
+        while self.pass_periods(100_000, -1e9, GAIN, target + self.speed / GAIN, record=False) == 100_000:
             pass
 
     def hold(self, target):
@@ -200,10 +200,10 @@ def stated(period, rows, target):
 
 def engage(library, case, setpoints=SETPOINTS, speed=SPEED, start=0.0):
     """What is held at each setpoint, with the run that holds it."""
-    run, found = Run(library, case, start), []
+    run, found = Run(library, case, speed, start), []
     for setpoint in setpoints:
         try:
-            run.descend(setpoint * run.amplitude, speed)
+            run.descend(setpoint * run.amplitude)
             held = run.copy()
             found.append(({"setpoint": setpoint, "held": True} | held.hold(setpoint * run.amplitude), held))
         except OverflowError:
