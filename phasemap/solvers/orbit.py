@@ -89,7 +89,9 @@ def solve_exactly(
         from phasemap._kernels.rows.exact import exact_rows
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
-    March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), out, status, solver, periods)
+    if (status[first:last] != col.GOOD).any():
+        lost = first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT))
+        March().settle(work, lost, out, status, solver, periods)
 
 
 def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:

@@ -15,6 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, LONGRANGE, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import caution
+from phasemap._kernels.engagement.end import CLOSEST, decide_exactly, highest_at
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     BEHIND,
@@ -28,19 +29,17 @@ from phasemap._kernels.engagement.resonance import (
     on_side,
     strongest,
 )
-from phasemap._kernels.engagement.response import decide_exactly
 from phasemap._kernels.law import Law, contact_force, parameters
-from phasemap._kernels.lever import free_amplitude, mismatch, reach_of
+from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, report, start
+from phasemap._kernels.orbits.response.passes import report
 from phasemap._kernels.rows.fast import averaging_suffices
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants, over that of the free lever
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
-CLOSEST = 1e-3  # mismatch at the exact maximum, nearer to which only the orbits themselves tell
-LENS, BESIDE = 0.05, 0.5  # steps from the strongest pull, over its depth and the reach
+BESIDE = 0.5  # a step outside of the strongest pull, over its depth and the reach
 MOST_STEPS = 60
 
 
@@ -48,36 +47,6 @@ MOST_STEPS = 60
 def side_of(slot: int) -> int:
     """Sign of the mean interaction."""
     return REPULSIVE if slot == REPELLING else ATTRACTIVE
-
-
-@kernel
-def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, room: Room) -> float:
-    """Mismatch of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
-    state = room.state
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
-    if not start(law, p, lever, reach, room.nodes, state):
-        return math.nan
-    if not converge(law, p, lever, room.nodes, state, True, 0.1 * CLOSEST, math.inf):
-        return math.nan
-    return mismatch(lever, amplitude, state[PUSH], state[DRAG])
-
-
-@kernel
-def decide_closely(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> int:
-    """Whether there is an attractive orbit, where `decide_exactly` left it open: its maximum once more, with a lens."""
-    middle = room.fit[0]
-    step = LENS * (reach + abs(middle))
-    h0 = held(law, p, lever, reach, amplitude, middle, room)
-    h1 = held(law, p, lever, reach, amplitude, middle + step, room)
-    h2 = held(law, p, lever, reach, amplitude, middle - step, room)
-    bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
-    if not (bend < 0.0 and abs(rise) < -2.0 * step * bend):
-        return UNCLEAR
-    highest = h0 - 0.5 * rise * rise / bend
-    if abs(highest) < CLOSEST:
-        return UNCLEAR
-    return ATTRACTIVE if highest > 0.0 else REPULSIVE
 
 
 @kernel
@@ -107,7 +76,9 @@ def averaged_on(
             room.fit[:] = math.nan
             exact = decide_exactly(law, p, lever, reach, amplitude, top, room.nodes, room.state, room.fit)
             if exact == UNCLEAR:
-                exact = decide_closely(law, p, lever, reach, amplitude, room)
+                highest = highest_at(law, p, lever, reach, amplitude, room)
+                if abs(highest) >= CLOSEST:
+                    exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
             if exact == REPULSIVE:
                 return col.NO_STABLE_ORBIT
             if exact == UNCLEAR or not top[HEIGHT] > 0.0:
