@@ -43,7 +43,9 @@ def test_the_branch_does_not_depend_on_the_neighbours() -> None:
     surface = pm.Surface([[1e8, 1e9, 5e9, 1e9, 1e11]], [[0.3, 0.1, 0.0, 0.1, 0.5]], pixel_size=1e-9)
     image = pm.simulate(surface, scope, 0.93, solver="orbit")
     alone = pm.solve_pixel(pm.Material(1e9, adhesion=0.1), scope, 0.93, solver="orbit")
-    assert image.phase.values[0, 1] == image.phase.values[0, 3] == alone.phase
+    assert image.phase.values[0, 1] == image.phase.values[0, 3]
+    # Alone, the whole curve of orbits is followed, in an image it is not: the same orbit within the error of both.
+    assert image.phase.values[0, 1] == pytest.approx(alone.phase, rel=0, abs=1e-8)
 
 
 PINCHED = pm.Material(2e9, adhesion=0.1, damping=0.005)
