@@ -18,6 +18,7 @@ SCOPE = pm.Microscope(
     pm.Tip(radius=10e-9),
     pm.Drive(free_amplitude=16e-9),
 )
+SETPOINTS = np.linspace(0.99, 0.2, 159)
 KINDS = {  # colour, branch, stable
     "attractive, stable": ("C0", 0, 1),
     "repulsive, stable": ("C3", 1, 1),
@@ -27,9 +28,8 @@ KINDS = {  # colour, branch, stable
 
 def main(folder: Path = Path()) -> None:
     """Write all_orbits.png."""
-    setpoints = np.linspace(0.99, 0.2, 159)
-    found = [pm.orbits(MATERIAL, SCOPE, setpoint=setpoint) for setpoint in setpoints]
-    engaged = [pm.solve_pixel(MATERIAL, SCOPE, setpoint, solver="orbit") for setpoint in setpoints]
+    found = [pm.orbits(MATERIAL, SCOPE, setpoint=setpoint) for setpoint in SETPOINTS]
+    engaged = [pm.solve_pixel(MATERIAL, SCOPE, setpoint, solver="orbit") for setpoint in SETPOINTS]
 
     figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.2), layout="constrained")
     for axes, name, factor, label in (
@@ -39,21 +39,21 @@ def main(folder: Path = Path()) -> None:
         for branch in ("attractive", "repulsive"):
             values = [getattr(pixel, name) * factor if pixel.branch == branch else np.nan for pixel in engaged]
             said = "where the tip ends, coming from far" if branch == "attractive" else None
-            axes.plot(setpoints, values, color="#f2c14e", linewidth=8, solid_capstyle="round", label=said)
+            axes.plot(SETPOINTS, values, color="#f2c14e", linewidth=8, solid_capstyle="round", label=said)
         for kind, (color, branch, stable) in KINDS.items():
             points = [
                 (setpoint, value * factor)
-                for setpoint, orbits in zip(setpoints, found, strict=True)
+                for setpoint, orbits in zip(SETPOINTS, found, strict=True)
                 for value, b, s in zip(orbits[name].values, orbits.branch.values, orbits.stable.values, strict=True)
                 if s == stable and branch in (None, b)
             ]
             axes.plot(*np.transpose(points), color=color, linestyle="none", marker=".", markersize=4, label=kind)
         axes.set(xlabel="setpoint (amplitude / free amplitude)", ylabel=label)
-        axes.set_xlim(1, setpoints[-1])  # approaching: from left to right
+        axes.set_xlim(1, SETPOINTS[-1])  # approaching: from left to right
     panels[0].legend(frameon=False, fontsize=9, loc="center right")
     figure.savefig(folder / "all_orbits.png", dpi=150)
 
-    jump = next(setpoint for setpoint, pixel in zip(setpoints, engaged, strict=True) if pixel.branch == "repulsive")
+    jump = next(setpoint for setpoint, pixel in zip(SETPOINTS, engaged, strict=True) if pixel.branch == "repulsive")
     print(f"the tip is in the repulsive regime from setpoint {jump:.3f} downwards")
 
 

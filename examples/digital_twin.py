@@ -1,12 +1,14 @@
 """Can an agent that operates a microscope practise on a simulated one?
 
-A digital twin with the interface of the AFM in DTMicroscope: `get_scan`, `go_to`, `scan_arbitrary_path`,
-`get_spectrum`. There, a scan looks up recorded data. Here every scan is simulated in time, with its feedback, so that
-setpoint, drive and gains take effect, and a spectrum is an approach and retraction at the current position of the tip.
-The agent in this example lowers the setpoint until the phase contrast is largest. As in DTMicroscope, arrays have the
-axes channel, x and y.
+A digital twin with the interface of the AFM in DTMicroscope: `get_dataset_info`, `get_scan`, `scanning_emulator`,
+`go_to`, `scan_individual_line`, `scan_arbitrary_path`, `get_spectrum`. There, a scan looks up recorded data, and
+`modification` adds the faults of a tip and a feedback to them. Here every scan is simulated in time, with its feedback,
+so that setpoint, drive and gains (`tune`) take effect, and a spectrum is an approach and retraction at the current
+position of the tip. The agent in this example lowers the setpoint until the phase contrast is largest. As in
+DTMicroscope, arrays have the axes channel, x and y.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,15 +24,20 @@ SCOPE = pm.Microscope(
 )
 
 
+CHANNELS = {"Height": "m", "Phase": "deg", "Amplitude": "m"}
+
+
 class Twin:
     """A microscope over a sample; what `DTMicroscope.base.afm.AFM_Microscope` looks up, this one simulates."""
+
+    name, instrument_vendor, instrument_type = "AFM Microscope", "phasemap", "AFM"
 
     def __init__(self, labels: np.ndarray, materials: dict[int, pm.Material], pitch: float) -> None:
         self.labels, self.materials = labels, materials
         self.surface = pm.Surface.from_labels(labels, materials, pixel_size=pitch, topography=2e-9 * labels)
         self.scope, self.setpoint, self.feedback = SCOPE, 0.9, pm.Feedback(line_rate=4.0)
         self.x_coords, self.y_coords = ((np.arange(n) + 0.5) * pitch for n in labels.shape[::-1])
-        self.go_to(float(self.x_coords[0]), float(self.y_coords[0]))
+        self.x, self.y = float(self.x_coords[labels.shape[1] // 2]), float(self.y_coords[labels.shape[0] // 2])
 
     def tune(self, *, setpoint: float | None = None, free_amplitude: float | None = None, **gains: float) -> None:
         """Change settings; gains are those of `phasemap.Feedback`."""
@@ -39,12 +46,43 @@ class Twin:
             self.scope = replace(self.scope, drive=pm.Drive(free_amplitude))
         self.feedback = replace(self.feedback, **gains)
 
-    def get_scan(self, channels: list[str] | None = None, trace: str = "forward") -> np.ndarray:
-        """Scan, and give the channels asked for ("Height", "Phase", "Amplitude"), over channel, x and y."""
+    def get_dataset_info(self) -> list[tuple[str, list]]:
+        """What there is to record."""
+        count = len(CHANNELS)
+        return [
+            ("channels", [f"Channel_{i:03d}" for i in range(count + 1)]), ("signals", [*CHANNELS, "Amplitude"]),
+            ("units", [*CHANNELS.values(), "m"]), ("scans", list(range(count))), ("spectra", []),
+            ("point_clouds", [count]),
+        ]  # fmt: skip
+
+    def get_scan(
+        self, channels: list[str] | None = None, modification: None = None, scan_rate: float | None = None,
+        trace: str = "forward", direction: str = "horizontal",
+    ) -> np.ndarray:  # fmt: skip
+        """Scan, and give the channels asked for over channel, x and y ("vertical": y and x); `scan_rate` in lines/s.
+
+        A channel is asked for by its name or its key. The backward trace comes in the order in which it is recorded.
+        """
+        if channels is not None and not isinstance(channels, list):
+            raise TypeError("channels must be either None or a list of channel names")
+        if modification is not None:
+            raise ValueError("modification is not needed: tip and feedback are simulated; change them with tune")
+        if scan_rate is not None:
+            self.tune(line_rate=scan_rate)
         image = pm.simulate(self.surface, self.scope, self.setpoint, "averaging", self.feedback)
         one = image.sel(direction="trace" if trace == "forward" else "retrace")
-        names = [channel.lower() for channel in channels or ("Height", "Phase", "Amplitude")]
-        return np.stack([one[name].transpose("x", "y").values for name in names])
+        keys = {f"Channel_{i:03d}": name for i, name in enumerate(CHANNELS)}
+        names = [keys.get(channel, channel).lower() for channel in channels or CHANNELS]
+        found = np.stack([one[name].transpose("x", "y").values for name in names])
+        found = found if trace == "forward" else found[:, ::-1]
+        return found if direction == "horizontal" else found.transpose(0, 2, 1)
+
+    def scanning_emulator(
+        self, direction: str = "horizontal", channels: list[str] | None = None, scan_rate: float | None = None
+    ) -> Iterator[np.ndarray]:
+        """A scan, slice by slice along its first ("horizontal") or second ("vertical") axis, over channel and pixel."""
+        scan = self.get_scan(channels, scan_rate=scan_rate)
+        yield from np.moveaxis(scan, 1 if direction == "horizontal" else 2, 0)
 
     def go_to(self, x: float, y: float) -> bool:
         """Move the tip, as far as the stage goes."""
@@ -53,16 +91,39 @@ class Twin:
         )
         return True
 
+    def scan_individual_line(
+        self, direction: str = "horizontal", trace: str = "forward", coord: float = 0.0,
+        channels: list[str] | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """The line along x ("horizontal") at y = `coord`, or along y at x = `coord`, over channel and pixel."""
+        scan = self.get_scan(channels, trace=trace)
+        if direction == "horizontal":
+            self.go_to(float(self.x_coords[-1 if trace == "forward" else 0]), coord)
+            return scan[:, :, np.abs(self.y_coords - coord).argmin()]
+        self.go_to(coord, float(self.y_coords[-1]))
+        column = np.abs(self.x_coords - coord).argmin()
+        return scan[:, column if trace == "forward" else -1 - column]
+
     def scan_arbitrary_path(self, path_points: np.ndarray, channels: list[str] | None = None) -> np.ndarray:
-        """The pixels nearest to points (x, y) of a path, over channel and point."""
-        points = np.asarray(path_points)
-        x, y = (
-            np.abs(axis[:, None] - points[:, i]).argmin(axis=0) for i, axis in ((0, self.x_coords), (1, self.y_coords))
-        )
+        """The pixels on straight lines between points (x, y) of a path, over channel and pixel."""
+        points = np.asarray(path_points, float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+            raise ValueError("path_points must have shape (N, 2), where N > 1 is the number of points.")
+        places = np.array(
+            [[np.abs(axis - at).argmin() for axis, at in zip((self.x_coords, self.y_coords), one, strict=True)]
+             for one in points]
+        )  # fmt: skip
+        steps = np.abs(np.diff(places, axis=0)).max(axis=1)
+        on = [np.linspace(a, b, n + 1) for a, b, n in zip(places, places[1:], steps, strict=False)]
+        x, y = np.concatenate(on).round().astype(int).T
         return self.get_scan(channels)[:, x, y]
 
-    def get_spectrum(self, location: tuple[float, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Distances [m] and the amplitude [m] over the pixel, over approach and retraction."""
+    def get_spectrum(
+        self, location: tuple[float, float] | None = None, channel: str | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Distances [m] and the amplitude [m] over the pixel, over approach and retraction; there is one channel."""
+        if channel not in (None, "Amplitude", f"Channel_{len(CHANNELS):03d}"):
+            raise ValueError(f'The selected channel "{channel}" is not a point cloud channel.')
         x, y = location or (self.x, self.y)
         pixel = self.labels[np.abs(self.y_coords - y).argmin(), np.abs(self.x_coords - x).argmin()]
         distances = np.linspace(1.2, 0.3, 91) * self.scope.driven_amplitude

@@ -35,6 +35,17 @@ FIRST = (
 )
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let all be asked of which tests take a share else."""
+    parser.addoption("--thorough", action="store_true", help="all of the large draws and of the examples")
+
+
+@pytest.fixture(scope="session")
+def thorough(request: pytest.FixtureRequest) -> bool:
+    """Whether to ask all of which tests take a share else."""
+    return bool(request.config.getoption("--thorough"))
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Tests look at pixels that fail, on purpose; that these are told of is a test of its own."""
     config.addinivalue_line("filterwarnings", "ignore::phasemap.ResultWarning")

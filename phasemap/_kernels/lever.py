@@ -46,10 +46,9 @@ def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> f
 @kernel(light=True)
 def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
     """Phase [rad] from (z0, mean deflection, A, P, S): theory, Eq. (averaging-5)."""
-    omega = lever[col.OMEGA]
-    return math.atan2(
-        guess[3] + guess[2] * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * guess[2] - guess[4]
-    )
+    omega, amplitude = lever[col.OMEGA], guess[col.G_A]
+    x = guess[col.G_P] + amplitude * (1.0 - omega * omega)
+    return math.atan2(x, 2.0 * lever[col.ALPHA0] * omega * amplitude - guess[col.G_S])
 
 
 @kernel

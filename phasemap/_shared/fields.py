@@ -5,10 +5,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import fields
-from difflib import get_close_matches
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
+from phasemap._shared.asked import no_argument
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import Usual, likely, question
@@ -160,11 +160,7 @@ def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
         def init(self: C, *given: Any, **named: Any) -> None:
             for name in named:
                 if name not in names:
-                    near = symbols.get(name) or next(iter(get_close_matches(name, names, 1, 0.5)), None)
-                    meant = f" Did you mean {near!r}?" if near else ""
-                    raise TypeError(
-                        f"{cls.__name__} has no argument {name!r}; its arguments are {', '.join(names)}.{meant}"
-                    )
+                    raise TypeError(no_argument(cls.__name__, name, names, symbols))
             make(self, *given, **named)
 
         cls.__init__ = cast(Any, init)  # type: ignore[method-assign]

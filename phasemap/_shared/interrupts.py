@@ -54,8 +54,8 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
         finally:
             ended.set()
 
-    threading.Thread(target=work, daemon=True).start()
     try:
+        threading.Thread(target=work, daemon=True).start()
         if not ended.wait(limit):
             raise EndlessError
     except BaseException:

@@ -61,21 +61,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def series(arguments: argparse.Namespace) -> None:
     """Explain, write what is asked for, and say what was found."""
+    from phasemap.inference.series.recorded import read_files
     from phasemap.inference.series.series import series as explain
     from phasemap.inference.series.settings import scope_of
-    from phasemap.io.read import read_image
 
     check_files(arguments)
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
-    images = [read_image(path) for path in paths]
+    images = read_files(paths)
     scope, told = _microscope(images, arguments.scene) if arguments.scene else scope_of(images, None)
     scope, changed = _changed(scope, words)
     options: dict[str, Any] = {}
     for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree")):
         options[name] = _list(name, getattr(arguments, name), unit, len(paths))
     found = explain(
-        [image.assign_attrs(title=path.name) for image, path in zip(images, paths, strict=True)], scope,
+        images, scope,
         regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,
         phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed, **options,
     )  # fmt: skip
@@ -99,17 +99,17 @@ def summary(found: xr.Dataset) -> list[str]:
     -------
     list of str
     """
+    from phasemap.plot.series import of_file
+
     said = []
     for i, name in enumerate(found["file"].values):
-        level, size = float(found["setpoint"][i]), 1e9 * float(found["free_amplitude"][i])
+        level, size = (of_file(found, name, i, scale) for name, scale in (("setpoint", 1.0), ("free_amplitude", 1e9)))
         parts = [
             f"{float(found['measured_contrast'][r, i]):+.1f} ± {float(found['contrast_error'][r, i]):.1f}° "
             f"(simulated {float(found['fitted_contrast'][r, i]):+.1f}°)"
             for r in range(1, found.sizes["region"])
         ]
-        said.append(
-            ("file", f"{name}: setpoint {level:.2f}, free amplitude {size:.3g} nm, contrast {'; '.join(parts)}")
-        )
+        said.append(("file", f"{name}: setpoint {level}, free amplitude {size} nm, contrast {'; '.join(parts)}"))
     for word, label in (("notes", "note"), ("verdict", "verdict"), ("advice", "advice")):
         said += [(label, line) for line in found.attrs[word].splitlines()]
     return in_two_columns(said)

@@ -231,12 +231,12 @@ def _is_alive(process: int) -> bool:
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read a netCDF file into memory.
+    """Read a netCDF file, or a zarr store, into memory.
 
     Parameters
     ----------
     path : path-like
-        A netCDF file.
+        A netCDF file, or a folder whose name ends in .zarr.
 
     Returns
     -------
@@ -246,7 +246,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     FileError
-        If there is no such file, or it is not a whole netCDF file.
+        If there is no such file, or it is not a whole netCDF file or store.
 
     Examples
     --------
@@ -264,7 +264,7 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
     Parameters
     ----------
     path : path-like
-        A netCDF file with a dimension "sample".
+        A netCDF file or zarr store with a dimension "sample".
     sample : int
         From 0.
 
@@ -295,10 +295,17 @@ def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
     path = Path(path)
     if not path.exists():
         raise FileError(f"cannot read {path}: there is no such file.")
-    if not path.is_file():
-        raise FileError(f"cannot read {path}: it is not a file.")
     if not os.access(path, os.R_OK):
         raise FileError(f"cannot read {path}: no permission.")
+    if path.is_dir() and path.suffix == ".zarr":
+        from phasemap.io.zarr_store import opened_store
+
+        with opened_store(path) as ds:
+            chosen = ds if sample is None else _pick(ds, sample)
+            check_fits(f"to read {path}", chosen.nbytes, "Take fewer pixels or variables, or one sample.")
+            return chosen.load()
+    if not path.is_file():
+        raise FileError(f"cannot read {path}: it is not a file.")
     import xarray as xr
 
     try:

@@ -64,7 +64,8 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     _doubt(scan)
     known = scan.values
     if "setpoint" not in known and {"setpoint_amplitude", "free_amplitude"} <= set(known):
-        scan.take(setpoint=known["setpoint_amplitude"] / known["free_amplitude"])
+        ratio = known["setpoint_amplitude"] / known["free_amplitude"]
+        scan.take(setpoint=ratio if ratio <= PRACTICE["setpoint"][1] else None)
     return scan
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import extra
 from phasemap.io.netcdf import check_target, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["SUFFIX", "check_store", "write_store"]
+__all__ = ["SUFFIX", "check_store", "opened_store", "write_store"]
 
 SUFFIX = ".zarr"
 AT_ONCE = 1 << 26  # byte of samples in memory
@@ -56,6 +59,29 @@ def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
             else:
                 layout = {str(name): {"chunks": _chunk(one)} for name, one in some.variables.items() if one.ndim > 1}
                 some.to_zarr(temporary, mode="w", zarr_format=FORMAT, consolidated=True, encoding=layout)
+
+
+@contextmanager
+def opened_store(path: Path) -> Iterator[xr.Dataset]:
+    """Open a zarr store; values are read where they are needed.
+
+    Raises
+    ------
+    FileError
+        If it is no store, or is damaged.
+    PhasemapError
+        If zarr is not installed.
+    """
+    extra("zarr", "reading zarr stores", "dask")
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="zarr") as ds:
+            yield ds
+    except PhasemapError:
+        raise
+    except Exception as error:  # whatever the libraries meet in a damaged store
+        raise FileError(f"cannot read {path}: it is not a zarr store, or it is damaged or cut short.") from error
 
 
 def _chunk(variable: xr.Variable) -> tuple[int, ...]:

@@ -22,7 +22,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
 SURE = 1.96
 MOST = 6  # files that are shown
 WIDTH, SIDE, TALL = 11.0, 3.0, 2.6  # of the page, of curves [inch]
-TITLE, AXIS, GAP, LEFT, MARGIN = 0.35, 0.55, 0.75, 0.65, 0.25
+TITLE, TITLES, AXIS, GAP, LEFT, MARGIN = 0.35, 0.5, 0.55, 0.75, 0.65, 0.25  # titles of images have three lines
 BAR = 0.55  # of an image's width, beside its column of images
 
 
@@ -62,12 +62,12 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     columns = len(shown)
     wide = min((WIDTH - LEFT - MARGIN - BAR - 0.1 * columns) / columns, 2.2)
     tall = wide * max(_shape(ds, i) for i in shown)
-    body = TITLE + TALL + AXIS + TITLE + 2 * tall + 0.1 + 0.1
+    body = TITLE + TALL + AXIS + TITLES + 2 * tall + 0.1 + 0.1
     page = Page(WIDTH, body, notes=str(ds.attrs["verdict"]).splitlines(), left=LEFT)
     half = (WIDTH - LEFT - MARGIN - GAP) / 2
     _draw_contrasts(page.place(LEFT, TITLE, half, TALL), ds)
     _draw_branches(page.place(LEFT + half + GAP, TITLE, half, TALL), ds)
-    top = TITLE + TALL + AXIS + TITLE
+    top = TITLE + TALL + AXIS + TITLES
     for column, i in enumerate(shown):
         left = LEFT + column * (wide + 0.1)
         panels = [page.place(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
@@ -100,8 +100,17 @@ def _title(ds: xr.Dataset, i: int, wide: float) -> str:
     name = str(ds["file"].values[i])
     most = int(14 * wide)
     short = name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}"
-    size = 1e9 * float(ds["free_amplitude"][i])
-    return f"{short}\nsetpoint {float(ds['setpoint'][i]):.2f}, A₀ {size:.3g} nm"
+    level, size = of_file(ds, "setpoint", i), of_file(ds, "free_amplitude", i, 1e9)
+    return f"{short}\nsetpoint {level}\nA₀ {size} nm"
+
+
+def of_file(ds: xr.Dataset, name: str, i: int, scale: float = 1.0) -> str:
+    """The setpoint or free amplitude of a file as recorded, else from where to where it may be."""
+    recorded = scale * float(ds[f"recorded_{name}"][i])
+    if np.isfinite(recorded):
+        return f"{recorded:.3g}"
+    ends = [scale * float(ds[f"{name}_{end}"][i]) for end in ("low", "high")]
+    return " to ".join(f"{end:.0f}" if end >= 100 else f"{end:.2g}" for end in ends)
 
 
 def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
@@ -118,8 +127,8 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             at = ds["setpoint"].values[some]
             measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))
             ends = np.abs(np.stack([ds["setpoint_low"].values[some], ds["setpoint_high"].values[some]]) - at)
-            size = 1e9 * float(ds["free_amplitude"].values[some[0]])
-            said = f"region {region}" + (f", {size:.3g} nm" if ds.sizes["curve"] > 1 else "")
+            size = of_file(ds, "free_amplitude", int(some[0]), 1e9)
+            said = f"region {region}" + (f", {size} nm" if ds.sizes["curve"] > 1 else "")
             axes.errorbar(
                 at, measured, SURE * error, ends, fmt=MARKERS[curve % len(MARKERS)], color=color, markersize=5,
                 capsize=2, linewidth=1, label=f"{said}, measured",
@@ -144,7 +153,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
                 said = f"region {region}" if branch == 1 and curve == 0 else None
                 axes.plot(level, phase, style, color=color, linewidth=1.6 if branch else 0.9, label=said)
         zeroed = sign * ((ds["phase"].values[region] - ds["likeliest_zero"].values + 180) % 360 - 180)
-        axes.plot(ds["setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
+        axes.plot(ds["likeliest_setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="files, with the fitted zero")
     axes.set_title("likeliest phases: repulsive bold, attractive thin (degrees)", fontsize=10, loc="left")

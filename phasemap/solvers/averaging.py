@@ -32,6 +32,7 @@ class Averaging:
         solver: np.ndarray,
     ) -> None:
         """See `phasemap.solvers.solver.Solver`."""
+        from phasemap._kernels.rows.answers import Answers
         from phasemap._kernels.rows.fast import averaged_near_rows
 
         if not engage_averaged(work, accuracy.periods, first, last, out, status, solver):
@@ -39,7 +40,7 @@ class Averaging:
         # What is not periodic has no averaged orbit: the march's mean stands.
         kept = first + np.flatnonzero(col.irregular(out[first:last]))
         rows = out[kept]
-        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
+        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, Answers(out, status, solver))
         out[kept], status[kept], solver[kept] = rows, col.GOOD, col.MARCH
 
 
@@ -47,9 +48,12 @@ def engage_averaged(
     work: Work, periods: int, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray
 ) -> bool:
     """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
+    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.fast import averaging_rows
 
-    waiting = averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, out, status, solver)
+    waiting = averaging_rows(
+        work.law, work.rows, work.lever, work.amplitudes, first, last, Answers(out, status, solver)
+    )
     if not waiting:
         return False
     doubtful = first + np.flatnonzero(status[first:last] == col.PENDING)

@@ -147,6 +147,7 @@ def _others(
     work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, rows: Array, status: Codes, used: Codes
 ) -> None:
     """Fill both branches of the materials in [first, last), what engagement finds being there."""
+    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.other_branch import other_rows
 
     phase, height = accuracy.phase, accuracy.height
@@ -154,12 +155,12 @@ def _others(
         phase, height = min(phase, PHASE), min(height, LENGTH)
     limits = np.array([math.radians(phase), height])
     allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
-    arrays = first, last, rows, status, used
-    if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, *arrays):
+    arrays, answers = (first, last, rows, status, used), Answers(rows, status, used)
+    if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, first, last, answers):
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.other_branch_exact import exact_near_rows
 
-        if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, *arrays):
+        if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers):
             _search(work, *arrays)
     if solver.name == "averaging":
         _average(work, *arrays)
@@ -206,11 +207,12 @@ def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used:
 
 def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
     """Averaged orbits in the place of exact ones, without what is known of their errors."""
+    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.fast import averaged_near_rows
 
     for slot in (ATTRACTING, REPELLING):
-        arrays = rows[slot], status[slot], used[slot]
-        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, *arrays)
+        answers = Answers(rows[slot], status[slot], used[slot])
+        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
     rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 

@@ -69,16 +69,18 @@ def solve_exactly(
     With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
     A contact with hysteresis goes to time at once: between far and the setpoint there may be no periodic orbit.
     """
+    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.fast import cheap_rows
 
     phase, height = limits
+    answers = Answers(out, status, solver)
     if phase > 0:
         allowed = np.array([math.radians(phase), height])
-        cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, out, status, solver)
+        cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, answers)
         if (status[first:last] == col.STIFF).any():
             from phasemap._kernels.rows.stiff import stiff_rows
 
-            stiff_rows(work.law, work.rows, work.lever, allowed, average, first, last, out, status, solver)
+            stiff_rows(work.law, work.rows, work.lever, allowed, average, first, last, answers)
     else:
         status[first:last] = col.PENDING
     hysteretic = work.rows[first:last, col.RELEASE] != 0
@@ -88,7 +90,7 @@ def solve_exactly(
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.exact import exact_rows
 
-        exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, out, status, solver)
+        exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers)
     if (status[first:last] != col.GOOD).any():
         lost = first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT))
         March().settle(work, lost, out, status, solver, periods)

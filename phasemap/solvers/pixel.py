@@ -185,13 +185,13 @@ def _period(material: Material, scope: Microscope, row: np.ndarray, samples: int
     from phasemap._kernels.continuation.path import AP
 
     traces = np.full((2, samples), np.nan)
-    law, path = fixed_path(Question(material, scope))
+    path = fixed_path(Question(material, scope))
     row = row.copy()
     row[col.AMPLITUDE], row[col.PHASE] = of_tip(path.lever, row[col.AMPLITUDE], row[col.PHASE])
     if np.isfinite(row[: col.FLOQUET]).all():
         offset, amplitude = row[col.TIP_OFFSET], row[col.AMPLITUDE]
         box = offset - NEAR * amplitude, offset + NEAR * amplitude, 0.0
-        curves = Curves(law, path, AP, np.array([amplitude * (1 + BESIDE)]), box, samples)
+        curves = Curves(path, AP, np.array([amplitude * (1 + BESIDE)]), box, samples)
         curves.from_orbit(row, 0.0, of_amplitude=True)
         for piece in curves.pieces:
             here = (piece.rows[:, col.KIND] == col.WANTED) & (np.abs(piece.rows[:, col.PHASE] - row[col.PHASE]) < SAME)

@@ -32,10 +32,10 @@ def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple
     from phasemap._kernels.continuation.path import ZP
     from phasemap._kernels.continuation.piece import FULL
 
-    law, path = fixed_path(Question(material, scope))
+    path = fixed_path(Question(material, scope))
     free = max(scope.driven_amplitude, scope.drive.free_amplitude)
     box = (tip_offset - free, np.inf, FAINT * scope.driven_amplitude)
-    curves = Curves(law, path, ZP, np.array([tip_offset]), box, 0)
+    curves = Curves(path, ZP, np.array([tip_offset]), box, 0)
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
     complete(curves, scope, tip_offset)
     rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
@@ -46,8 +46,8 @@ def at_seen(material: Material, scope: Microscope, amplitude: float) -> tuple[np
     """Rows of every orbit that the detector sees with this amplitude, and whether all curves were followed."""
     from phasemap._kernels.continuation.piece import FULL
 
-    law, path = fixed_path(Question(material, scope))
-    curves = held_curves(law, path, np.array([amplitude]), 0)
+    path = fixed_path(Question(material, scope))
+    curves = held_curves(path, np.array([amplitude]), 0)
     rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
     complete = all(piece.ended != FULL for piece in curves.pieces)
     return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), complete
@@ -57,9 +57,9 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
     """`phasemap.sweep_distance`."""
     from phasemap._kernels.continuation.path import ZP
 
-    law, path = fixed_path(Question(material, scope))
+    path = fixed_path(Question(material, scope))
     wanted = np.sort(axis)
-    curves = Curves(law, path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
+    curves = Curves(path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
     curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
     complete(curves, scope, wanted[0])
     parts = segments(curves.pieces, col.TIP_OFFSET)
@@ -72,7 +72,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
     free = scope.driven_amplitude
-    feedback = SlowFeedback(held_curves(*fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
+    feedback = SlowFeedback(held_curves(fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
     n = len(axis)
     down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
     up, _ = _hold(feedback, place, range(n), 1)
@@ -99,12 +99,12 @@ def parameter(
     def held_under(changed: Microscope) -> float:
         return ratio * changed.driven_amplitude if ratio is not None else (height or 0.0)
 
-    law, path = swept_path(question, name, scale, held_under, ratio is not None)
+    path = swept_path(question, name, scale, held_under, ratio is not None)
     order = np.argsort(axis)
     wanted = scale.m(axis[order])
     starts = np.array(STARTS)
     every = np.sort(np.concatenate([wanted, starts]))
-    curves = Curves(law, path, MP, every, (-BEYOND, BEYOND, 0.0), samples)
+    curves = Curves(path, MP, every, (-BEYOND, BEYOND, 0.0), samples)
     for m in starts:
         begin(curves, float(m), ratio is not None)
     if ratio is None:
@@ -197,7 +197,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.at(name, float(scale.value(m)))
-        feedback = SlowFeedback(held_curves(*fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
+        feedback = SlowFeedback(held_curves(fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None

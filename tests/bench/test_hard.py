@@ -30,8 +30,10 @@ WRONG_ORBIT = {  # where "auto" is as exact as it is asked to be
 }
 NAMED_UNSOLVED = ["whole box: drawn 21-8", "whole box: drawn 21-10"]
 """Named cases that end without an answer: levers that ring down in 2,000 and 35,000 periods, on no periodic orbit."""
-DRAWN, DRAWN_UNSOLVED = 300, 18
-"""Cases drawn from the whole box, and how many of them end without an answer: most have a Q above 2,000."""
+DRAWN = 300
+"""Cases drawn from the whole box."""
+DRAWN_UNSOLVED = (20, 26, 49, 54, 58, 74, 100, 106, 118, 139, 156, 171, 173, 183, 190, 196, 239, 278)
+"""Those of them that end without an answer, most after seconds of marching: most have a Q above 2,000."""
 NOTHING_HOLDS = ("jumps across", "never reached")
 EXACT = ("tip_offset", "height", "phase", "amplitude", "mean_deflection", "indentation", "dissipation", "virial")
 FURTHER = ("floquet", "feedback_slope", "energy_closure")  # the solver "orbit" knows them too
@@ -240,13 +242,14 @@ def test_auto_holds_the_setpoint_or_says_why_not(values: dict[str, float | None]
     hold_or_say_why(values, "auto", set(pm.Status) - NEVER - {pm.Status.no_averaged_orbit})
 
 
-def test_few_of_any_cases_end_without_an_answer() -> None:
-    unsolved = 0
+def test_few_of_any_cases_end_without_an_answer(thorough: bool) -> None:
+    unsolved = 0 if thorough else len(DRAWN_UNSOLVED)
     for number in range(DRAWN):
-        case = case_of("drawn", "drawn", math.nan, draw(np.random.default_rng([2024, number])))
-        status = pm.solve_pixel(case.material, case.scope, case.setpoint, "orbit").status
-        unsolved += status.name in UNSOLVED
-    assert unsolved <= DRAWN_UNSOLVED
+        if thorough or number not in DRAWN_UNSOLVED:
+            case = case_of("drawn", "drawn", math.nan, draw(np.random.default_rng([2024, number])))
+            status = pm.solve_pixel(case.material, case.scope, case.setpoint, "orbit").status
+            unsolved += status.name in UNSOLVED
+    assert unsolved <= len(DRAWN_UNSOLVED)
 
 
 def test_the_bench_finds_nothing_wrong(monkeypatch: pytest.MonkeyPatch) -> None:

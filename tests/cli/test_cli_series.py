@@ -31,7 +31,7 @@ def test_files_become_a_summary_a_dataset_and_a_page(files, tmp_path, capsys):
     more = ["--sign", "1", "--plot", str(page), "-o", str(written), "tip.radius=20nm"]
     assert main(["series", *files, *more]) == 0
     said = capsys.readouterr().out
-    assert said.splitlines()[0].startswith("file        at0.8.nc: setpoint 0.80, free amplitude")
+    assert said.splitlines()[0].startswith("file        at0.8.nc: setpoint 0.8, free amplitude")
     assert "contrast +19.9" in said and "note        The stiffness is not in the files" in said
     assert "tip radius is not" not in said
     assert page.stat().st_size > 10_000

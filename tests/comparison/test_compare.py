@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap._shared.errors import InputError, PhasemapError
@@ -250,6 +251,7 @@ def test_images_of_different_pixels_are_compared_on_those_of_the_measured_one() 
 def test_identical_images_correlate_fully_and_leave_no_residual() -> None:
     one = grains()
     found = pm.compare(one, one)
+    check("Variables of a comparison", found)
     for name in ("correlation", "ssim", "explained"):
         assert value(found, name) == pytest.approx(1, abs=1e-12)
     assert value(found, "rmse") == value(found, "wasserstein") == value(found, "offset") == 0

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import benchmark
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -18,6 +21,14 @@ STORED = json.loads((Path(__file__).parents[1] / "data" / "benchmark.json").read
 ROUNDING = {"turning": 0.1}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def made_once() -> Iterator[None]:
+    """Each case is simulated once for all that is asked of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(benchmark, "make", cache(benchmark.make))
+        yield
+
+
 def summary(images: tuple[xr.Dataset, ...]) -> list[float]:
     """Mean and spread of the phase [degree] and spread of the height [nm] at each setpoint."""
     return [float(x) for one in images for x in (one.phase.mean(), one.phase.std(), 1e9 * one.height.std())]
@@ -26,12 +37,24 @@ def summary(images: tuple[xr.Dataset, ...]) -> list[float]:
 @pytest.mark.parametrize("name", benchmark.CASES)
 def test_an_image_of_the_benchmark_is_what_it_was(name: str) -> None:
     assert STORED["version"] == benchmark.VERSION, "other images are another version, with other numbers here"
-    task, truth = benchmark.make(name)
+    task, truth = benchmark.make(name, "small")
     assert summary(task.images) == pytest.approx(STORED[name], rel=0, abs=ROUNDING.get(name, 1e-3))
     assert len(np.unique(truth.labels)) == task.materials == len(benchmark.CASES[name].materials)
     for image in task.images:  # nothing of the truth is given away
         assert set(image.data_vars) == set(benchmark.CHANNELS) and set(image.attrs) == {"setpoint", "line_rate"}
         assert np.isfinite(image.phase).all()
+
+
+def test_two_methods_are_scored_on_every_case_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plt.switch_backend("agg")
+    benchmark.main(tmp_path)
+    plt.close("all")
+    told = [line.split() for line in capsys.readouterr().out.splitlines()[2:]]
+    assert [line[0] for line in told] == [*benchmark.CASES, "mean"]
+    scores = np.array([line[1:] for line in told])
+    assert (scores[:, 1] == "-").all() and (scores[:, 0] == scores[:, 2]).all()  # of the same labels
+    assert ((0 <= scores[:, 2:].astype(float)) & (scores[:, 2:].astype(float) <= 1)).all()
+    assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_twelve_cases_have_three_sizes() -> None:
@@ -71,5 +94,5 @@ def test_images_and_truth_are_written_apart(tmp_path: Path, monkeypatch: pytest.
         assert (
             images.attrs["benchmark"] == "phasemap-benchmark 1" and images.attrs["phasemap_version"] == pm.__version__
         )
-        assert np.array_equal(truth.label, benchmark.make("stripes")[1].labels)
+        assert np.array_equal(truth.label, benchmark.make("stripes", "small")[1].labels)
         assert images.x.identical(truth.x)

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import doctest
+import importlib.util
 import os
 import re
-import runpy
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import pytest
 
+from phasemap._shared import threads
 from phasemap.cli import main
+from phasemap.inference.series import sampling
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only
+ELSEWHERE = ("benchmark",)  # tests/examples/test_benchmark.py
 PAGES = {
     str(path.relative_to(ROOT)): path.read_text()
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -44,6 +49,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def few_draws(monkeypatch: pytest.MonkeyPatch, thorough: bool) -> None:
+    """So many that a series of files is read; how well is asked in tests/inference/test_series.py."""
+    if not thorough:
+        monkeypatch.setattr(sampling, "DRAWS", 80)
+        monkeypatch.setattr(sampling, "FIRST", 2000)
+
+
 def in_a_process(path: Path, folder: Path) -> str:
     """Run a script in a process of its own, with warnings as errors, and return what it says."""
     done = subprocess.run(
@@ -54,15 +67,48 @@ def in_a_process(path: Path, folder: Path) -> str:
     return done.stdout
 
 
+def in_this_process(path: Path, less: bool) -> None:
+    """Run the same without the seconds that it takes to import all."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    if less and path.stem in LESS:
+        vars(example).update(LESS[path.stem](example))
+    example.main()
+    plt.close("all")
+
+
 SLOW = ("paper_fig6_laws",)  # compiles two more laws
 STARTS_PROCESSES = ("large_map", "many_images")
+LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "all_orbits": lambda e: {"SETPOINTS": e.SETPOINTS[::8]},
+    "fit_response": lambda e: {"FREQUENCIES": e.FREQUENCIES[::3]},
+    "invert_stack": lambda e: {"CHANGES": ("surface.shape=[32,32]", "surface.spacing=60e-9", *e.CHANGES[2:])},
+    "learn_segment": lambda e: {"TRAINED": 4, "TESTED": 2, "SCENE": e.SCENE.replace("count = 24", "count = 6")},
+    "measured_series": lambda e: {"SHAPE": (64, 64)},
+    "measured_twin": lambda e: {"LINES": slice(96, 128)},
+    "rubber_beside_glass": lambda e: {"GRADES": e.GRADES[::8], "OFFSETS": e.OFFSETS[::4]},
+    "scan_faster": lambda e: {"LABELS": e.LABELS[:16], "RELIEF": e.RELIEF[:16]},
+    "scan_series": lambda e: {"LABELS": e.LABELS[48:64], "RELIEF": e.RELIEF[48:64]},
+    "what_a_tap_sees": lambda e: {"TIMES": e.TIMES[::6]},
+    "which_setpoint": lambda e: {"SETPOINTS": e.SETPOINTS[::4], "FREE_AMPLITUDES": e.FREE_AMPLITUDES[::5]},
+}
+"""Fewer points or lines of what takes a second or more; `--thorough`, and the site, runs it as it is."""
 
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else []) for path in EXAMPLES],
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
+        for path in EXAMPLES
+        if path.stem not in ELSEWHERE
+    ],
 )
-def test_an_example_answers_and_draws_its_picture(path: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.usefixtures("few_draws")
+def test_an_example_answers_and_draws_its_picture(
+    path: Path, folder: Path, capsys: pytest.CaptureFixture[str], thorough: bool
+) -> None:
     page = ROOT / GALLERY / f"{path.stem}.rst"
     if GALLERY and "sphx-glr-script-out" in page.read_text():  # what it said there
         assert page.with_suffix(".py").read_text() == path.read_text()
@@ -70,9 +116,8 @@ def test_an_example_answers_and_draws_its_picture(path: Path, folder: Path, caps
     else:
         if path.stem in STARTS_PROCESSES:
             said = in_a_process(path, folder)
-        else:  # the same without the seconds that it takes to import all
-            runpy.run_path(str(path), run_name="__main__")
-            plt.close("all")
+        else:
+            in_this_process(path, less=not thorough)
             said = capsys.readouterr().out
         assert said.strip()
         picture = folder / f"{path.stem}.png"
@@ -92,7 +137,7 @@ def test_every_example_is_in_the_gallery() -> None:
         for number, code in enumerate(blocks(page, "python"))
     ],
 )
-@pytest.mark.usefixtures("folder")
+@pytest.mark.usefixtures("folder", "few_draws")
 def test_python_on_a_page_runs(code: str) -> None:
     exec(compile(code, "<page>", "exec"), {"__name__": "__main__"})
     plt.close("all")
@@ -107,7 +152,8 @@ def test_a_session_on_a_page_prints_what_it_shows(page: str) -> None:
 
 
 @pytest.mark.parametrize("page", pages_with("sh"))
-def test_commands_on_a_page_run(page: str, folder: Path) -> None:
+def test_commands_on_a_page_run(page: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "workers_of", lambda asked: asked or 1)  # each process takes seconds to import all
     (folder / "samples").symlink_to(ROOT / "samples")
     for line in [line for block in blocks(page, "sh") for line in block.splitlines()]:
         if line.startswith("phasemap bench"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import inspect
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -344,3 +345,15 @@ def test_an_impossible_argument_is_refused_in_one_sentence(sentence: str, call: 
     with pytest.raises(InputError) as caught:
         call()
     assert str(caught.value) == sentence
+
+
+def test_an_argument_that_is_not_there_or_missing_is_named_with_the_one_that_is_meant() -> None:
+    ask: Any = generate.particles
+    with pytest.raises(TypeError, match=r"^particles has no argument 'fraction'; .* Did you mean 'area_fraction'\?$"):
+        ask(SHAPE, PIXEL, radius=5e-9, fraction=0.2)
+    with pytest.raises(TypeError, match=r"^particles needs area_fraction; it is called as particles\(shape, pixel_"):
+        ask(SHAPE, PIXEL, radius=5e-9)
+    with pytest.raises(TypeError, match=r"^particles takes 2 arguments by their order and 4 are given"):
+        ask(SHAPE, PIXEL, 5e-9, 0.2)
+    with pytest.raises(TypeError, match=r"^particles: multiple values for argument 'shape'\.$"):
+        ask(SHAPE, PIXEL, radius=5e-9, area_fraction=0.2, shape=SHAPE)

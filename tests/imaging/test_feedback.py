@@ -319,7 +319,7 @@ def wander(law, row, lever, loop, tip, random, span, states):  # type: ignore[no
     start_at(lever, 1e-6, 0.0, 0j, tip)
     tally = np.zeros(of.TALLY)
     for i in range(len(states)):
-        advance(law, row, lever, loop, 0.0, 0.0, span, tip, tally, random)
+        advance(law, row, lever, loop, of.Stretch(0.0, 0.0, span), tip, tally, random)
         states[i, :2] = tip.y[of.AMP : of.AMP + 2]
         states[i, 2:] = tip.y[of.FILTERS : of.FILTERS + 2]
 

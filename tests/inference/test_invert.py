@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap.inference.images.verdict import FLAGS
@@ -73,6 +74,7 @@ def test_without_noise_the_exact_material_comes_back():
     surface = blend(5, (2, 3))
     stack = measure(surface, noise=0.0)
     found = invert(stack, phase_error=1e-3, height_error=1e-13)
+    check("Variables of an inversion", found)
     for name, apart in zip(NAMES, (0.003, 0.01, 0.003), strict=True):
         np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
 

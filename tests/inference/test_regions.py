@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap.inference.images import region_fit
@@ -98,6 +99,10 @@ def grids():
 def doubtful():
     """What contrast at one free amplitude tells."""
     return fit(measure(exact([SOFT, FIRM], ONE_AMPLITUDE), ONE_AMPLITUDE, 2), ONE_AMPLITUDE)
+
+
+def test_the_page_on_files_lists_the_variables_of_a_fit_by_regions(doubtful):
+    check("Variables of a fit by regions", doubtful, absent=("y", "x"))
 
 
 def test_errors_cover_the_truth_whatever_the_zeros():

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap.inference.series.contrasts import medians, regions_of
@@ -104,6 +105,10 @@ def test_a_series_is_a_file_and_a_page(found, tmp_path):
     assert (tmp_path / "page.png").stat().st_size > 20_000
 
 
+def test_the_page_on_files_lists_the_variables_of_a_series(found):
+    check("Variables of a series", found)
+
+
 def test_regions_are_found_at_different_places_and_named_alike():
     files = measure(phases(), places=True)
     for by in ("phase", "height", "both"):
@@ -150,6 +155,40 @@ def test_what_is_free_shared_or_held_follows_from_what_files_record():
     assert settings_of(volts, ["a", "b", "c"], GIVEN).relative.tolist() == pytest.approx([0.5, 1.0, 2.0])
 
 
+def test_a_free_amplitude_of_one_file_serves_the_others_by_the_voltage_of_the_drive():
+    files = measure(phases(), setpoint=None)
+    for one, drive, volts in zip(files, (0.1, 0.2, 0.4), (0.3, 0.75, 1.2), strict=True):
+        one.attrs |= {"drive_voltage": drive, "setpoint_voltage": volts}
+    files[1].attrs |= {"free_amplitude": 40e-9, "free_amplitude_voltage": 1.0}
+    settings = settings_of(files, ["a", "b", "c"], GIVEN)
+    assert (settings.amplitude, settings.setpoint) == (HELD, HELD)
+    np.testing.assert_allclose(settings.relative * settings.scale, [20e-9, 40e-9, 80e-9])
+    np.testing.assert_allclose(settings.ratios, [0.6, 0.75, 0.6])
+    assert "The free amplitude of a, c is not recorded: it follows from the others by" in settings.told[0]
+
+
+def test_settings_that_contradict_each_other_are_not_used_and_that_is_said():
+    files = measure(phases(), setpoint=None)
+    for one, free, volts in zip(files, (1.0, 0.5, 1.0), (0.5, 0.7, 0.9), strict=True):
+        one.attrs |= {"free_amplitude_voltage": free, "setpoint_voltage": volts, "drive_voltage": 0.1}
+    settings = settings_of(files, ["a", "b", "c"], GIVEN)  # that of b is of another tune, as the drive says
+    assert settings.setpoint == HELD and settings.ratios.tolist() == [0.5, 0.7, 0.9]
+    assert settings.told[0] == "b: the setpoint would be 1.4 of the recorded free amplitude, which is not used."
+    files[1].attrs |= {"setpoint_voltage": 1.3}
+    settings = settings_of(files, ["a", "b", "c"], GIVEN)
+    assert settings.setpoint == SHARED and "contradict each other" in settings.told[1]
+    np.testing.assert_allclose(settings.ratios, [0.5, 1.3, 0.9])
+
+
+def test_a_zero_that_some_files_record_is_unknown_in_the_others_and_drifts_in_all():
+    files = measure(phases())
+    files[0].attrs["phase_zero"] = 90.0
+    settings = settings_of(files, ["a", "b", "c"], GIVEN)
+    assert settings.zero == HELD and settings.zeros.tolist() == [90.0, 0.0, 0.0]
+    assert settings.zero_errors[0] == 5.0 and (settings.zero_errors[1:] > 100.0).all()
+    assert "in the other files it is unknown" in " ".join(settings.told)
+
+
 def test_setpoints_in_metres_tell_the_free_amplitude():
     files = measure(phases(), setpoint=None)
     for one, at in zip(files, SETPOINTS, strict=True):
@@ -162,6 +201,16 @@ def test_setpoints_in_metres_tell_the_free_amplitude():
 def test_a_lever_that_files_do_not_say_is_assumed_aloud():
     scope, told = scope_of(measure(phases()), None)
     assert scope.cantilever.stiffness > 20 and "is assumed" in told[0] and "tip radius" in told[2]
+
+
+def test_levers_that_files_say_differently_and_drives_beside_resonance_are_told():
+    files = measure(phases(), stiffness=20.0, quality_factor=400.0)
+    files[1].attrs["stiffness"] = 40.0
+    files[2].attrs["resonance_frequency"] = 300.75e3
+    scope, told = scope_of(files, None)
+    assert scope.cantilever.stiffness == 20.0 and scope.cantilever.resonance_frequency == 300.75e3
+    assert told[0].startswith("The stiffness differs: 20 N/m in at 0.5, 40 N/m in at 0.9")
+    assert "2 half widths below its resonance at 300.75 kHz" in told[-1]
 
 
 @pytest.mark.parametrize(
@@ -188,6 +237,8 @@ def test_files_of_different_levers_and_single_files_are_refused():
         pm.series(files)
     with pytest.raises(pm.InputError, match="2 to 64 files"):
         pm.series(files[:1])
+    with pytest.raises(pm.InputError, match="These two hold the same phase image"):
+        pm.series([files[0], files[2], files[0].assign_attrs(title="copy")])
 
 
 @pytest.mark.skipif(

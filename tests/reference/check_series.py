@@ -1,10 +1,10 @@
 """Coverage of `phasemap.series`: materials, free amplitude, zeros and sign drawn from the prior, fitted as unknowns.
 
-    python tests/reference/check_series.py [DRAWS [SEED]]
+    python tests/reference/check_series.py [DRAWS [SEED [DESIGN [ERROR]]]]
 
 Phases are those of single pixels by the averaging solver, on the branch that the tip meets first; each median is wrong
-by ERROR. Prints the share of 95 % intervals that hold the truth, for every unknown and in all, and in how many files
-the sign of the contrast was right. Some 10 s of processor time a draw.
+by ERROR (1) degrees. DESIGN is a key of `DESIGNS`. Prints the share of 95 % intervals that hold the truth, for every
+unknown and in all, and in how many files the sign of the contrast was right. Some 10 s of processor time a draw.
 """
 
 import sys
@@ -19,11 +19,16 @@ from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
-SETPOINTS = (0.85, 0.7, 0.55, 0.4)
-ERROR = 1.0  # of a median [degree]
-ROWS = 20
-LABELS = np.repeat([[0] * 12 + [1] * 8], ROWS, axis=0)
+ROWS, COLUMNS = 20, 24
 NAMES = ("modulus", "adhesion", "damping")
+DESIGNS = {  # setpoints, free amplitudes as a multiple of what is unknown, number of materials
+    "setpoints": ((0.85, 0.7, 0.55, 0.4), (1, 1, 1, 1), 2),
+    "five": ((0.9, 0.8, 0.7, 0.6, 0.5), (1, 1, 1, 1, 1), 2),
+    "amplitudes": ((0.6, 0.6, 0.6), (0.5, 1, 2), 2),
+    "both": ((0.8, 0.5, 0.8, 0.5), (1, 1, 2, 2), 2),
+    "three": ((0.85, 0.7, 0.55, 0.4), (1, 1, 1, 1), 3),
+    "places": ((0.85, 0.7, 0.55, 0.4), (1, 1, 1, 1), 2),
+}
 
 
 def normal(rng, *shape):
@@ -34,37 +39,55 @@ def normal(rng, *shape):
             return found
 
 
-def drawn(rng):
-    """Two materials, a free amplitude [m] and phases [degree], shape (2, files), that all exist."""
+def drawn(rng, design):
+    """Materials, a free amplitude [m] and phases [degree], shape (materials, files), that all exist."""
+    setpoints, sizes, count = DESIGNS[design]
+    scale = np.exp(np.log(sizes).mean())
     while True:
-        logs = normal(rng, 2, 3) * np.log(FACTORS)
+        logs = normal(rng, count, 3) * np.log(FACTORS)
         values = np.array([PRIOR.modulus, PRIOR.adhesion, PRIOR.damping]) * np.exp(logs)
         amplitude = float(GUESS * GUESS_FACTOR ** normal(rng, 1)[0])
-        scope = pm.Microscope(LEVER, TIP, pm.Drive(amplitude))
+        scopes = [pm.Microscope(LEVER, TIP, pm.Drive(amplitude * size / scale)) for size in sizes]
         pixels = [[pm.solve_pixel(pm.Material(*one[:2], damping=one[2]), scope, at, solver="averaging")
-                   for at in SETPOINTS] for one in values.tolist()]  # fmt: skip
+                   for scope, at in zip(scopes, setpoints, strict=True)] for one in values.tolist()]  # fmt: skip
         phases = np.array([[one.phase for one in row] for row in pixels])
         if np.isfinite(phases).all():
-            return values, amplitude, phases
+            return values, amplitude * np.array(sizes) / scale, phases
 
 
-def main(count=40, seed=0):
+def maps(rng, design):
+    """Labels of every file: stripes of 12, 7 and 5 columns, or halves; elsewhere in each file of different places."""
+    widths = (12, 7, 5) if DESIGNS[design][2] == 3 else (14, 10)
+    labels = np.repeat([np.repeat(np.arange(len(widths)), widths)], ROWS, axis=0)
+    shifts = rng.integers(0, COLUMNS, len(DESIGNS[design][0])) * (design == "places")
+    return [np.roll(labels, shift, axis=1) for shift in shifts]
+
+
+def main(count=40, seed=0, design="setpoints", error=1.0):
     rng = np.random.default_rng(seed)
     inside, right = [], []
     for k in range(count):
-        values, amplitude, phases = drawn(rng)
-        sign = rng.choice([-1, 1])
-        seen = sign * phases + rng.uniform(-180, 180, len(SETPOINTS)) + rng.normal(0, ERROR, phases.shape)
+        values, amplitudes, phases = drawn(rng, design)
+        labels, sign = maps(rng, design), rng.choice([-1, 1])
+        seen = sign * phases + rng.uniform(-180, 180, len(amplitudes)) + rng.normal(0, error, phases.shape)
         images = [
-            xr.Dataset({"phase": (("y", "x"), seen[LABELS, i])}, attrs={"setpoint": at, "drive_frequency": 300e3})
-            for i, at in enumerate(SETPOINTS)
-        ]
-        found = pm.series(images, pm.Microscope(LEVER, TIP, pm.Drive(GUESS)), labels=LABELS, phase_error=ERROR, seed=k)
+            xr.Dataset(
+                {"phase": (("y", "x"), seen[labels[i], i])},
+                attrs={
+                    "title": str(i), "setpoint": at, "drive_frequency": 300e3,
+                    "free_amplitude_voltage": float(amplitudes[i] / amplitudes[0]),
+                },
+            )
+            for i, at in enumerate(DESIGNS[design][0])
+        ]  # fmt: skip
+        found = pm.series(images, pm.Microscope(LEVER, TIP, pm.Drive(GUESS)), labels=labels, phase_error=error, seed=k)
         own = [(float(found[f"{name}_low"][r]) < values[r, i] < float(found[f"{name}_high"][r]))
-               for r in range(2) for i, name in enumerate(NAMES)]  # fmt: skip
-        inside.append([*own, float(found.free_amplitude_low[0]) < amplitude < float(found.free_amplitude_high[0])])
-        contrast = (found.measured_contrast * found.fitted_contrast)[1].values
-        clear = abs(found.measured_contrast[1].values) > 2 * found.contrast_error[1].values
+               for r in range(len(values)) for i, name in enumerate(NAMES)]  # fmt: skip
+        size = found.sel(file="0")
+        own.append(float(size.free_amplitude_low) < amplitudes[0] < float(size.free_amplitude_high))
+        inside.append(own)
+        contrast = (found.measured_contrast * found.fitted_contrast)[1:].values
+        clear = abs(found.measured_contrast[1:].values) > 2 * found.contrast_error[1:].values
         right.append((contrast[clear] > 0).mean() if clear.any() else 1.0)
         print(
             k, np.array(inside).mean(axis=0).round(2), f"{np.mean(inside):.3f}, sign {np.mean(right):.3f}", flush=True
@@ -72,4 +95,5 @@ def main(count=40, seed=0):
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    given = sys.argv[1:]
+    main(*(make(one) for make, one in zip((int, int, str, float), given, strict=False)))

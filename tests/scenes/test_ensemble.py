@@ -11,7 +11,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -238,6 +237,9 @@ def test_a_zarr_store_holds_the_same(ensemble: Ensemble, whole: bytes, tmp_path:
     assert zarr.open_group(path, mode="r")["phase"].chunks == (1, 2, 6)
     with pytest.raises(FileError, match="it exists already"):
         ensemble.simulate(path)
+    assert main(["plot", str(path), "--sample", "3"]) == 0
+    assert (tmp_path / "images.png").read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "images.png").unlink()
     few = load_ensemble(tmp_path / "ensemble.toml", ["ensemble.count=2"])
     with xr.open_zarr(few.simulate(path, overwrite=True)) as ds:
         assert ds.sizes["sample"] == 2
@@ -249,6 +251,8 @@ def test_a_folder_that_is_no_store_is_not_replaced(ensemble: Ensemble, tmp_path:
     (tmp_path / "mine.zarr" / "work.txt").write_text("years")
     with pytest.raises(FileError, match=r"cannot write .*mine\.zarr: it is a folder or a device, not a file"):
         ensemble.simulate(tmp_path / "mine.zarr", overwrite=True)
+    with pytest.raises(FileError, match=r"cannot read .*mine\.zarr: it is not a zarr store"):
+        load(tmp_path / "mine.zarr")
 
 
 def test_samples_are_put_into_a_store_some_at_a_time(
@@ -277,22 +281,35 @@ def test_an_interrupted_run_goes_on_and_writes_the_same_bytes(ensemble: Ensemble
     assert not parts.exists()
 
 
+WAITING = """
+import sys, threading
+from phasemap.cli import main
+from phasemap.scenes.ensemble_file import Parts
+add, made = Parts.add, []
+def add_and_wait(self, file):
+    made.append(add(self, file))
+    if len(made) == 3:
+        print("waiting", flush=True)
+        threading.Event().wait()  # in the middle of the work, whatever else the machine does
+    return made[-1]
+Parts.add = add_and_wait
+sys.exit(main())
+"""
+
+
 def test_a_run_that_is_killed_goes_on_and_writes_the_same_bytes(tmp_path: Path) -> None:
-    count = 100  # so many that a busy machine does not get to the end before the signal does
+    count = 12
     scene, path, parts = written(tmp_path), tmp_path / "out.nc", tmp_path / "out.nc.parts"
-    command = [sys.executable, "-m", "phasemap", "run", str(scene), "-o", str(path), f"ensemble.count={count}"]
+    command = [sys.executable, "-c", WAITING, "run", str(scene), "-o", str(path), f"ensemble.count={count}"]
     for send, stop, workers in ((os.kill, signal.SIGKILL, 1), (os.killpg, signal.SIGINT, 2)):  # Ctrl-C is for the group
-        before = made(parts)
-        how = {"start_new_session": True, "stderr": subprocess.PIPE, "text": True, "preexec_fn": heeding}
-        with subprocess.Popen([*command, f"--workers={workers}"], **how) as run:
-            while made(parts) < before + 3:
-                assert run.poll() is None
-                time.sleep(0.01)
+        how = {"start_new_session": True, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        with subprocess.Popen([*command, f"--workers={workers}"], **how, preexec_fn=heeding) as run:
+            assert run.stdout is not None and "waiting\n" in run.stdout
             send(run.pid, stop)
             said = run.communicate()[1]
         assert run.returncode == {signal.SIGKILL: -9, signal.SIGINT: 130}[stop] and "Traceback" not in said
-    kept = re.search(r"interrupted; (\d+) of 100 samples are kept in .*out\.nc\.parts; run the same command", said)
-    assert kept is not None and 3 <= int(kept[1]) <= made(parts) < count
+    kept = re.search(r"interrupted; (\d+) of 12 samples are kept in .*out\.nc\.parts; run the same command", said)
+    assert kept is not None and 3 + 2 <= int(kept[1]) <= made(parts) < count
     ensemble = load_ensemble(scene, [f"ensemble.count={count}"])
     reported: list[int] = []
     ensemble.simulate(path, progress=lambda done, total: reported.append(done))

@@ -24,6 +24,7 @@ CLOSE = (1e-12, 1e-9, 1e-6)  # of the resonance frequency
 NAMES = ("air, hard sample", "soft lever", "bistable")
 
 
+@cache  # which orbits a material has is asked of many that are not taken
 def drawn(name: str, pixels: int = 30) -> tuple[Batch, ...]:
     (found,) = [draw(one, 4, pixels, np.random.default_rng(77)) for one in REGIMES if one.name == name]
     return found

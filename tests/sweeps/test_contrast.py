@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from documented import check
 
 import phasemap as pm
 from phasemap.cli import main
@@ -39,6 +40,10 @@ def jumping() -> xr.Dataset:
 def crossing() -> xr.Dataset:
     """A line on which both phases are continuous and cross each other."""
     return pm.contrast(STICKY, LOSSY, SCOPE, SETPOINTS)
+
+
+def test_the_page_on_files_lists_the_variables_of_a_contrast_map(jumping: xr.Dataset) -> None:
+    check("Variables of a contrast map", jumping)
 
 
 def test_undamped_materials_in_one_regime_have_no_phase_contrast_but_one_of_height() -> None:
@@ -232,6 +237,13 @@ def test_the_numbers_do_not_depend_on_the_threads_and_a_file_holds_them(tmp_path
     for name, variable in jumping.variables.items():
         assert "long_name" in variable.attrs, name
         assert "units" in variable.attrs or "flag_meanings" in variable.attrs or name == "material", name
+
+
+def test_materials_in_a_dict_are_told_how_to_come():
+    ask: Any = pm.contrast
+    for given in ({"particle": PARTICLE, "matrix": MATRIX}, [PARTICLE, MATRIX]):
+        with pytest.raises(TypeError, match=r"^contrast needs scope; .* not in a dict or list\.$"):
+            ask(given, SCOPE)
 
 
 BAD: list[tuple[dict[str, Any], str]] = [

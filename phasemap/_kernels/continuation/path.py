@@ -37,7 +37,6 @@ from phasemap._kernels.orbits.collocation.system import (
 
 FIXED, HELD_OFFSET, HELD_AMPLITUDE = -1, 0, 1  # kinds of paths: nothing but z0 and A moves, or what a sweep of m holds
 LEVER, HELD = col.ROW, STANDING  # rows of a sweep's table: the law's parameters, the lever, what is held
-TABLE_ROWS = HELD + 1
 # Entries of a point of the curve: z0, A, m, P and S, the amplitude that the detector sees, their derivatives along the
 # curve (of the last one with the lever as it is), its unit tangent in the scaled coordinates, the largest Floquet
 # multiplier, det(1 - monodromy), the length of the step that led there.
@@ -47,21 +46,26 @@ RATE = 6  # from a value to its derivative
 
 
 class Path(NamedTuple):
-    """A curve's law and lever.
+    """A curve's law and lever, and what its orbits are solved with.
 
     Attributes
     ----------
+    law : Law
+    tables : ndarray
+        Of `phasemap._kernels.quadrature`.
     kind : int
         FIXED, HELD_OFFSET or HELD_AMPLITUDE.
     p, lever, reach : tuple, ndarray, float
         On a fixed path: parameters of the law, lever, length [m] on which orbits change.
-    table : ndarray, shape (TABLE_ROWS, n)
+    table : ndarray, shape (HELD + 1, n)
         Elsewhere: Chebyshev coefficients over m of the law's parameters, the lever, and the tip offset or amplitude [m]
         that is held.
     width : float
         A small change of m.
     """
 
+    law: Law
+    tables: np.ndarray
     kind: int
     p: tuple[float, ...]
     lever: np.ndarray
@@ -71,16 +75,17 @@ class Path(NamedTuple):
 
 
 @kernel
-def fixed(law: Law, p: tuple[float, ...], lever: np.ndarray) -> Path:
+def fixed(law: Law, p: tuple[float, ...], lever: np.ndarray, tables: np.ndarray) -> Path:
     """Return the path on which only tip offset and amplitude move."""
-    return Path(FIXED, p, lever, scale_of(law, p, lever, free_amplitude(lever)), np.empty((0, 0)), 0.0)
+    reach = scale_of(law, p, lever, free_amplitude(lever))
+    return Path(law, tables, FIXED, p, lever, reach, np.empty((0, 0)), 0.0)
 
 
 @kernel(light=True)
-def swept(table: np.ndarray, kind: int, width: float) -> Path:
+def swept(law: Law, tables: np.ndarray, table: np.ndarray, kind: int, width: float) -> Path:
     """Return the path on which m moves what the table says."""
     p, lever = at(table, 0.0)
-    return Path(kind, p, lever, math.nan, table, width)
+    return Path(law, tables, kind, p, lever, math.nan, table, width)
 
 
 @kernel(light=True)
@@ -182,28 +187,29 @@ def unit(path: Path, reach: float, point: np.ndarray, dz: float, da: float, dm: 
 
 
 @kernel
-def reach_on(law: Law, path: Path, orbit: Orbit) -> float:
+def reach_on(path: Path, orbit: Orbit) -> float:
     """Length [m] on which orbits change, where this one is."""
     if path.kind == FIXED:
         return path.reach
     p, lever = at(path.table, orbit.head[VALUE, M])
-    return scale_of(law, p, lever, free_amplitude(lever))
+    return scale_of(path.law, p, lever, free_amplitude(lever))
 
 
 @kernel(shared=True)
 def solve_on(
-    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
+    path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
     tolerance: float, most: int, coarse: bool,
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
     """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only."""
-    value = orbit.head[VALUE]
+    law, tables, value = path.law, path.tables, orbit.head[VALUE]
+    r_z, r_a, r_m = row
     if path.kind == FIXED:
         hold = HOLD_ARC if coarse else HOLD_PLANE
-        target = np.array([row[0], row[1], value[Z0], value[A]])
+        target = np.array([r_z, r_a, value[Z0], value[A]])
         return newton(law, path.p, path.lever, tables, orbit, spare, hold, target, level, tolerance, most)
     holds = np.zeros((2, 4))
-    holds[1, 0], holds[1, 1], holds[1, 2] = row[0], row[1], row[2]
-    holds[1, 3] = row[0] * value[Z0] + row[1] * value[A] + row[2] * value[M]
+    holds[1, 0], holds[1, 1], holds[1, 2] = r_z, r_a, r_m
+    holds[1, 3] = r_z * value[Z0] + r_a * value[A] + r_m * value[M]
     status, steps = col.PENDING, 0
     while status == col.PENDING and steps < most:
         m = orbit.head[VALUE, M]
@@ -216,12 +222,12 @@ def solve_on(
 
 
 @kernel
-def tangent_on(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, row: tuple[float, float, float]) -> bool:
+def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> bool:
     """Linearise; leave the derivative along the curve in the system's last column, row (dz0, dA, dm) = 1."""
     m = orbit.head[VALUE, M]
     p, lever = standing_at(path, m)
     drift = drift_at(path, m)
-    if orbit.head[COUNT, LINEAR] == 0.0 and not linearise(law, p, lever, tables, orbit, drift):
+    if orbit.head[COUNT, LINEAR] == 0.0 and not linearise(path.law, p, lever, path.tables, orbit, drift):
         return False
     if path.kind == FIXED:
         return along(lever, orbit, row[0], row[1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from phasemap._kernels.continuation.path import (
 from phasemap._kernels.continuation.path import row_of as tangent_row
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe
 from phasemap._kernels.orbits.collocation.observables import complete, time_trace
@@ -57,16 +57,48 @@ MOST_HALVINGS = 40
 LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
 
 
+class Asked(NamedTuple):
+    """What is asked of a curve.
+
+    Attributes
+    ----------
+    entry : int
+        Of a point, whose values are wanted: the control, or the amplitude, of z or as seen.
+    wanted : ndarray, sorted
+        Values at which rows are made.
+    box : ndarray, shape (3,)
+        Smallest and largest control, smallest amplitude: where the curve is left.
+    tolerance : float
+        Last change [m] of an orbit.
+    """
+
+    entry: int
+    wanted: np.ndarray
+    box: np.ndarray
+    tolerance: float
+
+
+class Made(NamedTuple):
+    """Full rows of orbits, shape (n, FULL), and their time traces, shape (n, 2, samples)."""
+
+    rows: np.ndarray
+    traces: np.ndarray
+
+
+class Place(NamedTuple):
+    """A point of the curve and its orbit."""
+
+    point: np.ndarray
+    orbit: Orbit
+
+
 @kernel
-def record(
-    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, kind: int, index: int, rows: np.ndarray,
-    traces: np.ndarray, count: int,
-) -> int:  # fmt: skip
+def record(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: int) -> int:
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
-    if count == len(rows):
+    if count == len(made.rows):
         return count
+    law, tables, row = path.law, path.tables, made.rows[count]
     p, lever = standing_at(path, orbit.head[VALUE, M])
-    row = rows[count]
     row[:] = math.nan
     observe(law, p, lever, tables, orbit, row[: col.COLUMNS])
     amplitude, push = orbit.head[VALUE, A], orbit.head[VALUE, P]
@@ -76,50 +108,47 @@ def record(
         row[col.SLOPE] = rate / orbit.head[SYSTEM + RZ, RIGHT]
     complete(law, p, lever, tables, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = orbit.head[VALUE, M], kind, index
-    if traces.shape[2] > 0:
-        time_trace(law, p, lever, tables, orbit, row[col.PHASE], traces[count])
+    if made.traces.shape[2] > 0:
+        time_trace(law, p, lever, tables, orbit, row[col.PHASE], made.traces[count])
     return count + 1
 
 
 @kernel
-def sharpen(
-    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float
-) -> tuple[bool, Orbit, Orbit]:
+def sharpen(path: Path, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float) -> tuple[bool, Orbit, Orbit]:
     """Make the orbit of a point on the way exact, in the plane across the curve."""
-    row = tangent_row(path, reach_on(law, path, orbit), point)
+    row = tangent_row(path, reach_on(path, orbit), point)
     level = int(orbit.head[COUNT, LEVEL])
-    status, _, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, tolerance, 20, False)
-    return status == col.GOOD and mark(law, path, tables, orbit, point), orbit, spare
+    status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
+    return status == col.GOOD and mark(path, orbit, point), orbit, spare
 
 
 @kernel
 def turn_between(
-    law: Law, path: Path, tables: np.ndarray, before: np.ndarray, after: np.ndarray, start: Orbit, slope: int,
-    level: int, tolerance: float, orbit: Orbit, spare: Orbit, room: Orbit, point: np.ndarray,
+    path: Path, start: Place, after: np.ndarray, slope: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit,
+    point: np.ndarray,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
 
     See theory, Eq. (continuation-4).
 
-    There x is stationary and exact to rounding; the other coordinate is as exact as s. `start` is the orbit of
-    `before`; where a step from there fails, for a long one round a sharp turn may, the shorter one that did not is the
-    next to start from.
+    There x is stationary and exact to rounding; the other coordinate is as exact as s. Where a step from the start
+    fails, for a long one round a sharp turn may, the shorter one that did not is the next to start from.
     """
-    begun, base, at = before.copy(), new_orbit(), 0.0
-    copy_orbit(start, base)
+    begun, base, room, at = start.point.copy(), new_orbit(), new_orbit(), 0.0
+    copy_orbit(start.orbit, base)
     base.head[COUNT, LEVEL] = level
-    low, high, f_low, f_high = 0.0, after[LENGTH], before[slope], after[slope]
+    low, high, f_low, f_high = 0.0, after[LENGTH], begun[slope], after[slope]
     most, last = max(abs(f_low), abs(f_high)), 0
     for _ in range(MOST_HALVINGS):
         share = f_low / (f_low - f_high)
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
         copy(begun, point)
-        status, _, orbit, spare = advance(law, path, tables, point, step, orbit, spare, room)
+        status, _, orbit, spare = advance(path, point, step, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
         reached = point[LENGTH]
-        good, orbit, spare = sharpen(law, path, tables, orbit, spare, point, tolerance)
+        good, orbit, spare = sharpen(path, orbit, spare, point, tolerance)
         if not good:
             return False, orbit, spare
         point[LENGTH] = at + reached
@@ -143,49 +172,38 @@ def turn_between(
 
 @kernel
 def visit(
-    law: Law, path: Path, tables: np.ndarray, index: int, before: np.ndarray, after: np.ndarray, start: Orbit,
-    end: Orbit, wanted: np.ndarray, tolerance: float, one: Orbit, spare: Orbit, rows: np.ndarray, traces: np.ndarray,
-    count: int,
-) -> tuple[int, Orbit, Orbit]:  # fmt: skip
-    """Record the orbits at the values wanted between two points of the curve, in the order in which they come."""
+    path: Path, asked: Asked, start: Place, end: Place, one: Orbit, spare: Orbit, made: Made, count: int
+) -> tuple[int, Orbit, Orbit]:
+    """Record the orbits at the values wanted between two places, in the order in which they come."""
+    index, wanted, tolerance = asked.entry, asked.wanted, asked.tolerance
+    before, after = start.point, end.point
     x, y = before[index], after[index]
     rising = y > x  # the value at which a step starts belongs to the step before
     first, last = smaller(wanted, min(x, y), rising), smaller(wanted, max(x, y), rising)
     for i in range(last - first):
         k = first + i if rising else last - 1 - i
         if i == 0:
-            copy_orbit(start, one)
-        good, one, spare = cross(law, path, tables, index, wanted[k], before, after, one, start, spare, tolerance)
+            copy_orbit(start.orbit, one)
+        good, one, spare = cross(path, index, wanted[k], before, after, one, start.orbit, spare, tolerance)
         if not good:
-            copy_orbit(end, one)
+            copy_orbit(end.orbit, one)
         else:
-            made = record(law, path, tables, one, col.WANTED, k, rows, traces, count)
-            if made > count and index == AP:
+            now = record(path, one, col.WANTED, k, made, count)
+            if now > count and index == AP:
                 p, lever = standing_at(path, one.head[VALUE, M])
-                state_errors(law, p, lever, tables, one, spare, rows[count])
-            count = made
+                state_errors(path.law, p, lever, path.tables, one, spare, made.rows[count])
+            count = now
     return count, one, spare
 
 
 @kernel
-def follow(
-    law: Law, path: Path, tables: np.ndarray, index: int, orbit: Orbit, spare: Orbit, point: np.ndarray,
-    box: np.ndarray, wanted: np.ndarray, every: bool, tolerance: float, rows: np.ndarray, traces: np.ndarray,
-) -> tuple[int, int]:  # fmt: skip
+def follow(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: np.ndarray, made: Made) -> tuple[int, int]:
     """Follow the curve from a marked point until it leaves the box, ends, or closes.
 
     Parameters
     ----------
-    index : int
-        Entry of a point whose values are wanted: the control, or the amplitude, of z or as seen.
     point : ndarray, shape (POINT,)
         The start, marked; its tangent says in which sense the curve is followed.
-    box : ndarray, shape (3,)
-        Smallest and largest control, smallest amplitude.
-    wanted : ndarray, sorted
-        Values at which rows are made.
-    every : bool
-        Whether points on the way make rows too.
 
     Returns
     -------
@@ -194,73 +212,64 @@ def follow(
     count : int
         Rows made, in the order of the curve.
     """
-    saved, one, room, top = new_orbit(), new_orbit(), new_orbit(), new_orbit()
-    tops = (new_orbit(), new_orbit())
+    saved, one, top, tops = new_orbit(), new_orbit(), new_orbit(), (new_orbit(), new_orbit())
     turned, kinds = np.zeros((2, POINT)), np.zeros(2, np.int64)
     origin, step = point.copy(), FIRST_STEP
-    count = record(law, path, tables, orbit, col.ON_THE_WAY, -1, rows, traces, 0) if every else 0
+    count = record(path, orbit, col.ON_THE_WAY, -1, made, 0)
     for points in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance(law, path, tables, point, step, orbit, spare, saved)
+        status, step, orbit, spare = advance(path, point, step, orbit, spare, saved)
         length = point[LENGTH]
-        if status == col.GOOD and every:
-            good, orbit, spare = sharpen(law, path, tables, orbit, spare, point, tolerance)
+        if status == col.GOOD:
+            good, orbit, spare = sharpen(path, orbit, spare, point, asked.tolerance)
             status = col.GOOD if good else col.NOT_CONVERGED
             point[LENGTH] = length
         if status != col.GOOD:
-            if count > 0 and every:
-                rows[count - 1, col.KIND] = col.END
+            made.rows[count - 1, col.KIND] = col.END
             return STUCK, count
         # Where the control or the entry wanted turns, the step is divided.
-        found = 0
-        for entry in (control(path), index):
+        found, start = 0, Place(before, saved)
+        for entry in (control(path), asked.entry):
             slope = entry + RATE
             if before[slope] * point[slope] < 0.0 and not (found == 1 and kinds[0] == slope):
                 good = False
                 for level in (FINEST, int(orbit.head[COUNT, LEVEL])):
                     if not good:
                         good, top, spare = turn_between(
-                            law, path, tables, before, point, saved, slope, level, tolerance, top, spare, room,
-                            turned[found],
-                        )  # fmt: skip
+                            path, start, point, slope, level, asked.tolerance, top, spare, turned[found]
+                        )
                 if good:
                     copy_orbit(top, tops[found])
                     kinds[found] = slope
                     found += 1
-        swapped = found == 2 and turned[1, LENGTH] < turned[0, LENGTH]
-        left, at, done = before, saved, 0.0
+        swapped, done = found == 2 and turned[1, LENGTH] < turned[0, LENGTH], 0.0
         for i in range(found):
             which = 1 - i if swapped else i
-            turn = turned[which].copy()
-            turn[LENGTH] -= done
-            count, one, spare = visit(
-                law, path, tables, index, left, turn, at, tops[which], wanted, tolerance, one, spare, rows, traces,
-                count,
-            )  # fmt: skip
+            turn = Place(turned[which].copy(), tops[which])
+            turn.point[LENGTH] -= done
+            count, one, spare = visit(path, asked, start, turn, one, spare, made, count)
             kind = col.FOLD if kinds[which] == control(path) + RATE else col.TURN
-            count = record(law, path, tables, tops[which], kind, -1, rows, traces, count)
-            left, at, done = turn, tops[which], turned[which, LENGTH]
-        rest = point.copy()
-        rest[LENGTH] -= done
-        count, one, spare = visit(
-            law, path, tables, index, left, rest, at, orbit, wanted, tolerance, one, spare, rows, traces, count
-        )
-        if count == len(rows):
+            count = record(path, tops[which], kind, -1, made, count)
+            start, done = turn, turned[which, LENGTH]
+        rest = Place(point.copy(), orbit)
+        rest.point[LENGTH] -= done
+        count, one, spare = visit(path, asked, start, rest, one, spare, made, count)
+        if count == len(made.rows):
             return FULL, count
+        box = asked.box
         if not box[0] <= point[control(path)] <= box[1] or point[AP] < box[2]:
             return LEFT, count
-        if every:
-            count = record(law, path, tables, orbit, col.ON_THE_WAY, -1, rows, traces, count)
-        if points > 8 and returned(law, path, orbit, origin, point):
+        count = record(path, orbit, col.ON_THE_WAY, -1, made, count)
+        if points > 8 and returned(path, orbit, origin, point):
             return CLOSED, count
     return FULL, count
 
 
 @kernel
-def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) -> bool:
+def returned(path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) -> bool:
     """Whether the curve has come back to where it was begun."""
     away = unit(
-        path, reach_on(law, path, orbit), point, origin[ZP] - point[ZP], origin[AP] - point[AP], origin[MP] - point[MP]
+        path, reach_on(path, orbit), point, origin[ZP] - point[ZP], origin[AP] - point[AP], origin[MP] - point[MP]
     )
     same = origin[TU] * point[TU] + origin[TV] * point[TV] > 0.5
     return same and math.hypot(away[0], away[1]) < point[LENGTH]
@@ -268,25 +277,26 @@ def returned(law: Law, path: Path, orbit: Orbit, origin: np.ndarray, point: np.n
 
 @kernel
 def start_at(
-    law: Law, path: Path, tables: np.ndarray, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float,
+    path: Path, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float,
     orbit: Orbit, spare: Orbit,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
     orbit.head[VALUE, M] = m
+    law, tables = path.law, path.tables
     p, lever = standing_at(path, m)
-    if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
         return False, orbit, spare
-    target = np.array([guess[0], 0.0, 0.0, 0.0])
+    target = np.array([guess[col.G_Z0], 0.0, 0.0, 0.0])
     status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, hold, target, level, tolerance, MOST_STEPS)
     return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
 
 
 @kernel
-def aim(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, sense: float, point: np.ndarray) -> bool:
+def aim(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> bool:
     """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
     point[:] = 0.0
     # A row that is the control's own, whatever the scales.
-    reach = reach_on(law, path, orbit)
+    reach = reach_on(path, orbit)
     z0, a, m = orbit.head[VALUE, Z0], orbit.head[VALUE, A], orbit.head[VALUE, M]
     point[ZP], point[AP], point[MP] = z0, a, m
     at_z, at_m = (sense, 0.0) if control(path) == ZP else (0.0, sense)
@@ -294,4 +304,4 @@ def aim(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, sense: float, po
     if control(path) == ZP:
         of_gap, of_amplitude = scales(path, reach, z0, a)
         point[TV] = point[TU] * of_amplitude / of_gap
-    return mark(law, path, tables, orbit, point)
+    return mark(path, orbit, point)

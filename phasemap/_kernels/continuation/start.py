@@ -7,7 +7,6 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import Path
-from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.collocation.newton import begin, newton
@@ -15,14 +14,12 @@ from phasemap._kernels.orbits.collocation.system import HOLD_ARC, Orbit
 
 
 @kernel(shared=True)
-def start_far(
-    law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit, amplitude: float, level: int
-) -> tuple[int, Orbit, Orbit]:
+def start_far(path: Path, orbit: Orbit, spare: Orbit, amplitude: float, level: int) -> tuple[int, Orbit, Orbit]:
     """Find the orbit far from the surface, where the lever swings almost freely."""
-    p, lever = path.p, path.lever
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
     free = free_amplitude(lever)
     guess = np.array([free * far_start(law, p, lever, reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0])
-    target = np.array([1.0, -1.0, guess[0], free])
+    target = np.array([1.0, -1.0, guess[col.G_Z0], free])
     if not begin(law, p, lever, tables, orbit, guess, level):
         return col.NOT_CONVERGED, orbit, spare
     tolerance = 1e-3 * path.reach

@@ -46,7 +46,6 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
 from phasemap._kernels.orbits.collocation.newton import floquet
 from phasemap._kernels.orbits.collocation.system import (
@@ -92,23 +91,23 @@ def copy_orbit(source: Orbit, to: Orbit) -> None:
 
 
 @kernel(shared=True)
-def relay(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, spare: Orbit) -> bool:
+def relay(path: Path, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
     p, lever = standing_at(path, orbit.head[VALUE, M])
     level = int(orbit.head[COUNT, LEVEL])
-    if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+    if not find_contacts(p, path.tables, orbit) or not lay(path.law, p, lever, path.tables, spare, orbit, level):
         return False
-    carry_over(tables, orbit, spare)
+    carry_over(path.tables, orbit, spare)
     return True
 
 
 @kernel(shared=True)
-def mark(law: Law, path: Path, tables: np.ndarray, orbit: Orbit, point: np.ndarray) -> bool:
+def mark(path: Path, orbit: Orbit, point: np.ndarray) -> bool:
     """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
     value, right = orbit.head[VALUE], orbit.head[SYSTEM : SYSTEM + RIGHT, RIGHT]
-    reach = reach_on(law, path, orbit)
+    reach = reach_on(path, orbit)
     point[ZP], point[AP], point[MP], point[PP], point[SP] = value[Z0], value[A], value[M], value[P], value[S]
-    if not tangent_on(law, path, tables, orbit, row_of(path, reach, point)):
+    if not tangent_on(path, orbit, row_of(path, reach, point)):
         return False
     dz, da, dm = right[RZ], right[RA], right[RM]
     t_u, t_v = unit(path, reach, point, dz, da, dm)
@@ -141,9 +140,7 @@ def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) 
 
 @kernel(shared=True)
 def advance(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     point: np.ndarray,
     step: float,
     orbit: Orbit,
@@ -157,7 +154,7 @@ def advance(
     level = int(orbit.head[COUNT, LEVEL])
     copy_orbit(orbit, saved)
     before = point.copy()
-    reach = reach_on(law, path, orbit)
+    reach = reach_on(path, orbit)
     coarse = 1e-3 * gap_scale(reach, point[ZP], point[AP])
     contacts, hysteretic = orbit.head[COUNT, CONTACTS], standing_at(path, orbit.head[VALUE, M])[0][col.RELEASE] != 0.0
     row = row_of(path, reach, before)
@@ -168,13 +165,13 @@ def advance(
         value[M] += step * before[DM]
         value[P] += step * before[DP]
         value[S] += step * before[DS]
-        if value[A] > 0.0 and relay(law, path, tables, orbit, spare):
+        if value[A] > 0.0 and relay(path, orbit, spare):
             orbit, spare = spare, orbit
-            status, steps, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, coarse, 8, True)
+            status, steps, orbit, spare = solve_on(path, orbit, spare, row, level, coarse, 8, True)
             # With a neck the curve ends where a contact is made or kept.
             if status == col.GOOD and not (hysteretic and orbit.head[COUNT, CONTACTS] != contacts):
                 copy(before, point)
-                good = mark(law, path, tables, orbit, point)
+                good = mark(path, orbit, point)
                 turn = point[TU] * before[TU] + point[TV] * before[TV]
                 corner = step < CORNER and not hysteretic
                 if good and (corner or (turn > 0.7 and same_piece(path, reach, before, point))):
@@ -215,9 +212,7 @@ def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: fl
 
 @kernel
 def advance_watching(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     point: np.ndarray,
     step: float,
     index: int,
@@ -228,7 +223,7 @@ def advance_watching(
 ) -> tuple[int, float, Orbit, Orbit]:
     """`advance`, with a point set on an extreme of an entry that may just reach `value`."""
     before = point.copy()
-    status, following, orbit, spare = advance(law, path, tables, point, step, orbit, spare, saved)
+    status, following, orbit, spare = advance(path, point, step, orbit, spare, saved)
     for _ in range(6):
         if status != col.GOOD:
             break
@@ -237,7 +232,7 @@ def advance_watching(
             break
         copy_orbit(saved, orbit)
         copy(before, point)
-        status, following, orbit, spare = advance(law, path, tables, point, instead, orbit, spare, saved)
+        status, following, orbit, spare = advance(path, point, instead, orbit, spare, saved)
     return status, following, orbit, spare
 
 
@@ -271,9 +266,7 @@ def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -
 
 @kernel(shared=True)
 def settle_on(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     index: int,
     value: float,
     before: np.ndarray,
@@ -293,16 +286,16 @@ def settle_on(
         held[ENTRY[index]] = value
     row = (1.0 if index == ZP else 0.0, 1.0 if index == AP else 0.0, 1.0 if index == MP else 0.0)
     if index == VP:
-        row = row_of(path, reach_on(law, path, orbit), after)
-    if not relay(law, path, tables, orbit, spare):
+        row = row_of(path, reach_on(path, orbit), after)
+    if not relay(path, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit
     level = int(orbit.head[COUNT, LEVEL])
-    status, _, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, tolerance, 20, False)
+    status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
     if status != col.GOOD:
         return False, orbit, spare
     here = after.copy()
-    good = mark(law, path, tables, orbit, here)
+    good = mark(path, orbit, here)
     for _ in range(MOST_TRIES):
         # What the detector sees is no coordinate: it is come to along the curve.
         if index != VP or not good or abs(here[VP] - value) <= EXACTLY * value:
@@ -310,12 +303,12 @@ def settle_on(
         more, value_of = (value - here[VP]) / here[DV], orbit.head[VALUE]
         for i in range(5):
             value_of[ENTRY[i]] += more * here[RATE + i]
-        row = row_of(path, reach_on(law, path, orbit), here)
-        if not value_of[A] > 0.0 or not relay(law, path, tables, orbit, spare):
+        row = row_of(path, reach_on(path, orbit), here)
+        if not value_of[A] > 0.0 or not relay(path, orbit, spare):
             return False, orbit, spare
         orbit, spare = spare, orbit
-        status, _, orbit, spare = solve_on(law, path, tables, orbit, spare, row, level, tolerance, 20, False)
-        good = status == col.GOOD and mark(law, path, tables, orbit, here)
+        status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
+        good = status == col.GOOD and mark(path, orbit, here)
     good = good and (index != VP or abs(here[VP] - value) <= ENOUGH * value)
     other = answer(path) if index == control(path) else control(path)
     low, high = min(before[other], after[other]), max(before[other], after[other])
@@ -323,7 +316,7 @@ def settle_on(
     if index != MP:
         slack += 1e-3 * abs(before[index] - after[index])
     else:
-        slack += 1e-3 * gap_scale(reach_on(law, path, orbit), here[ZP], here[AP])
+        slack += 1e-3 * gap_scale(reach_on(path, orbit), here[ZP], here[AP])
     if not low - slack <= here[other] <= high + slack:
         return False, orbit, spare
     return good and here[index + RATE] * (after[index] - before[index]) > 0.0, orbit, spare
@@ -331,9 +324,7 @@ def settle_on(
 
 @kernel
 def cross(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     index: int,
     value: float,
     before: np.ndarray,
@@ -351,7 +342,7 @@ def cross(
     if index == AP or index == VP:
         # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
         tolerance *= max(1.0, 1e-2 * abs((after[ZP] - before[ZP]) / (after[index] - before[index])))
-    good, orbit, spare = settle_on(law, path, tables, index, value, before, after, orbit, spare, tolerance)
+    good, orbit, spare = settle_on(path, index, value, before, after, orbit, spare, tolerance)
     if good:
         return True, orbit, spare
     low, high, room = before.copy(), after.copy(), new_orbit()
@@ -362,7 +353,7 @@ def cross(
         between = low.copy()
         share = (value - low[index]) / (high[index] - low[index])
         step = high[LENGTH] * min(max(share, 0.1), 0.9)
-        status, _, orbit, spare = advance(law, path, tables, between, step, orbit, spare, room)
+        status, _, orbit, spare = advance(path, between, step, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
         if (between[index] > value) == (high[index] > value):
@@ -371,7 +362,7 @@ def cross(
             high[LENGTH] -= between[LENGTH]
             copy(between, low)
             copy_orbit(orbit, begin_orbit)
-        good, orbit, spare = settle_on(law, path, tables, index, value, low, high, orbit, spare, tolerance)
+        good, orbit, spare = settle_on(path, index, value, low, high, orbit, spare, tolerance)
         if good:
             return True, orbit, spare
     return False, orbit, spare

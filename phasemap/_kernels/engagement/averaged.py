@@ -32,7 +32,7 @@ from phasemap._kernels.engagement.resonance import (
 )
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.averaged.orbits import crossing, far_start, slope_of
 
 LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
@@ -129,7 +129,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
     if math.isnan(found):
         return col.NO_STABLE_ORBIT, DOUBTFUL
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, found)
-    guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * found + mean, mean, amplitude, push, drag
+    put(guess, amplitude, found, push, drag, mean)
     return col.GOOD, surety
 
 
@@ -166,8 +166,8 @@ def engage(
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
     status, surety = engage_traced(law, p, lever, amplitude, guess)
     if status == col.GOOD:
-        guess[5] = slope_of(law, p, lever, guess)
-        if told and not near and guess[3] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
+        guess[col.G_SLOPE] = slope_of(law, p, lever, guess)
+        if told and not near and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
             return col.GOOD, LEAP
     return status, surety
 

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, narrowest, pull
 from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
@@ -140,7 +141,7 @@ def beside_end(
         h = held(law, p, lever, reach, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
         if abs(h) < ENOUGH * highest and state[PUSH] < 0.0:
-            guess[0], guess[1], guess[2] = state[E] - state[MEAN], -state[MEAN], amplitude
-            guess[3], guess[4], guess[5] = state[PUSH], state[DRAG], 2.0 * fall * x
+            guess[G_Z0], guess[G_MEAN], guess[G_A] = state[E] - state[MEAN], -state[MEAN], amplitude
+            guess[G_P], guess[G_S], guess[G_SLOPE] = state[PUSH], state[DRAG], 2.0 * fall * x
             return True
     return False

@@ -19,7 +19,6 @@ from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_wat
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
 from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in, pulled
-from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.elements import PERMANENT
@@ -35,9 +34,7 @@ NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on 
 
 @kernel
 def lower(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     tolerance: float,
     lingering: float,
@@ -53,14 +50,12 @@ def lower(
     lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above
     `lingering` belongs to orbits that linger at an unstable equilibrium.
     """
-    p, lever = path.p, path.lever
+    law, p, lever = path.law, path.p, path.lever
     step, lowest, have, highest = FIRST_STEP, 1e300, False, 10.0 * (abs(point[ZP]) + point[AP] + path.reach)
     left = math.nan
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            law, path, tables, point, step, AP, amplitude, orbit, spare, saved
-        )
+        status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
         if status != col.GOOD:
             if pressed_in(law, p, lever, orbit):
                 status = col.NO_STABLE_ORBIT
@@ -68,7 +63,7 @@ def lower(
         z0, a = point[ZP], point[AP]
         if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
             copy_orbit(orbit, found)
-            have, found, spare = cross(law, path, tables, AP, amplitude, before, point, found, saved, spare, tolerance)
+            have, found, spare = cross(path, AP, amplitude, before, point, found, saved, spare, tolerance)
             if not have:
                 status = col.NO_STABLE_ORBIT if pressed_in(law, p, lever, orbit) else col.NOT_CONVERGED
                 return status, lowest if math.isnan(left) else left, orbit, spare, found
@@ -89,9 +84,7 @@ def lower(
 
 @kernel
 def retract(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     tolerance: float,
     point: np.ndarray,
@@ -104,18 +97,16 @@ def retract(
 
     Where the branch ends first the tip is pulled off and jumps across the setpoint.
     """
-    p, lever = path.p, path.lever
+    law, p, lever = path.law, path.p, path.lever
     step, sudden = 0.1, lets_go(law, p, lever)
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            law, path, tables, point, step, AP, amplitude, orbit, spare, saved
-        )
+        status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
         if status != col.GOOD:
             return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, orbit, spare, found
         if before[AP] < amplitude <= point[AP]:
             copy_orbit(orbit, found)
-            good, found, spare = cross(law, path, tables, AP, amplitude, before, point, found, saved, spare, tolerance)
+            good, found, spare = cross(path, AP, amplitude, before, point, found, saved, spare, tolerance)
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
         if point[ZP] < before[ZP] or point[DZ] < 0.0:
             return col.NO_STABLE_ORBIT, orbit, spare, found
@@ -136,9 +127,7 @@ def only_offset(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> No
 
 @kernel
 def joined(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     z0: float,
     orbit: Orbit,
     spare: Orbit,
@@ -153,22 +142,20 @@ def joined(
     point = np.zeros(POINT)
     sense = 1.0 if z0 > orbit.head[VALUE, Z0] else -1.0
     only_offset(path, orbit, sense, point)
-    good, step = mark(law, path, tables, orbit, point), 0.1
+    good, step = mark(path, orbit, point), 0.1
     for _ in range(MOST_POINTS):
         if not good or not point[FP] < 1.0 or not point[DZ] * sense > 0.0 or not point[DA] * sense > 0.0:
             return False, orbit, spare
         if (point[ZP] - z0) * sense >= -near:
             return True, orbit, spare
-        status, step, orbit, spare = advance(law, path, tables, point, step, orbit, spare, saved)
+        status, step, orbit, spare = advance(path, point, step, orbit, spare, saved)
         good = status == col.GOOD
     return False, orbit, spare
 
 
 @kernel
 def tapping(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     z0: float,
     level: int,
@@ -179,12 +166,12 @@ def tapping(
     found: Orbit,
 ) -> tuple[bool, Orbit, Orbit, Orbit]:
     """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
-    p, lever = path.p, path.lever
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
     target = np.zeros(4)
     guesses = averaged_orbits(law, p, lever, amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[3] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+        if guess[col.G_P] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
             law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 20
@@ -192,7 +179,7 @@ def tapping(
         if status != col.GOOD or not orbit.head[VALUE, P] > 0.0:
             continue
         copy_orbit(orbit, found)
-        good, orbit, spare = joined(law, path, tables, z0, orbit, spare, saved)
+        good, orbit, spare = joined(path, z0, orbit, spare, saved)
         if good:
             return True, orbit, spare, found
     return False, orbit, spare, found
@@ -200,9 +187,7 @@ def tapping(
 
 @kernel
 def engage_landed(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     z0: float,
     level: int,
@@ -213,12 +198,10 @@ def engage_landed(
     found: Orbit,
 ) -> tuple[int, Orbit, Orbit, Orbit]:
     """`engage` from the orbit on which the tip lands at `z0`, lowered further or retracted to the setpoint."""
-    p, lever = path.p, path.lever
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
     good, orbit, spare = land(law, p, lever, tables, z0, level, orbit, spare)
     if not good:
-        good, orbit, spare, found = tapping(
-            law, path, tables, amplitude, z0, level, tolerance, orbit, spare, saved, found
-        )
+        good, orbit, spare, found = tapping(path, amplitude, z0, level, tolerance, orbit, spare, saved, found)
         return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     down, point = orbit.head[VALUE, A] > amplitude, np.zeros(POINT)
     if not down:
@@ -227,27 +210,21 @@ def engage_landed(
         if not good:
             return col.NOT_CONVERGED, orbit, spare, found
     only_offset(path, orbit, -1.0 if down else 1.0, point)
-    if not mark(law, path, tables, orbit, point):
+    if not mark(path, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
     if not down:
-        status, orbit, spare, found = retract(
-            law, path, tables, amplitude, tolerance, point, orbit, spare, saved, found
-        )
+        status, orbit, spare, found = retract(path, amplitude, tolerance, point, orbit, spare, saved, found)
         # Above resonance contact brings the lever nearer to it: the tip may as well have landed on a large oscillation.
         if status == col.NO_STABLE_ORBIT and lever[col.OMEGA] > 1.0:
             status = col.NOT_CONVERGED
         return status, orbit, spare, found
-    status, _, orbit, spare, found = lower(
-        law, path, tables, amplitude, tolerance, LINGERING, point, orbit, spare, saved, found
-    )
+    status, _, orbit, spare, found = lower(path, amplitude, tolerance, LINGERING, point, orbit, spare, saved, found)
     return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
 
 
 @kernel
 def engage(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     level: int,
     tolerance: float,
@@ -262,23 +239,19 @@ def engage(
     Where the curve's multiplier passes `lingering` the tip is taken to land elsewhere; NOT_SETTLED if it is not
     known where.
     """
-    p, lever = path.p, path.lever
-    status, orbit, spare = start_far(law, path, tables, orbit, spare, amplitude, level)
+    law, p, lever = path.law, path.p, path.lever
+    status, orbit, spare = start_far(path, orbit, spare, amplitude, level)
     if status != col.GOOD:
         return status, orbit, spare, found
     point = np.zeros(POINT)
     point[TU] = -1.0
-    if not mark(law, path, tables, orbit, point):
+    if not mark(path, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
-    status, left, orbit, spare, found = lower(
-        law, path, tables, amplitude, tolerance, lingering, point, orbit, spare, saved, found
-    )
+    status, left, orbit, spare, found = lower(path, amplitude, tolerance, lingering, point, orbit, spare, saved, found)
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
     grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and pulled(law, p, lever) > 0.0)
     if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
-        done, orbit, spare, found = engage_landed(
-            law, path, tables, amplitude, left, level, tolerance, orbit, spare, saved, found
-        )
+        done, orbit, spare, found = engage_landed(path, amplitude, left, level, tolerance, orbit, spare, saved, found)
         return status if done == col.NOT_CONVERGED else done, orbit, spare, found
     return status, orbit, spare, found
 
@@ -294,9 +267,7 @@ def lowest_between(before: np.ndarray, point: np.ndarray) -> float:
 
 @kernel
 def engage_near(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     tolerance: float,
     orbit: Orbit,
@@ -310,10 +281,10 @@ def engage_near(
     followed down to the setpoint; if the branch ends before, the tip jumps to the farthest repulsive orbit that can be
     held. NOT_CONVERGED leaves the question to `engage`.
     """
-    p, lever = path.p, path.lever
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
     if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
-    free, guess, top, target = free_amplitude(lever), np.zeros(6), np.zeros(MAXIMUM), np.zeros(4)
+    free, guess, top, target = free_amplitude(lever), np.zeros(col.GUESS), np.zeros(MAXIMUM), np.zeros(4)
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
     if not near_resonance(lever) or leaps(lever, force_reach, free):
         return col.NOT_CONVERGED, orbit, spare, found
@@ -328,16 +299,14 @@ def engage_near(
     status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
     point = np.zeros(POINT)
     point[TV] = -1.0
-    if status != col.GOOD or not mark(law, path, tables, orbit, point):
+    if status != col.GOOD or not mark(path, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
     if not (point[FP] < 1.0 and point[DZ] < 0.0 and orbit.head[VALUE, P] < 0.0):
         return col.NOT_CONVERGED, orbit, spare, found
     step, ended = FIRST_STEP, False
     while not ended:
         before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            law, path, tables, point, step, AP, amplitude, orbit, spare, saved
-        )
+        status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
         if status != col.GOOD:
             return col.NOT_CONVERGED, orbit, spare, found
         ended = point[AP] > before[AP] or point[ZP] > before[ZP]
@@ -348,13 +317,13 @@ def engage_near(
             return col.NOT_CONVERGED, orbit, spare, found  # which comes first takes smaller steps to tell
         if crossed:
             copy_orbit(orbit, found)
-            good, found, spare = cross(law, path, tables, AP, amplitude, before, point, found, saved, spare, tolerance)
+            good, found, spare = cross(path, AP, amplitude, before, point, found, saved, spare, tolerance)
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     row = np.zeros(col.COLUMNS)
     guesses = averaged_orbits(law, p, lever, amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[3] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
+        if guess[col.G_P] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
             continue
         status, _, found, spare = newton(law, p, lever, tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
         if status == col.GOOD and finish(law, p, lever, tables, found, row) == col.GOOD:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.lowering import (
     AGAIN,
@@ -61,6 +62,11 @@ NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8,
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
 FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
+STICKY_GROUP, STICKY_GROUPS = 2, 6  # the same of a contact with hysteresis, whose motion forgets sooner
+CALM = 1e-4  # of the amplitude, by which it may then be missed when averaging begins
+HASTE, CLOSER = 4.0, 0.25  # times faster than that z0 of such a contact falls, at most, and of what is left to go
+ROUGH = 1.6  # longer steps on that way
+STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
 EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
 PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
@@ -146,22 +152,44 @@ def move_slowly(
 ) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached: SEEN, AGAIN, SPENT or LOWEST.
 
+    Past a contact with hysteresis it goes faster as long as amplitude and z0 change alike and the motion stays as
+    irregular as it was: what a faster tip does else may be another motion, and it goes that way once more, slowly.
     AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
-    block, pace, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
+    block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
-    sums = begin_sums(lever, tip.acc)
-    if tip.periods[0] + block > most or not average(law, p, lever, how[0], block, 0.0, tip, sums):
+    hasty, haste = p[col.RELEASE] != 0.0, 1.0
+    eta = ROUGH * how[0] if hasty else how[0]
+    sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
+    if tip.periods[0] + block > most or not average(law, p, lever, eta, block, 0.0, tip, sums):
         return SPENT
-    down = seen(lever, sums) > amplitude
-    while tip.periods[0] + block <= most and average(law, p, lever, how[0], block, pace if down else -pace, tip, sums):
-        if (seen(lever, sums) <= amplitude) == down:
+    before, change = seen(lever, sums), sums[CHANGE]
+    down = before > amplitude
+    while tip.periods[0] + block <= most:
+        pace = haste * slow
+        copy(tip.u, u)
+        copy(tip.acc, acc)
+        if not average(law, p, lever, eta, block, pace if down else -pace, tip, sums):
+            return SPENT
+        now = seen(lever, sums)
+        led = abs(abs(now - before) - pace * block) > STEADY * pace * block or sums[CHANGE] < TAMER * change
+        if haste > 1.0 and led:  # to another motion, perhaps: once more, slowly
+            copy(u, tip.u)
+            copy(acc, tip.acc)
+            sums, haste = begin_sums(lever, acc), 1.0
+            continue
+        if (now <= amplitude) == down:
             return SEEN
         if not abs(tip.u[3]) < -lowest:
             return LOWEST
-        still = sums[CHANGE] < STILL * amplitude and abs(from_z0 - tip.u[3]) > least
-        if still and skip(law, p, lever, how, 0.0, tip):
+        before, change = now, sums[CHANGE]
+        still = change < STILL * amplitude
+        if still and abs(from_z0 - tip.u[3]) > least and skip(law, p, lever, how, 0.0, tip):
             return AGAIN
+        if hasty and not still:
+            haste = max(1.0, min(2.0 * haste, HASTE, CLOSER * abs(now - amplitude) / (slow * block)))
+        else:
+            haste = 1.0
     return SPENT
 
 
@@ -182,24 +210,29 @@ def hold_mean(
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
     block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
+    sticky = p[col.RELEASE] != 0.0
+    size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
     if tip.periods[0] + 3 * GROUP * block > most:
         return col.NOT_SETTLED
-    for _ in range(3 * GROUP):
+    for j in range(3 * GROUP):
         if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
             return col.NOT_SETTLED
-        tip.u[3] += gain * (amplitude - seen(lever, sums)) if held else 0.0
+        miss = amplitude - seen(lever, sums)
+        tip.u[3] += gain * miss if held else 0.0
+        if sticky and j >= GROUP and abs(miss) < CALM * amplitude:
+            break
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     z_error = a_error = math.inf
-    while tip.periods[0] + GROUP * block <= most:
+    while tip.periods[0] + size * block <= most:
         group[0] = group[1] = group[2] = 0.0
-        for _ in range(GROUP):
+        for _ in range(size):
             if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
                 return col.NOT_SETTLED
             for j in range(ADDED):
                 total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
-            group[0] += tip.u[3] / GROUP
+            group[0] += tip.u[3] / size
             group[1] += sums[0]
             group[2] += sums[1]
             missed += (seen(lever, sums) - amplitude) ** 2
@@ -207,7 +240,7 @@ def hold_mean(
         if sums[CHANGE] < STILL * seen(lever, sums) and skip(law, p, lever, how, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
-        x, y = group[1] / (GROUP * block) - lever[col.SHAKER], group[2] / (GROUP * block)
+        x, y = group[1] / (size * block) - lever[col.SHAKER], group[2] / (size * block)
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         z = group[0] + amplitude - math.hypot(x, y)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
@@ -218,16 +251,16 @@ def hold_mean(
         off = a - a_mean
         a_mean += off / groups
         a_square += off * (a - a_mean)
-        if groups >= LEAST_GROUPS:
+        if groups >= fewest:
             z_error = math.sqrt(z_square / (groups - 1) / groups)
             a_error = math.sqrt(a_square / (groups - 1) / groups)
             if z_error < LENGTH and a_error < PHASE:
                 break
-            needed = GROUP * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
-            if groups >= 4 * LEAST_GROUPS and needed > HOPE * most:
+            needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
+            if groups >= 4 * fewest and needed > HOPE * most:
                 return col.NOT_SETTLED
-        if held and groups % LEAST_GROUPS == 0:
-            if groups > LEAST_GROUPS and missed > GROUP * LEAST_GROUPS * (HUNTED * amplitude) ** 2:
+        if held and groups % fewest == 0:
+            if groups > fewest and missed > size * fewest * (HUNTED * amplitude) ** 2:
                 return col.NO_STABLE_ORBIT
             missed = 0.0
     if not (z_error < WORST_LENGTH and a_error < WORST_PHASE):

@@ -37,6 +37,7 @@ LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the o
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 PREDICTED = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
 DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
+STUCK = 1.0  # the same of a contact with hysteresis: it mostly finds none
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 PACE = 1e-3  # of the free amplitude, by which a tip that may leap is lowered in a ring-down time
 TRAIL = 16.0  # periods of that, in which it is moved at once to see whether it comes to rest
@@ -73,7 +74,8 @@ def follow_down(
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
     u, linear, before = tip.u, tip.linear, np.empty(4)
-    lowest, rings = -15.0 * lever[col.BASE] / lever[col.ALPHA0], ring_down(lever)
+    lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
+    patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
     stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
     while tip.periods[0] < most:
         if u[3] < lowest:
@@ -105,7 +107,7 @@ def follow_down(
             for j in range(4):
                 u[j] = before[j]
             u[3] -= stride
-            if not rest(law, p, lever, how, min(int(DISTURBED * rings), most - tip.periods[0]), tip):
+            if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
                 return LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN

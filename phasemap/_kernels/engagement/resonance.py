@@ -39,7 +39,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import mismatch
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
@@ -165,9 +165,11 @@ def strongest(
 @kernel
 def _between(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, shift: float,
-    a: float, f_a: float, b: float, f_b: float,
+    one: tuple[float, float], two: tuple[float, float],
 ) -> float:  # fmt: skip
-    """Gap of the crossing between gaps a and b of opposite sign, by regula falsi in ln(gap + shift) or in the gap."""
+    """Gap of the crossing between two of opposite sign, (gap, f), by regula falsi in ln(gap + shift) or in the gap."""
+    a, f_a = one
+    b, f_b = two
     logarithmic = side == ATTRACTIVE
     if logarithmic:
         a, b = math.log(a + shift), math.log(b + shift)
@@ -211,7 +213,7 @@ def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
         h, _ = at_gap(law, p, lever, reach, amplitude, far)
         if h <= 0.0:
             return _between(
-                law, p, lever, reach, amplitude, ATTRACTIVE, shift, near, math.log1p(h_near), far, math.log1p(h)
+                law, p, lever, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
             )
         near, h_near = far, h
     return math.nan
@@ -229,7 +231,7 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
         if h > 0.0 and push > 0.0:
             if not repelled(lever, amplitude, push):
                 return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, near, f_near, gap, math.log1p(h))
+            return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
         near, f_near = gap, sided(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top[PUSH], 0.02 * want))
@@ -300,12 +302,6 @@ def on_side(
     along = c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
     if not along > STEEPEST or (push > 0.0) != (side == REPULSIVE):
         return False
-    guess[0], guess[1], guess[2], guess[3], guess[4], guess[5] = (
-        amplitude * c + mean,
-        mean,
-        amplitude,
-        push,
-        drag,
-        slope,
-    )
+    put(guess, amplitude, c, push, drag, mean)
+    guess[col.G_SLOPE] = slope
     return True

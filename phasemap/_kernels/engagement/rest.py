@@ -118,8 +118,8 @@ def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.nda
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
     alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
     amplitude = swing(law, p, lever, d)
-    guess[0], guess[1], guess[2] = z0, z0 + d, amplitude
-    guess[3], guess[4] = slope * amplitude, -2.0 * alpha * omega * amplitude
+    guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, z0 + d, amplitude
+    guess[col.G_P], guess[col.G_S] = slope * amplitude, -2.0 * alpha * omega * amplitude
     return amplitude > 0.0 and math.isfinite(amplitude)
 
 
@@ -130,10 +130,10 @@ def held_there(
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Go from a harmonic orbit to the exact one at this tip offset; True if it is stable."""
     target = np.array([z0, 0.0, 0.0, 0.0])
-    if not guess[2] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
         return False, orbit, spare
     status, _, orbit, spare = newton(
-        law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[2], 20
+        law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[col.G_A], 20
     )
     good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, no_drift())
     return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
@@ -144,8 +144,8 @@ def land(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, level: int, orbit: Orbit, spare: Orbit
 ) -> tuple[bool, Orbit, Orbit]:
     """The stable orbit in contact for good on which the tip lands at this tip offset; False if there is none."""
-    guess = np.zeros(6)
+    guess = np.zeros(col.GUESS)
     # A tip that swings by more than it rests deep leaves contact.
-    if not resting(law, p, lever, z0, guess) or guess[2] > guess[1] - z0:
+    if not resting(law, p, lever, z0, guess) or guess[col.G_A] > guess[col.G_MEAN] - z0:
         return False, orbit, spare
     return held_there(law, p, lever, tables, z0, guess, level, orbit, spare)

@@ -8,6 +8,7 @@ piece's lower and upper end, which are numbers or borders, and the coordinates (
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from phasemap._kernels.compilation import kernel
 
 CUT, BORDER, LEAF = 0, 1, 2  # kinds of tree nodes
 PLAIN, ROOT_LOW, ROOT_HIGH, ROOT_BOTH = 0, 1, 2, 3  # how u goes with the place rho between the ends
-LOW, HIGH = 0, 1
+KIND, WHICH, BELOW, ABOVE = 0, 1, 2, 3  # columns of nodes
+X0, X1, U = 0, 2, 4  # low ends in a box; high ones are next to them
+LOW, HIGH, FORM = 0, 1, 2  # columns of ends and forms
 LANES = 64  # points whose sums are taken together
 MOST = 33  # coefficients along one coordinate
 OUTSIDE = -1
@@ -30,14 +33,44 @@ def scaled(x: float, low: float, high: float) -> float:
     return (2.0 * x - low - high) / (high - low) if high > low else 0.0
 
 
+class Tree(NamedTuple):
+    """What leads a material to its piece.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (nodes, 4)
+        KIND; WHICH coordinate, border or piece; node BELOW; node ABOVE.
+    values : ndarray, shape (nodes,)
+        Where a coordinate is cut.
+    boxes : ndarray, shape (borders, 4)
+        Of a border: low and high of x0, of x1.
+    sizes, starts, coefficients : ndarray
+        How many coefficients a border has along x0 and x1, shape (borders, 2), and where they begin in the last.
+    piece_boxes : ndarray, shape (pieces, 6)
+        Low and high of x0, x1, u.
+    ends : ndarray, shape (pieces, 2)
+        Lower and upper end of a piece in x2 where it is a number.
+    forms : ndarray of int, shape (pieces, 3)
+        Its lower border or -1, upper border or -1, form of u.
+    """
+
+    nodes: np.ndarray
+    values: np.ndarray
+    boxes: np.ndarray
+    sizes: np.ndarray
+    starts: np.ndarray
+    coefficients: np.ndarray
+    piece_boxes: np.ndarray
+    ends: np.ndarray
+    forms: np.ndarray
+
+
 @kernel
-def border(
-    x0: float, x1: float, which: int, boxes: np.ndarray, sizes: np.ndarray, starts: np.ndarray, coefficients: np.ndarray
-) -> float:
+def border(tree: Tree, which: int, x0: float, x1: float) -> float:
     """Height x2 of a border at (x0, x1), by Clenshaw's recurrence in both."""
-    box = boxes[which]
-    a, b = scaled(x0, box[0], box[1]), scaled(x1, box[2], box[3])
-    rows, columns, start = sizes[which, 0], sizes[which, 1], starts[which]
+    box, coefficients = tree.boxes[which], tree.coefficients
+    a, b = scaled(x0, box[X0], box[X0 + 1]), scaled(x1, box[X1], box[X1 + 1])
+    rows, columns, start = tree.sizes[which, 0], tree.sizes[which, 1], tree.starts[which]
     one, two = 0.0, 0.0
     for i in range(rows - 1, -1, -1):
         first, second = 0.0, 0.0
@@ -66,77 +99,56 @@ def place(rho: float, form: int) -> float:
 
 
 @kernel
-def locate(
-    points: np.ndarray,
-    nodes: np.ndarray,
-    values: np.ndarray,
-    border_boxes: np.ndarray,
-    border_sizes: np.ndarray,
-    border_starts: np.ndarray,
-    border_coefficients: np.ndarray,
-    piece_boxes: np.ndarray,
-    piece_ends: np.ndarray,
-    piece_forms: np.ndarray,
-    piece: np.ndarray,
-    inside: np.ndarray,
-) -> None:
+def locate(points: np.ndarray, tree: Tree, piece: np.ndarray, inside: np.ndarray) -> None:
     """Find the piece of every point, and where in it the point is.
 
     Parameters
     ----------
     points : ndarray, shape (3, n)
-    nodes : ndarray of int, shape (nodes, 4)
-        Kind; coordinate or border or piece; node below; node above.
-    values : ndarray, shape (nodes,)
-        Where a coordinate is cut.
-    border_boxes, border_sizes, border_starts, border_coefficients : ndarray
-        Per border its box (low, high of x0, of x1), coefficients along x0 and x1, and where they begin in the last.
-    piece_boxes : ndarray, shape (pieces, 6)
-        Low and high of x0, x1, u.
-    piece_ends : ndarray, shape (pieces, 2)
-        Lower and upper end in x2 where it is a number.
-    piece_forms : ndarray of int, shape (pieces, 3)
-        Lower border or -1, upper border or -1, form of u.
+    tree : Tree
     piece : ndarray of int32, shape (n,)
         Receives the piece, OUTSIDE where there is none.
     inside : ndarray, shape (3, n)
         Receives the coordinates in [-1, 1].
     """
+    nodes, forms = tree.nodes, tree.forms
     for i in range(points.shape[1]):
         x0, x1, x2 = points[0, i], points[1, i], points[2, i]
         piece[i] = OUTSIDE
         if not math.isfinite(x0 + x1 + x2):
             continue
         node, under, over, low, high = 0, -1, -1, 0.0, 0.0  # the borders met last below and above the point
-        while nodes[node, 0] != LEAF:
-            which = nodes[node, 1]
-            if nodes[node, 0] == CUT:
-                above = points[which, i] >= values[node]
+        while nodes[node, KIND] != LEAF:
+            which = nodes[node, WHICH]
+            if nodes[node, KIND] == CUT:
+                above = points[which, i] >= tree.values[node]
             else:
-                height = border(x0, x1, which, border_boxes, border_sizes, border_starts, border_coefficients)
+                height = border(tree, which, x0, x1)
                 above = x2 >= height
                 if above:
                     under, low = which, height
                 else:
                     over, high = which, height
-            node = nodes[node, 3] if above else nodes[node, 2]
-        which = nodes[node, 1]
+            node = nodes[node, ABOVE] if above else nodes[node, BELOW]
+        which = nodes[node, WHICH]
         if which == OUTSIDE:
             continue
-        lower, upper = piece_forms[which, LOW], piece_forms[which, HIGH]
+        lower, upper = forms[which, LOW], forms[which, HIGH]
         if lower < 0:
-            low = piece_ends[which, LOW]
+            low = tree.ends[which, LOW]
         elif lower != under:
-            low = border(x0, x1, lower, border_boxes, border_sizes, border_starts, border_coefficients)
+            low = border(tree, lower, x0, x1)
         if upper < 0:
-            high = piece_ends[which, HIGH]
+            high = tree.ends[which, HIGH]
         elif upper != over:
-            high = border(x0, x1, upper, border_boxes, border_sizes, border_starts, border_coefficients)
-        u = place((x2 - low) / (high - low), piece_forms[which, 2]) if high > low else x2 - low
-        box = piece_boxes[which]
-        if (box[0] == box[1] and x0 != box[0]) or (box[2] == box[3] and x1 != box[2]) or (high == low and u != 0.0):
+            high = border(tree, upper, x0, x1)
+        u = place((x2 - low) / (high - low), forms[which, FORM]) if high > low else x2 - low
+        box = tree.piece_boxes[which]
+        flat_0, flat_1 = box[X0] == box[X0 + 1], box[X1] == box[X1 + 1]
+        if (flat_0 and x0 != box[X0]) or (flat_1 and x1 != box[X1]) or (high == low and u != 0.0):
             continue
-        a, b, c = scaled(x0, box[0], box[1]), scaled(x1, box[2], box[3]), scaled(u, box[4], box[5])
+        a, b = scaled(x0, box[X0], box[X0 + 1]), scaled(x1, box[X1], box[X1 + 1])
+        c = scaled(u, box[U], box[U + 1])
         if max(abs(a), abs(b), abs(c)) <= 1.0 + SLACK:
             piece[i] = which
             inside[0, i], inside[1, i], inside[2, i] = a, b, c

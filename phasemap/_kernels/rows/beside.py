@@ -25,13 +25,13 @@ def rows_beside(
 ) -> None:  # fmt: skip
     """Replace each result row by that of the exact orbit beside it; `done` says where there is one."""
     orbit, spare, target = new_orbit(), new_orbit(), np.zeros(4)
-    guess, row = np.zeros(6), np.zeros(col.COLUMNS)
+    guess, row = np.zeros(col.GUESS), np.zeros(col.COLUMNS)
     for i in range(len(rows)):
         p, amplitude, near = parameters(rows[i]), amplitudes[i], out[i]
         tolerance = tolerance_of(law, p, lever)
-        guess[0], guess[1], guess[2] = near[col.TIP_OFFSET], near[col.MEAN], amplitude
-        guess[3] = near[col.STIFFENING] * amplitude
-        guess[4] = -near[col.DISSIPATION] / (math.pi * lever[col.STIFFNESS] * amplitude)
+        guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = near[col.TIP_OFFSET], near[col.MEAN], amplitude
+        guess[col.G_P] = near[col.STIFFENING] * amplitude
+        guess[col.G_S] = -near[col.DISSIPATION] / (math.pi * lever[col.STIFFNESS] * amplitude)
         done[i] = False
         for level in range(FINEST + 1):
             if not begin(law, p, lever, tables, orbit, guess, level):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.orbit import new_room, refine
 from phasemap._kernels.orbits.response.passes import HEIGHT as STATE_HEIGHT
 from phasemap._kernels.orbits.response.passes import PHASE as STATE_PHASE
@@ -33,7 +34,7 @@ def exact_block(
         NaN where the response does not converge, or the orbit is not sound.
     good : ndarray of bool, shape (n, m)
     """
-    room, guess = new_room(), np.zeros(6)
+    room, guess = new_room(), np.zeros(col.GUESS)
     for i in range(len(rows)):
         p = parameters(rows[i])
         reach = reach_of(law, p)
@@ -50,8 +51,8 @@ def exact_block(
                     break
                 places[i, j] = c
                 push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
-                guess[0], guess[1], guess[2] = amplitude * c + mean, mean, amplitude
-                guess[3], guess[4], guess[5] = push, drag, slope / amplitude
+                put(guess, amplitude, c, push, drag, mean)
+                guess[col.G_SLOPE] = slope / amplitude
                 if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
                     break
                 seen, phase = show(lever, amplitude, room.state[STATE_PHASE])

@@ -9,9 +9,11 @@ Where the detector sees the deflection, that holds at a given A; what A is follo
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, OMEGA, SHAKER
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
@@ -27,6 +29,32 @@ APART = 1e-5  # of A, for derivatives with respect to it
 FINE = 1e-4  # of the depth, for derivatives with respect to c
 CLOSE = 1e-5  # of the depth: Newton's last step, whose square is what is left
 LONGEST = 0.6  # of the depth, of a step
+
+
+class Look(NamedTuple):
+    """Mismatch of a harmonic orbit, amplitude [m] and phase [rad] that the detector sees, and tip offset [m]."""
+
+    mismatch: float
+    amplitude: float
+    phase: float
+    offset: float
+
+
+class Found(NamedTuple):
+    """Averaged orbits of n materials in m images, and their derivatives with respect to k logarithms.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n, m, VALUES)
+        Phase [rad] and tip offset [m].
+    slopes : ndarray, shape (n, m, VALUES, k)
+    good : ndarray of bool, shape (n,)
+        Whether there is a stable orbit in every image.
+    """
+
+    values: np.ndarray
+    slopes: np.ndarray
+    good: np.ndarray
 
 
 @kernel
@@ -74,9 +102,9 @@ def root_anywhere(
     """The farthest stable root on this branch, and dh/dc there; NaN if there is none."""
     candidates = averaged_orbits(law, p, lever, amplitude)
     for i in range(len(candidates)):
-        if (candidates[i, 3] > 0.0) == (side > 0):
+        if (candidates[i, col.G_P] > 0.0) == (side > 0):
             c, slope = root_near(
-                law, p, lever, reach, amplitude, side, (candidates[i, 0] - candidates[i, 1]) / amplitude
+                law, p, lever, reach, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
             )
             if slope < 0.0:
                 return c, slope
@@ -95,14 +123,12 @@ def root_of(
 
 
 @kernel
-def look(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
-) -> tuple[float, float, float, float]:
-    """Mismatch of a harmonic orbit, amplitude [m] and phase [rad] that the detector sees, and tip offset [m]."""
+def look(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> Look:
+    """A harmonic orbit as it is seen."""
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
     phase, offset = observed(lever, amplitude, c, push, drag, mean)
     seen, turned = show(lever, amplitude, phase)
-    return mismatch(lever, amplitude, push, drag), seen, turned, offset
+    return Look(mismatch(lever, amplitude, push, drag), seen, turned, offset)
 
 
 @kernel
@@ -130,7 +156,7 @@ def held_root(
 @kernel
 def averaged_block(
     law: Law, rows: np.ndarray, step: float, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray,
-    search: bool, places: np.ndarray, values: np.ndarray, slopes: np.ndarray, good: np.ndarray,
+    search: bool, places: np.ndarray, found: Found,
 ) -> None:  # fmt: skip
     """Averaged phase and tip offset of n materials in m images, and their derivatives.
 
@@ -147,11 +173,10 @@ def averaged_block(
         Whether to look at all averaged orbits where `places` lead nowhere.
     places : ndarray, shape (n, m)
         c of the orbits: a guess, and what was found.
-    values : ndarray, shape (n, m, VALUES)
-    slopes : ndarray, shape (n, m, VALUES, k)
-    good : ndarray of bool, shape (n,)
-        Whether there is a stable orbit in every image.
+    found : Found
+        To be filled.
     """
+    values, slopes, good = found
     for i in range(rows.shape[1]):
         good[i] = True
         p = parameters(rows[0, i])
@@ -168,25 +193,25 @@ def averaged_block(
                 break
             places[i, j] = c
             here = look(law, p, lever, reach, amplitude, c)
-            values[i, j, PHASE], values[i, j, OFFSET] = here[2], here[3]
+            values[i, j, PHASE], values[i, j, OFFSET] = here.phase, here.offset
             small, wide = FINE * depth_of(reach, amplitude, c), APART * amplitude
             there = look(law, p, lever, reach, amplitude, c + small)
             h_c, v_c, phase_c, offset_c = (
-                (there[0] - here[0]) / small, (there[1] - here[1]) / small,
-                (there[2] - here[2]) / small, (there[3] - here[3]) / small,
+                (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
+                (there.phase - here.phase) / small, (there.offset - here.offset) / small,
             )  # fmt: skip
             h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
             if lever[SHAKER] != 0.0:
                 there = look(law, p, lever, reach, amplitude + wide, c)
-                h_a, v_a = (there[0] - here[0]) / wide, (there[1] - here[1]) / wide
-                phase_a, offset_a = (there[2] - here[2]) / wide, (there[3] - here[3]) / wide
+                h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
+                phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
             for k in range(rows.shape[0] - 1):
                 other = parameters(rows[1 + k, i])
                 there = look(law, other, lever, reach_of(law, other), amplitude, c)
                 # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
-                h, v = here[0] - there[0], here[1] - there[1]
+                h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
                 both = h_c * v_a - h_a * v_c
                 along, wider = (h * v_a - v * h_a) / both, (v * h_c - h * v_c) / both
-                phase, offset = there[2] - here[2], there[3] - here[3]
+                phase, offset = there.phase - here.phase, there.offset - here.offset
                 slopes[i, j, PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
                 slopes[i, j, OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step

@@ -28,9 +28,7 @@ FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many
 
 @kernel
 def collect(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     hold: int,
     value: float,
     level: int,
@@ -43,23 +41,23 @@ def collect(
     """
     orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
     index = AP if hold == HOLD_AMPLITUDE else ZP
-    p, lever = path.p, path.lever
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
     free = free_amplitude(lever)
     engaged = value if hold == HOLD_AMPLITUDE else 0.999 * free
-    status, orbit, spare = start_far(law, path, tables, orbit, spare, engaged, level)
+    status, orbit, spare = start_far(path, orbit, spare, engaged, level)
     point = np.zeros(POINT)
     point[TU] = -1.0
-    if status != col.GOOD or not mark(law, path, tables, orbit, point):
+    if status != col.GOOD or not mark(path, orbit, point):
         return col.NOT_CONVERGED, 0
     step, count, one = FIRST_STEP, 0, new_orbit()
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance_watching(law, path, tables, point, step, index, value, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(path, point, step, index, value, orbit, spare, saved)
         if status != col.GOOD:
             return status, count
         if (before[index] > value) != (point[index] > value):
             copy_orbit(orbit, one)
-            good, one, spare = cross(law, path, tables, index, value, before, point, one, saved, spare, tolerance)
+            good, one, spare = cross(path, index, value, before, point, one, saved, spare, tolerance)
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
             finish(law, p, lever, tables, one, rows[count])
@@ -87,9 +85,7 @@ def insert(rows: np.ndarray, count: int) -> int:
 
 @kernel
 def seed(
-    law: Law,
     path: Path,
-    tables: np.ndarray,
     amplitude: float,
     guesses: np.ndarray,
     level: int,
@@ -101,7 +97,7 @@ def seed(
 
     An averaged orbit of another amplitude is followed to this one, along its own piece of the curve.
     """
-    p, lever = path.p, path.lever
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
     orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
     target, point = np.zeros(4), np.zeros(POINT)
     for i in range(len(guesses)):
@@ -113,27 +109,25 @@ def seed(
         )
         if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
             continue
-        if guess[2] == amplitude:
+        if guess[col.G_A] == amplitude:
             finish(law, p, lever, tables, orbit, rows[count])
             state_errors(law, p, lever, tables, orbit, spare, rows[count])
             count = insert(rows, count)
             continue
         point[:] = 0.0
-        point[TV] = 1.0 if amplitude > guess[2] else -1.0
-        if not mark(law, path, tables, orbit, point):
+        point[TV] = 1.0 if amplitude > guess[col.G_A] else -1.0
+        if not mark(path, orbit, point):
             continue
         step = 0.1
         for _ in range(80):
             before = point.copy()
-            status, step, orbit, spare = advance_watching(
-                law, path, tables, point, step, AP, amplitude, orbit, spare, saved
-            )
-            if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[2] - amplitude):
+            status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
+            if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[col.G_A] - amplitude):
                 break
             if (before[AP] > amplitude) != (point[AP] > amplitude) and count < len(rows):
                 copy_orbit(orbit, one)
                 good, one, spare = cross(
-                    law, path, tables, AP, amplitude, before, point, one, saved, spare,
+                    path, AP, amplitude, before, point, one, saved, spare,
                     tolerance,
                 )  # fmt: skip
                 if good:
@@ -149,18 +143,18 @@ def every_orbit(
 ) -> tuple[int, np.ndarray]:
     """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
     p = parameters(row)
-    path = fixed(law, p, lever)
+    path = fixed(law, p, lever, tables)
     found = np.zeros((MOST_ORBITS, col.COLUMNS))
     level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
-    status, count = collect(law, path, tables, hold, value, level, tolerance, found)
+    status, count = collect(path, hold, value, level, tolerance, found)
     if hold == HOLD_AMPLITUDE:
         for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
             guesses = averaged_orbits(law, p, lever, amplitude)
             if amplitude == value or len(guesses) > count:
-                count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
+                count = seed(path, value, guesses, level, tolerance, found, count)
         # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
         guesses = averaged_orbits(law, p, lever, value)
         for i in range(len(guesses)):
-            guesses[i, 0] += THROWN * value
-        count = seed(law, path, tables, value, guesses, level, tolerance, found, count)
+            guesses[i, col.G_Z0] += THROWN * value
+        count = seed(path, value, guesses, level, tolerance, found, count)
     return status, found[:count]

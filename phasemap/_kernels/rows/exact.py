@@ -25,6 +25,7 @@ from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, Orbit, new_orbit
 from phasemap._kernels.orbits.response.orbit import farthest
+from phasemap._kernels.rows.answers import Answers
 
 Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 
@@ -52,22 +53,20 @@ def exact_orbit(
         if done != col.GOOD:
             continue  # finer elements change less from pass to pass
         done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
-        same = (row[col.STIFFENING] > 0.0) == (guess[3] > 0.0)
-        near = abs(row[col.TIP_OFFSET] - guess[0]) < farthest(lever, amplitude)
+        same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
+        near = abs(row[col.TIP_OFFSET] - guess[col.G_Z0]) < farthest(lever, amplitude)
         if done == col.GOOD and same and near and judge(row) == col.GOOD:
             state_errors(law, p, lever, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)
         break
-    done, path = col.NOT_CONVERGED, fixed(law, p, lever)
+    done, path = col.NOT_CONVERGED, fixed(law, p, lever, tables)
     if lever[col.ALPHA0] < 0.5 / LOWEST_Q:
-        done, orbit, spare, found = engage_near(
-            law, fixed(law, p, lever), tables, amplitude, tolerance, orbit, spare, saved, found
-        )
+        done, orbit, spare, found = engage_near(path, amplitude, tolerance, orbit, spare, saved, found)
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
     level, lingering, done = 0, LINGERING, done if done == col.GOOD else col.NOT_SETTLED
     while done != col.GOOD:
         done, orbit, spare, found = engage_exact(
-            law, path, tables, amplitude, level, tolerance, lingering, orbit, spare, saved, found
+            path, amplitude, level, tolerance, lingering, orbit, spare, saved, found
         )
         if done == col.NOT_SETTLED and lingering < math.inf:
             level, lingering = 0, math.inf
@@ -97,13 +96,12 @@ def exact_rows(
     amplitudes: np.ndarray,
     first: int,
     last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
+    answers: Answers,
 ) -> None:
     """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
+    out, status, solver = answers
     orbits = (new_orbit(), new_orbit(), new_orbit(), new_orbit())
-    guess, top = np.zeros(6), np.zeros(MAXIMUM)
+    guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
     for i in range(first, last):
         if status[i] != col.PENDING:
             continue

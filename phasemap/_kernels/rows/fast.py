@@ -22,6 +22,7 @@ from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.response.orbit import new_room
 from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
+from phasemap._kernels.rows.answers import Answers
 
 
 @kernel
@@ -30,12 +31,24 @@ def averaging_suffices(
 ) -> bool:
     """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
     phase_error = abs(phase_of(lever, guess) - state[PHASE]) + state[ERR_PHASE]
-    height_error = abs(guess[0] - state[HEIGHT]) + state[ERR_HEIGHT]
+    height_error = abs(guess[col.G_Z0] - state[HEIGHT]) + state[ERR_HEIGHT]
     if not (phase_error < limits[0] and height_error < limits[1]):
         return False
     averaged_row(lever, guess, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
     return True
+
+
+@kernel
+def choose(
+    lever: np.ndarray, guess: np.ndarray, nodes: np.ndarray, state: np.ndarray, average: bool, limits: np.ndarray,
+    row: np.ndarray,
+) -> int:  # fmt: skip
+    """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""
+    if average and averaging_suffices(lever, guess, state, limits, row):
+        return col.AVERAGING
+    report(lever, nodes, state, row)
+    return col.CORRECTED
 
 
 @kernel
@@ -48,18 +61,15 @@ def cheap_rows(
     average: bool,
     first: int,
     last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
+    answers: Answers,
 ) -> int:
     """Orbit of every row in [first, last) after engagement, where the cheap path is good enough; returns how many wait.
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
-    stand. `solver` receives col.AVERAGING or col.CORRECTED. Rows that wait with the status STIFF hold `guess`.
+    stand. Rows that wait with the status STIFF hold `guess`.
     """
-    room = new_room()
-    guess = np.zeros(6)
-    waiting = 0
+    out, status, solver = answers
+    room, guess, waiting = new_room(), np.zeros(col.GUESS), 0
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
         row[:] = math.nan
@@ -69,11 +79,8 @@ def cheap_rows(
             waiting += 1
             if status[i] == col.STIFF:
                 copy(guess, row)
-        elif average and averaging_suffices(lever, guess, room.state, limits, row):
-            solver[i] = col.AVERAGING
         else:
-            report(lever, room.nodes, room.state, row)
-            solver[i] = col.CORRECTED
+            solver[i] = choose(lever, guess, room.nodes, room.state, average, limits, row)
     return waiting
 
 
@@ -85,13 +92,11 @@ def averaging_rows(
     amplitudes: np.ndarray,
     first: int,
     last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
+    answers: Answers,
 ) -> int:
     """First-order averaged orbit of every row in [first, last) where averaging decides; returns how many wait."""
-    guess, top = np.zeros(6), np.zeros(MAXIMUM)
-    waiting = 0
+    out, status, solver = answers
+    guess, top, waiting = np.zeros(col.GUESS), np.zeros(MAXIMUM), 0
     for i in range(first, last):
         out[i] = math.nan
         solver[i] = col.AVERAGING
@@ -112,12 +117,11 @@ def averaged_near_rows(
     amplitudes: np.ndarray,
     first: int,
     last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
+    answers: Answers,
 ) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
-    guess = np.zeros(6)
+    out, status, solver = answers
+    guess = np.zeros(col.GUESS)
     for i in range(first, last):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
             candidates = averaged_orbits(law, parameters(rows[i]), lever, amplitudes[i])

@@ -16,6 +16,7 @@ from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
 
 MOST_STEPS = 12
+FROM_Z0, FROM_MEAN, FROM_PHASE, AWAY = 0, 1, 2, 3  # columns of guesses
 
 
 @kernel
@@ -27,12 +28,10 @@ def nearby_rows(
     amplitudes: np.ndarray,
     guesses: np.ndarray,
     group: int,
-    first: int,
-    last: int,
     out: np.ndarray,
     status: np.ndarray,
 ) -> None:
-    """Orbit of every row in [first, last) next to its guess.
+    """Orbit of every row next to its guess.
 
     Parameters
     ----------
@@ -43,23 +42,23 @@ def nearby_rows(
         So many rows, one after another, are close to each other: each may start from the one before.
     """
     orbit, spare = new_orbit(), new_orbit()
-    guess, target = np.zeros(5), np.zeros(4)
+    guess, target = np.zeros(col.HARMONIC_ORBIT), np.zeros(4)
     omega = lever[col.OMEGA]
-    for i in range(first, last):
+    for i in range(len(rows)):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
-        z0, mean, phase, away = guesses[i, 0], guesses[i, 1], guesses[i, 2], guesses[i, 3]
-        guess[0], guess[1], guess[2] = z0, mean, amplitude
-        guess[3] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
-        guess[4] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
+        z0, mean, phase, away = guesses[i, FROM_Z0], guesses[i, FROM_MEAN], guesses[i, FROM_PHASE], guesses[i, AWAY]
+        guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, mean, amplitude
+        guess[col.G_P] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
+        guess[col.G_S] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
         tolerance = tolerance_of(law, p, lever)
         done = col.NOT_CONVERGED
         for warm in (True, False):
-            if warm and (i % group == 0 or i == first or status[i - 1] != col.GOOD):
+            if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
             if warm:
                 head = orbit.head
-                head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[3], guess[4]
-                if not relay(law, fixed(law, p, lever), tables, orbit, spare):
+                head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[col.G_P], guess[col.G_S]
+                if not relay(fixed(law, p, lever, tables), orbit, spare):
                     continue
                 orbit, spare = spare, orbit
             elif not begin(law, p, lever, tables, orbit, guess, 0):

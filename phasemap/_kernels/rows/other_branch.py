@@ -31,10 +31,11 @@ from phasemap._kernels.engagement.resonance import (
 )
 from phasemap._kernels.law import Law, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
-from phasemap._kernels.orbits.response.passes import PUSH, report
-from phasemap._kernels.rows.fast import averaging_suffices
+from phasemap._kernels.orbits.response.passes import PUSH
+from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.rows.fast import choose
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 EXACTLY_DAMPED = 2e-3  # the same of exact orbits
@@ -105,7 +106,7 @@ def beside(
     """Fill `guess` with a harmonic orbit outside of the strongest pull."""
     c = 1.0 + (top[GAP] + BESIDE * (reach + abs(top[GAP]))) / amplitude
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
-    guess[0], guess[1], guess[2], guess[3], guess[4] = amplitude * c + mean, mean, amplitude, push, drag
+    put(guess, amplitude, c, push, drag, mean)
 
 
 @kernel
@@ -165,7 +166,7 @@ def exact_drag(
 @kernel
 def other_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, allowed: np.ndarray,
-    first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray,
+    first: int, last: int, answers: Answers,
 ) -> int:  # fmt: skip
     """Stable orbits on both branches for every row in [first, last), from what engagement found; returns how many wait.
 
@@ -175,12 +176,12 @@ def other_rows(
         Largest estimated errors of an exact orbit: phase [rad], height [m].
     allowed : ndarray, shape (2,)
         The same within which an averaged orbit may stand.
-    out : ndarray, shape (SLOTS, n, COLUMNS)
-    status, solver : ndarray, shape (SLOTS, n)
-        Of these ENGAGED is given, the other two are filled; what is PENDING has a harmonic orbit (z0, mean deflection,
-        A, P, S) to start from, or NaN.
+    answers : Answers
+        By slot. Of these ENGAGED is given, the other two are filled; what is PENDING has a harmonic orbit (z0, mean
+        deflection, A, P, S) to start from, or NaN.
     """
-    room, guess, waiting = new_room(), np.zeros(6), 0
+    out, status, solver = answers
+    room, guess, waiting = new_room(), np.zeros(col.GUESS), 0
     for i in range(first, last):
         here = REPELLING if out[ENGAGED, i, col.STIFFENING] > 0.0 else ATTRACTING
         p, reach, left = parameters(rows[i]), reach_of(law, parameters(rows[i])), False
@@ -197,15 +198,12 @@ def other_rows(
                 exact = refine(law, p, lever, reach, guess, limits, room.nodes, room.state)
                 if not exact or not steep(law, p, lever, limits, room):
                     done = col.PENDING
-            if done == col.GOOD and averaging_suffices(lever, guess, room.state, allowed, row):
-                solver[slot, i] = col.AVERAGING
-            elif done == col.GOOD:
-                report(lever, room.nodes, room.state, row)
-                solver[slot, i] = col.CORRECTED
+            if done == col.GOOD:
+                solver[slot, i] = choose(lever, guess, room.nodes, room.state, True, allowed, row)
             elif done == col.PENDING:
                 left = True
                 for j in range(5):
-                    row[j] = guess[j] if guess[2] > 0.0 else math.nan
+                    row[j] = guess[j] if guess[col.G_A] > 0.0 else math.nan
             status[slot, i] = done
         waiting += left
     return waiting

@@ -14,6 +14,7 @@ from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.rows.answers import Answers
 
 MOST_STEPS = 15
 STARTS, FARTHER = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
@@ -22,14 +23,15 @@ STARTS, FARTHER = 6, 0.04  # harmonic orbits to start from, and how far from eac
 @kernel
 def exact_near_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitudes: np.ndarray,
-    first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray,
+    first: int, last: int, answers: Answers,
 ) -> int:  # fmt: skip
     """Exact orbits for what `branches.other_rows` left PENDING, where they are found; returns how many rows still wait.
 
     A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
     are tried too.
     """
-    orbit, spare, guess, target = new_orbit(), new_orbit(), np.zeros(5), np.zeros(4)
+    out, status, solver = answers
+    orbit, spare, guess, target = new_orbit(), new_orbit(), np.zeros(col.HARMONIC_ORBIT), np.zeros(4)
     waiting = 0
     for i in range(first, last):
         p, left = parameters(rows[i]), False
@@ -41,7 +43,7 @@ def exact_near_rows(
             for j in range(len(guess)):
                 guess[j] = row[j]
             for _ in range(STARTS):
-                if math.isnan(guess[0]) or not begin(law, p, lever, tables, orbit, guess, 0):
+                if math.isnan(guess[col.G_Z0]) or not begin(law, p, lever, tables, orbit, guess, 0):
                     break
                 done, _, orbit, spare = newton(
                     law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
@@ -52,7 +54,7 @@ def exact_near_rows(
                     status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
                     state_errors(law, p, lever, tables, orbit, spare, row)
                     break
-                guess[0] += FARTHER * amplitudes[i]
+                guess[col.G_Z0] += FARTHER * amplitudes[i]
             if status[slot, i] == col.PENDING:
                 row[:] = math.nan
                 left = True

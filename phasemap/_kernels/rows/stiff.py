@@ -9,8 +9,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.response.newton import new_bench
 from phasemap._kernels.orbits.response.orbit import refine_stiff
-from phasemap._kernels.orbits.response.passes import report
-from phasemap._kernels.rows.fast import averaging_suffices
+from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.rows.fast import choose
 
 
 @kernel
@@ -22,15 +22,14 @@ def stiff_rows(
     average: bool,
     first: int,
     last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
+    answers: Answers,
 ) -> None:
     """Orbit of every row in [first, last) that `cheap_rows` left STIFF.
 
     What it is not good enough for is PENDING, and holds `guess`.
     """
-    short, long, guess = new_bench(1), new_bench(2), np.zeros(6)
+    out, status, solver = answers
+    short, long, guess = new_bench(1), new_bench(2), np.zeros(col.GUESS)
     for i in range(first, last):
         if status[i] != col.STIFF:
             continue
@@ -43,8 +42,4 @@ def stiff_rows(
             continue
         bench = short if parts == 1 else long
         status[i] = col.GOOD
-        if average and averaging_suffices(lever, guess, bench.state, limits, row):
-            solver[i] = col.AVERAGING
-        else:
-            report(lever, bench.nodes, bench.state, row)
-            solver[i] = col.CORRECTED
+        solver[i] = choose(lever, guess, bench.nodes, bench.state, average, limits, row)

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
@@ -33,14 +34,14 @@ def lifts(
 
     limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
-    room, guess = new_room(), np.zeros(6)
+    room, guess = new_room(), np.zeros(col.GUESS)
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         out[i] = math.nan
         orbits = averaged_orbits(law, p, lever, amplitude)
         for j in range(len(orbits)):
             copy(orbits[j], guess)
-            guess[5] = slope_of(law, p, lever, guess)
+            guess[col.G_SLOPE] = slope_of(law, p, lever, guess)
             if refine(law, p, lever, reach_of(law, p), guess, limits, room.nodes, room.state):
-                side = REPELLED if guess[3] > 0.0 else ATTRACTED
-                out[i, side] = (room.state[HEIGHT] - guess[0]) / guess[3]
+                side = REPELLED if guess[col.G_P] > 0.0 else ATTRACTED
+                out[i, side] = (room.state[HEIGHT] - guess[col.G_Z0]) / guess[col.G_P]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core import types
@@ -14,7 +14,6 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,
     CALM,
@@ -39,6 +38,7 @@ from phasemap._kernels.scanning.loop import (
     TALLY,
     TIME,
     TURN,
+    Stretch,
     shown,
 )
 from phasemap._kernels.scanning.periods import AHEAD, Periods, march_on
@@ -48,8 +48,6 @@ from phasemap._kernels.scanning.slow_flow import SHIFT, STEP, Flow, flow_on
 # [m per tau], and the pixel to which it belongs (-1: none is recorded).
 SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
 
-LIFT = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `lift`
-
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
 LOOK = 0.1  # times in which that amplitude decays, after which it is looked at the tip that comes nearer
 STILL = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
@@ -57,24 +55,28 @@ LOOKS = 40  # at whether it has
 LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no longer a feedback
 
 
-def advance(law: Any, row: Any, lever: Any, loop: Any, ground: Any, slope: Any, span: Any, tip: Any, tally: Any,
-            noise: Any) -> int:  # fmt: skip
-    """Let a time pass: `flow_on` or `march_on`, whichever the tip is."""
+class Start(NamedTuple):
+    """Whether the tip is engaged as a line begins; else the result row on which it engages, NaN if none is known."""
+
+    engaged: bool
+    orbit: np.ndarray
+
+
+class Recorded(NamedTuple):
+    """What a scan writes down: a row of n pixels, shape (n, COLUMNS), and their status, shape (n,)."""
+
+    rows: np.ndarray
+    status: np.ndarray
+
+
+def advance(law: Any, row: Any, lever: Any, loop: Any, stretch: Any, tip: Any, tally: Any, noise: Any) -> int:
+    """Let a stretch of ground pass: `flow_on` or `march_on`, whichever the tip is."""
     raise NotImplementedError
 
 
 def start_at(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
     """Set the lever swinging about a mean deflection [m] with a complex amplitude [m], at drive phase 0."""
     raise NotImplementedError
-
-
-@kernel
-def _advance_flow(
-    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
-    tip: Flow, tally: np.ndarray, noise: np.random.Generator,
-) -> int:  # fmt: skip
-    p, lift = parameters(row), (row[LIFT + ATTRACTED], row[LIFT + REPELLED])
-    return flow_on(law, p, lift, lever, reach_of(law, p), loop, ground, slope, span, tip, tally, noise)
 
 
 @kernel
@@ -106,11 +108,11 @@ def _is_flow(tip: Any) -> bool:
 
 def _choose_advance(tip: Any) -> Any:
     if _is_flow(tip):
-        return lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: _advance_flow(
-            law, row, lever, loop, ground, slope, span, tip, tally, noise
+        return lambda law, row, lever, loop, stretch, tip, tally, noise: flow_on(
+            law, row, lever, loop, stretch, tip, tally, noise
         )
-    return lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: march_on(
-        law, row, lever, loop, ground, slope, span, tip, tally, noise
+    return lambda law, row, lever, loop, stretch, tip, tally, noise: march_on(
+        law, row, lever, loop, stretch, tip, tally, noise
     )
 
 
@@ -120,7 +122,7 @@ def _choose_start(tip: Any) -> Any:
     return lambda lever, place, mean, a, tip: _start_march(lever, place, mean, a, tip)
 
 
-overload(advance)(lambda law, row, lever, loop, ground, slope, span, tip, tally, noise: _choose_advance(tip))
+overload(advance)(lambda law, row, lever, loop, stretch, tip, tally, noise: _choose_advance(tip))
 overload(start_at)(lambda lever, place, mean, a, tip: _choose_start(tip))
 
 
@@ -148,7 +150,7 @@ def approach_in_time(
             return col.NOT_SETTLED
         passed += LOOK * decay
         lowering[RAMP] = APPROACH * max(free, y[PLACE] - ground) / decay
-        status = advance(law, row, lever, lowering, ground, 0.0, LOOK * decay, tip, tally, noise)
+        status = advance(law, row, lever, lowering, Stretch(ground, 0.0, LOOK * decay), tip, tally, noise)
         if status != col.GOOD:
             return status
         if y[PLACE] - ground < -LOST * free:
@@ -183,7 +185,7 @@ def engage_in_time(
     calm = 0
     for _ in range(LOOKS):
         tally[:] = 0.0
-        status = advance(law, row, lever, loop, ground, 0.0, look, tip, tally, noise)
+        status = advance(law, row, lever, loop, Stretch(ground, 0.0, look), tip, tally, noise)
         if status != col.GOOD:
             return status
         if abs(y[PLACE] - ground) > LOST * free:
@@ -200,13 +202,14 @@ def engage_in_time(
 
 @kernel
 def scan_segments(
-    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, tip: Any, out: np.ndarray,
-    status: np.ndarray, noise: np.random.Generator,
+    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, tip: Any, made: Recorded,
+    noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Run the segments of a program; fills a row of `out` and a status for each pixel that it passes.
+    """Run the segments of a program; fills a row and a status for each pixel that it passes.
 
     Over a pixel without a material no time passes. Returns GOOD, or what ended the scan.
     """
+    out, status = made
     y, tally = tip.y, np.zeros(TALLY)
     farthest = LOST * free_amplitude(lever)
     done = col.GOOD
@@ -219,9 +222,9 @@ def scan_segments(
                 status[pixel] = col.INVALID
             continue
         if done == col.GOOD:
-            ground, slope, span = program[i, GROUND], program[i, SLOPE], program[i, SPAN]
-            done = advance(law, rows[material], lever, loop, ground, slope, span, tip, tally, noise)
-            away = y[PLACE] - ground - slope * span
+            stretch = Stretch(program[i, GROUND], program[i, SLOPE], program[i, SPAN])
+            done = advance(law, rows[material], lever, loop, stretch, tip, tally, noise)
+            away = y[PLACE] - stretch.ground - stretch.slope * stretch.span
             if not abs(away) < farthest:
                 done = col.DIVERGED
         if pixel < 0 or (i + 1 < len(program) and int(program[i + 1, PIXEL]) == pixel):
@@ -246,22 +249,19 @@ def _record(loop: np.ndarray, tally: np.ndarray, row: np.ndarray) -> None:
 
 @kernel
 def scan_line(
-    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, engaged: bool,
-    orbit: np.ndarray, tip: Any, out: np.ndarray, status: np.ndarray, noise: np.random.Generator,
+    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, start: Start,
+    tip: Any, made: Recorded, noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Engage if the tip is not, over the first segment that has a material, and scan a line; returns a status.
-
-    `orbit` is the result row on which the tip engages there, NaN where none is known.
-    """
-    done, start = col.GOOD, 0
-    while start < len(program) and program[start, MATERIAL] < 0:
-        start += 1
-    if start < len(program) and not engaged:
-        material = int(program[start, MATERIAL])
-        done = engage_in_time(law, rows[material], lever, loop, program[start, GROUND], orbit, tip, noise)
+    """Engage if the tip is not, over the first segment that has a material, and scan a line; returns a status."""
+    done, first = col.GOOD, 0
+    while first < len(program) and program[first, MATERIAL] < 0:
+        first += 1
+    if first < len(program) and not start.engaged:
+        material = int(program[first, MATERIAL])
+        done = engage_in_time(law, rows[material], lever, loop, program[first, GROUND], start.orbit, tip, noise)
     if done == col.GOOD:
-        return scan_segments(law, rows, lever, loop, program, tip, out, status, noise)
+        return scan_segments(law, rows, lever, loop, program, tip, made, noise)
     for i in range(len(program)):
         if program[i, PIXEL] >= 0:
-            status[int(program[i, PIXEL])] = done if program[i, MATERIAL] >= 0 else col.INVALID
+            made.status[int(program[i, PIXEL])] = done if program[i, MATERIAL] >= 0 else col.INVALID
     return done

@@ -16,6 +16,7 @@ dissipation): in equilibrium <z^2> = k_B T/k.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,14 @@ AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
 
 # What is collected while a pixel passes: integrals over time of 1, Z, R and phase; whether the scanner was at its end.
 TIME, SUM_PLACE, SUM_AMPLITUDE, SUM_PHASE, STOPPED, TALLY = 0, 1, 2, 3, 4, 5
+
+
+class Stretch(NamedTuple):
+    """What passes under the tip: height [m] of the ground where it begins, its rise [m per tau], and how long [tau]."""
+
+    ground: float
+    slope: float
+    span: float
 
 
 @kernel(light=True)

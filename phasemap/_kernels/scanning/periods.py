@@ -28,6 +28,7 @@ from phasemap._kernels.scanning.loop import (
     SUM_PLACE,
     THERMAL,
     TIME,
+    Stretch,
     command,
     filter_for,
     move_scanner,
@@ -77,10 +78,11 @@ def _add_noise(lever: np.ndarray, loop: np.ndarray, period: float, noise: np.ran
 
 @kernel
 def march_on(
-    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, slope: float, span: float,
-    state: Periods, tally: np.ndarray, noise: np.random.Generator,
+    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, stretch: Stretch, state: Periods, tally: np.ndarray,
+    noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Let the periods pass whose middle is within a time `span`, over ground as in `flow_on`; returns a status."""
+    """Let the periods pass whose middle is within a stretch of ground; returns a status."""
+    ground, slope, span = stretch
     p, y, memory = parameters(row), state.y, state.memory
     period = 2.0 * math.pi / lever[col.OMEGA]
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0

@@ -20,7 +20,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
@@ -42,6 +43,7 @@ from phasemap._kernels.scanning.loop import (
     SUM_PLACE,
     THERMAL,
     TIME,
+    Stretch,
     command,
     drift_of,
     shown,
@@ -61,6 +63,16 @@ STAGES = 4
 # Entries of a flow's memory.
 STEP, SHIFT = 0, 1
 
+LIFT = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `lifts`
+
+
+class Sample(NamedTuple):
+    """A material: its parameters, the reach [m] of its force, and kappa of an attractive and a repulsive P."""
+
+    p: tuple[float, ...]
+    reach: float
+    lift: tuple[float, float]
+
 
 class Flow(NamedTuple):
     """The averaged lever under its loop: state, rates at the stages of a step, a state tried, step and deflection."""
@@ -79,14 +91,14 @@ def new_flow() -> Flow:
 
 @kernel
 def rates(
-    law: Law, p: tuple[float, ...], lift: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
-    ground: float, y: np.ndarray, shift: float, out: np.ndarray,
+    law: Law, sample: Sample, lever: np.ndarray, loop: np.ndarray, ground: float, y: np.ndarray, shift: float,
+    out: np.ndarray,
 ) -> float:  # fmt: skip
     """Fill `out` with dy/dtau over a ground of this height [m].
 
-    `lift` is kappa of an attractive and a repulsive P. Takes and returns by how much [m] mean deflection and harmonics
-    carry the tip towards the ground.
+    Takes and returns by how much [m] mean deflection and harmonics carry the tip towards the ground.
     """
+    p, reach, lift = sample
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
     a = complex(y[AMP], y[AMP + 1])
     size = max(abs(a), FAINTEST * loop[SETPOINT])
@@ -170,11 +182,14 @@ def _add_noise(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.G
 
 @kernel
 def flow_on(
-    law: Law, p: tuple[float, ...], lift: tuple[float, float], lever: np.ndarray, reach: float, loop: np.ndarray,
-    ground: float, slope: float, span: float, flow: Flow, tally: np.ndarray, noise: np.random.Generator,
+    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, stretch: Stretch, flow: Flow, tally: np.ndarray,
+    noise: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Let a time `span` pass over ground that begins at a height [m] and rises by `slope`; returns a status."""
+    """Let a stretch of ground pass; returns a status."""
     y, k, trial, memory = flow
+    ground, slope, span = stretch
+    p = parameters(row)
+    sample = Sample(p, reach_of(law, p), (row[LIFT + ATTRACTED], row[LIFT + REPELLED]))
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
     longest = NOISY / max(loop[RATE], lever[col.ALPHA0]) if noisy else math.inf
     if not memory[STEP] > 0.0:
@@ -187,7 +202,7 @@ def flow_on(
         if last:
             h = left
         if fresh:
-            memory[SHIFT] = rates(law, p, lift, lever, reach, loop, ground + slope * done, y, memory[SHIFT], k[0])
+            memory[SHIFT] = rates(law, sample, lever, loop, ground + slope * done, y, memory[SHIFT], k[0])
             fresh = False
         shift = memory[SHIFT]
         for stage in range(1, STAGES):
@@ -197,7 +212,7 @@ def flow_on(
                     step += _A[stage, i] * k[i, j]
                 trial[j] = y[j] + h * step
             below = ground + slope * (done + _WHEN[stage] * h)
-            shift = rates(law, p, lift, lever, reach, loop, below, trial, shift, k[stage])
+            shift = rates(law, sample, lever, loop, below, trial, shift, k[stage])
         error = _error(loop, flow, h)
         if error <= 1.0:
             _collect(loop, flow, h, 1.0, tally)

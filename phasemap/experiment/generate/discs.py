@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import WIDEST, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
@@ -22,6 +23,7 @@ _DISC = 300  # byte that a disc takes while discs are put down
 _DENSEST = 0.7  # equal discs at random jam near 0.84; from here on pushing them apart takes long
 
 
+@asked_as(fraction="area_fraction", coverage="area_fraction", size="radius")
 def particles(
     shape: Sequence[int],
     pixel_size: PixelSize,

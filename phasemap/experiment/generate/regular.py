@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, is_x, pixel_centres, sized
@@ -17,6 +18,7 @@ __all__ = ["checkerboard", "gradient", "step", "stripes"]
 _TIE = 1e-9  # of a period: a pixel centre on an edge is past it in every repeat, however the division is rounded
 
 
+@asked_as(width="period", fraction="duty", spacing="period")
 def stripes(
     shape: Sequence[int], pixel_size: PixelSize, *, period: Scalar, duty: Scalar = 0.5, angle: Scalar = 0.0
 ) -> Labels:
@@ -60,6 +62,7 @@ def stripes(
     return (phase - np.floor(phase) < duty).astype(np.uint8)
 
 
+@asked_as(size="side", period="side")
 def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: Scalar) -> Labels:
     """Squares in turn, as of a patterned monolayer or a calibration standard.
 
@@ -93,6 +96,7 @@ def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: Scalar) -
     return ((np.floor(y / side + _TIE) + np.floor(x / side + _TIE)) % 2).astype(np.uint8)
 
 
+@asked_as()
 def step(
     shape: Sequence[int],
     pixel_size: PixelSize,
@@ -135,6 +139,7 @@ def step(
     return labels.astype(np.uint8, order="C")
 
 
+@asked_as(low="start", high="stop")
 def gradient(shape: Sequence[int], *, start: Scalar, stop: Scalar, axis: Literal["x", "y"] = "x") -> Field:
     """Even change from one value to another, of any quantity.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import WIDEST, number, pixel_pair, whole
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.generate.arguments import (
@@ -24,6 +25,7 @@ __all__ = ["blend", "lamellae", "roughness"]
 _LONGEST = 10_000  # steps of relaxation; after some hundreds a pattern hardly changes
 
 
+@asked_as(area_fraction="fraction", spacing="period")
 def lamellae(
     shape: Sequence[int],
     pixel_size: PixelSize,
@@ -86,6 +88,7 @@ def lamellae(
     return _highest(u, fraction)
 
 
+@asked_as(area_fraction="fraction", period="spacing")
 def blend(
     shape: Sequence[int], pixel_size: PixelSize, *, spacing: Scalar, fraction: Scalar = 0.5, seed: int = 0
 ) -> Labels:
@@ -148,6 +151,7 @@ def blend(
     return _highest(u, fraction)
 
 
+@asked_as(sigma="rms", length="correlation_length", H="hurst")
 def roughness(
     shape: Sequence[int],
     pixel_size: PixelSize,

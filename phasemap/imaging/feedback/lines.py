@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.line import scan_line
+from phasemap._kernels.scanning.line import Recorded, Start, scan_line
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.experiment.accuracy import Accuracy
@@ -121,12 +121,11 @@ class Lines:
         program = program_of(self.numbers[row], ground, self.dwell, self.control.overscan)
         out, status = np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8)
         noise = generator(self.job.realism.seed, f"lever, line {self.job.place.row + row}")
-        engaged = tip.loop is not None
         loop = self.loop.copy() if tip.loop is None else tip.loop
         law, lever = self.work.law, self.work.lever
-        orbit = self.orbits[self.first[row]]
-        done = scan_line(law, self.rows, lever, loop, program, engaged, orbit, tip.state, out, status, noise)
-        self.calm[row] = engaged or done != col.GOOD or loop[of.CALM] > 0.0
+        start, made = Start(tip.loop is not None, self.orbits[self.first[row]]), Recorded(out, status)
+        done = scan_line(law, self.rows, lever, loop, program, start, tip.state, made, noise)
+        self.calm[row] = start.engaged or done != col.GOOD or loop[of.CALM] > 0.0
         tip.loop = loop if done == col.GOOD else None
         self._put(row, out, status, ground)
 

@@ -19,7 +19,7 @@ from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.rows.derivatives import held_root
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.slow_flow import rates
+from phasemap._kernels.scanning.slow_flow import Sample, rates
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
@@ -198,7 +198,8 @@ def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean: float) -> Array:
     """Central differences of the loop's rates."""
-    reach, size, lift = reach_of(work.law, p), NUDGE * loop[of.SETPOINT], (0.0, 0.0)  # of no weight for ringing
+    sample = Sample(p, reach_of(work.law, p), (0.0, 0.0))  # the lift is of no weight for ringing
+    size = NUDGE * loop[of.SETPOINT]
     out = np.zeros((of.STATE, of.STATE))
     rate = np.zeros(of.STATE)
     for j in range(of.STATE):
@@ -207,6 +208,6 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean:
             there[j] += sign * size
             guess = mean
             for _ in range(3):  # the mean deflection settles at once
-                guess = rates(work.law, p, lift, work.lever, reach, loop, 0.0, there, guess, rate)
+                guess = rates(work.law, sample, work.lever, loop, 0.0, there, guess, rate)
             out[:, j] += sign * rate / (2 * size)
     return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.cells import Piece
 from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS
+
+if TYPE_CHECKING:
+    from phasemap._kernels.materials.interpolate import Tree
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,15 +28,14 @@ class Atlas:
 
     Parameters
     ----------
-    tree : tuple of ndarray
-        Arguments of `locate` after the points.
+    tree : Tree
     sums : tuple of ndarray
         Arguments of `evaluate` after what is wanted.
     errors : ndarray, shape (pieces, 2)
         Estimated in each piece, of height [m] and phase [rad].
     """
 
-    tree: tuple[Array | Ints, ...]
+    tree: Tree
     sums: tuple[Array | Ints, ...]
     errors: Array
 
@@ -45,6 +48,8 @@ class Atlas:
         pieces: Sequence[Piece],
     ) -> Atlas:
         """Pack the parts of an atlas."""
+        from phasemap._kernels.materials.interpolate import Tree
+
         number = {id(border): i for i, border in enumerate(borders)}
         ends = np.zeros((len(pieces), 2))
         forms = np.full((len(pieces), 3), -1, np.int64)
@@ -56,7 +61,7 @@ class Atlas:
                     ends[i, j] = end
             forms[i, 2] = piece.cell.form
         tables = [_without_rest(border.coefficients) for border in borders]
-        tree = (
+        tree = Tree(
             np.array(nodes, np.int64).reshape(-1, 4),
             np.array(values, np.float64),
             np.array([border.box for border in borders], np.float64).reshape(-1, 4),
@@ -82,7 +87,7 @@ class Atlas:
         count = points.shape[1]
         piece, inside = np.empty(count, np.int32), np.empty((3, count))
         out = np.full((len(wanted), count), np.nan)
-        locate(points, *self.tree, piece, inside)
+        locate(points, self.tree, piece, inside)
         evaluate(piece, inside, wanted, *self.sums, out)
         return piece, out
 

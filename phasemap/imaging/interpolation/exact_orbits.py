@@ -95,9 +95,11 @@ class ExactOrbits:
         starts = np.column_stack([guesses[:, [HEIGHT, MEAN, PHASE]], away])
 
         def solve(first: int, last: int) -> None:
+            some = slice(first, last)
             nearby_rows(
-                work.law, work.rows, work.lever, TABLES, work.amplitudes, starts, group, first, last, rows, status
-            )
+                work.law, work.rows[some], work.lever, TABLES, work.amplitudes[some], starts[some], group, rows[some],
+                status[some],
+            )  # fmt: skip
 
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)

@@ -57,9 +57,9 @@ def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
 
     scale = Scale.over(frequencies)
     question = Question(setup.material, setup.scope)
-    law, path = swept_path(question, "frequency", scale, lambda _: setup.height, False)
+    path = swept_path(question, "frequency", scale, lambda _: setup.height, False)
     x = scale.m(frequencies)
-    curves = Curves(law, path, MP, np.sort(np.concatenate([x, STARTS])), (-BEYOND, BEYOND, 0.0), 0)
+    curves = Curves(path, MP, np.sort(np.concatenate([x, STARTS])), (-BEYOND, BEYOND, 0.0), 0)
     for m in STARTS:
         begin(curves, m, False)
     return _collect(curves, col.PARAMETER, x, np.ptp(frequencies) / 2)
@@ -68,10 +68,10 @@ def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
 def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
     from phasemap._kernels.continuation.path import ZP
 
-    law, path = fixed_path(Question(setup.material, setup.scope))
+    path = fixed_path(Question(setup.material, setup.scope))
     x = np.sort(tip_offsets + setup.height)
     beyond = MARGIN * (x[-1] - x[0])
-    curves = Curves(law, path, ZP, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
+    curves = Curves(path, ZP, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
     curves.from_far(x[-1] + beyond)
     return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
 

@@ -12,6 +12,8 @@ from phasemap.inference.curves.result import Fit
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]
 
+ARGUMENTS = {"frequency": "frequencies", "tip_offset": "tip_offsets"}  # what the axis of a fit is given as
+
 
 def fit_frequency(
     frequencies: Any,
@@ -82,7 +84,7 @@ def fit_frequency(
     """
     height = number("tip_offset", tip_offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
-    return _fit("frequency", "frequencies", frequencies, given, direction, scope, start, height, parameters, starts)
+    return _fit("frequency", frequencies, given, direction, scope, start, height, parameters, starts)
 
 
 def fit_distance(
@@ -142,12 +144,12 @@ def fit_distance(
     """
     height = number("offset", offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
-    return _fit("tip_offset", "tip_offsets", tip_offsets, given, direction, scope, start, height, parameters, starts)
+    return _fit("tip_offset", tip_offsets, given, direction, scope, start, height, parameters, starts)
 
 
 def _fit(
-    axis: str, name: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope,
-    start: Material, height: float, parameters: Any, starts: int,
+    axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope, start: Material,
+    height: float, parameters: Any, starts: int,
 ) -> Fit:  # fmt: skip
     from phasemap.inference.curves.data import check_data
     from phasemap.inference.curves.parameters import Setup, check_parameters
@@ -155,7 +157,7 @@ def _fit(
     from phasemap.inference.curves.solve import search
     from phasemap.inference.curves.verdict import make_fit
 
-    data, setup = check_data(axis, name, values, direction, given), Setup(start, scope, height)
+    data, setup = check_data(axis, ARGUMENTS[axis], values, direction, given), Setup(start, scope, height)
     chosen = check_parameters(parameters, setup, axis)
     if data.size <= len(chosen):
         raise InputError(

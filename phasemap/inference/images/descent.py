@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.model import Found
+from phasemap._kernels.rows.derivatives import Found
 
 Array = NDArray[np.float64]
 

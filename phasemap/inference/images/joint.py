@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels.rows.derivatives import Found
 from phasemap._shared.errors import InputError
 from phasemap.inference.images.descent import descend
-from phasemap.inference.images.model import Found, Model
+from phasemap.inference.images.model import Model
 from phasemap.inference.images.starts import Starts
 from phasemap.inference.images.zeros import Projection
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.law import Law
+from phasemap._kernels.rows.derivatives import Found, averaged_block
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
@@ -25,14 +25,6 @@ STEP = 1e-3  # of a logarithm, for derivatives
 LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
 REACH = 3.0  # prior standard deviations within which a material is sought
 PARAMETERS = ("modulus", "adhesion", "damping")
-
-
-class Found(NamedTuple):
-    """Averaged orbits: phase [rad] and tip offset [m], shape (n, m, 2), slopes, shape (n, m, 2, 3), and success."""
-
-    values: Array
-    slopes: Array
-    good: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +74,10 @@ class Model:
 
     def averaged(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
         """Averaged orbits near `places`, which are moved to them."""
-        from phasemap._kernels.rows.derivatives import averaged_block
-
         n, m = sides.shape
         found = Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
         rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
-        averaged_block(self.law, rows, STEP, self.levers, self.amplitudes, sides, search, places, *found)
+        averaged_block(self.law, rows, STEP, self.levers, self.amplitudes, sides, search, places, found)
         return found
 
     def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:

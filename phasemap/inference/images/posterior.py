@@ -30,6 +30,22 @@ class Moments(NamedTuple):
     rest: Array
 
 
+class _Valleys(NamedTuple):
+    """Directions along and across the valleys of n pixels, places along them, and what is found at k of them.
+
+    Shapes (n, 3), (n, 3, 2), (n, k); logarithms of the density, (n, k), conditional means, (n, k, 3), and covariances,
+    (n, k, 3, 3), and residuals, (n, k, 2 m).
+    """
+
+    along: Array
+    across: Array
+    places: Array
+    logs: Array
+    points: Array
+    spreads: Array
+    rests: Array
+
+
 def moments(block: Block, found: Solution) -> Moments:
     """What the data leave possible."""
     mean, covariance, rest = found.q.copy(), np.asarray(np.linalg.inv(found.information), np.float64), found.rest.copy()
@@ -53,7 +69,7 @@ def _integrate(block: Block, found: Solution, covariance: Array) -> Moments:
     points, spreads = np.zeros((len(unit), count, 3)), np.zeros((len(unit), count, 3, 3))
     rests = np.zeros((len(unit), count, found.rest.shape[1]))
     for sign in (-1, 1):
-        _walk(block, found, along, across, places, sign, logs, points, spreads, rests)
+        _walk(block, found, _Valleys(along, across, places, logs, points, spreads, rests), sign)
     weights = _trapezoids(places)
     lost = np.isneginf(logs).all(axis=1)
     logs[lost, STEPS], points[lost, STEPS], spreads[lost, STEPS] = 0.0, found.q[lost], covariance[lost]
@@ -70,11 +86,9 @@ def _integrate(block: Block, found: Solution, covariance: Array) -> Moments:
     return Moments(mean, np.where(cut[:, None, None], wider, spread), np.einsum("nk,nka->na", weights, rests))
 
 
-def _walk(
-    block: Block, found: Solution, along: Array, across: Array, places: Array, sign: int, logs: Array, points: Array,
-    spreads: Array, rests: Array,
-) -> None:  # fmt: skip
-    """Follow the valleys to one side, and fill logarithms of the density, conditional means and covariances."""
+def _walk(block: Block, found: Solution, valleys: _Valleys, sign: int) -> None:
+    """Follow the valleys to one side, and fill in what is found there."""
+    along, across, places, logs, points, spreads, rests = valleys
     some, q = np.arange(len(along)), found.q.copy()
     roots = found.places.copy()
     for k in range(STEPS + 1):

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels.rows.derivatives import Found
 from phasemap.inference.images.descent import descend
-from phasemap.inference.images.model import Found, Model, sides_of
+from phasemap.inference.images.model import Model, sides_of
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from phasemap.inference.images.verdict import UNITS
 from phasemap.inference.series.contrasts import Labels, Medians
 from phasemap.inference.series.problem import Problem, State
 from phasemap.inference.series.sampling import Draws
-from phasemap.inference.series.settings import SAME
+from phasemap.inference.series.settings import HELD, SAME
 from phasemap.inference.series.words import tell
 from phasemap.results.variables import coded, describe, provenance
 
@@ -69,6 +69,15 @@ def dataset_of(
         ("phase_zero", fit.zeros, "degree", "recorded phase of the free lever"),
     ):
         _add(ds, name, ("file",), values, unit, said)
+    held = {"setpoint": problem.settings.setpoint, "free_amplitude": problem.settings.amplitude}
+    settings = {
+        "setpoint": problem.settings.ratios,
+        "free_amplitude": problem.settings.relative * problem.settings.scale,
+    }
+    for name, values in settings.items():
+        recorded = values if held[name] == HELD else np.full(len(values), np.nan)
+        attrs = {"long_name": f"{name.replace('_', ' ')}, recorded or given", "units": ds[name].attrs["units"]}
+        ds[f"recorded_{name}"] = ("file", recorded, attrs)
     ds["repulsive"] = (
         ("region", "file"), fit.repulsive.mean(axis=0), {"long_name": "chance of the repulsive branch", "units": "1"}
     )  # fmt: skip
@@ -78,6 +87,7 @@ def dataset_of(
     ds["misfit"] = ((), _misfit(problem, fit, likeliest), {"long_name": "chi2 of the likeliest draw", "units": "1"})
     about = {"long_name": "recorded phase of the free lever by the likeliest draw", **DEGREE}
     ds["likeliest_zero"] = ("file", fit.zeros[likeliest], about)
+    ds["likeliest_setpoint"] = ("file", state.ratios[likeliest], {"long_name": "setpoint by that draw", "units": "1"})
     _add_curves(ds, problem, draws, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)

@@ -84,15 +84,13 @@ class Lever:
         self, model: Model, logs: Array, sides: NDArray[np.int8], places: Array, search: bool
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Phase [rad] and tip offset [m], and success, without derivatives, which take most of the time."""
-        from phasemap._kernels.rows.derivatives import averaged_block
+        from phasemap._kernels.rows.derivatives import Found, averaged_block
 
-        values, slopes = np.zeros((*sides.shape, 2)), np.zeros((*sides.shape, 2, 0))
-        good = np.zeros(len(sides), np.bool_)
+        slopes, good = np.zeros((*sides.shape, 2, 0)), np.zeros(len(sides), np.bool_)
+        found = Found(np.zeros((*sides.shape, 2)), slopes, good)
         rows = model.rows(logs)[np.newaxis]
-        averaged_block(
-            model.law, rows, 1.0, model.levers, model.amplitudes, sides, search, places, values, slopes, good
-        )
-        return values, good
+        averaged_block(model.law, rows, 1.0, model.levers, model.amplitudes, sides, search, places, found)
+        return found.values, found.good
 
 
 @dataclass(frozen=True, eq=False)

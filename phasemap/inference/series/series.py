@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from phasemap.inference.series.answer import dataset_of
 from phasemap.inference.series.contrasts import medians, regions_of
 from phasemap.inference.series.orbits import Lever, make_table
 from phasemap.inference.series.problem import REACH, Problem
+from phasemap.inference.series.recorded import read_files
 from phasemap.inference.series.sampling import sample
 from phasemap.inference.series.settings import scope_of, settings_of
 from phasemap.io.measured import one_scan
@@ -172,21 +172,11 @@ def series(
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:
     """One scan of each file, and what they are called."""
-    from phasemap.io.read import read_image
-
     if isinstance(files, str | os.PathLike) or not isinstance(files, Sequence) or not 2 <= len(files) <= MOST:
         size = len(files) if isinstance(files, Sequence) and not isinstance(files, str) else files
         raise InputError("files", size, f"2 to {MOST} files or images of one sample")
-    images, names = [], []
-    for i, one in enumerate(files):
-        path = isinstance(one, str | os.PathLike)
-        image: Any = read_image(one) if path else one
-        if not hasattr(image, "data_vars"):
-            raise InputError("a file", type(one).__name__, "a path, or an image as phasemap.read_image gives it")
-        name = Path(str(one)).name if path else str(image.attrs.get("title") or f"image {i}")
-        images.append(one_scan(image, ["phase"], direction))
-        names.append(name)
-    return images, names
+    images = read_files(files)
+    return [one_scan(one, ["phase"], direction) for one in images], [str(one.attrs["title"]) for one in images]
 
 
 def _widths(prior: Material, factors: Any) -> Array:

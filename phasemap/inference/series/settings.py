@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.units import say
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers
+from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
 
 if TYPE_CHECKING:
@@ -31,6 +33,9 @@ LOWEST = 0.05  # setpoint used in practice
 STEP = 0.06  # of setpoints that are interpolated
 ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be anywhere on the circle [degree]
 SAME = 0.02  # by which free amplitudes are the same
+SAME_LEVER = 1.1  # factor within which files say the same of a lever
+AWAY = 0.2  # half widths of the resonance beside which a drive is said to be
+NEAR_ZERO = 5.0  # by which the phase of the free lever drifts from what was recorded of it [degree]
 SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
 
 
@@ -139,14 +144,15 @@ def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Mi
         If the files are of different drive frequencies.
     """
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
     if frequencies and max(frequencies) > (1 + SAME_DRIVE) * min(frequencies):
-        listed = ", ".join(f"{one / 1e3:.4g} kHz" for one in frequencies)
+        listed = ", ".join(f"{name}: {float(one['drive_frequency']) / 1e3:.4g} kHz"
+                           for name, one in zip(names, known, strict=True) if "drive_frequency" in one)  # fmt: skip
         raise InputError("drive frequencies", listed, "those of one lever", "A series is of one sample and one lever.")
     if scope is not None:
         return scope, []
-    said = next((one for one in known if {"stiffness", "quality_factor"} & set(one)), known[0])
-    told = []
+    said, told = _of_lever(known, names)
     drive = frequencies[0] if frequencies else None
     resonance = float(said.get("resonance_frequency", drive or 300e3))
     nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
@@ -160,7 +166,26 @@ def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Mi
     if "resonance_frequency" not in said:
         told.append("The lever is taken to be driven at its resonance, which the files do not say.")
         drive = None
+    elif drive is not None and abs(away := 2 * values["quality_factor"] * (drive / resonance - 1)) > AWAY:
+        told.append(
+            f"The lever is driven at {drive / 1e3:.5g} kHz, {abs(away):.2g} half widths "
+            f"{'above' if away > 0 else 'below'} its resonance at {resonance / 1e3:.5g} kHz, as the files say."
+        )
     return Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS, drive)), told
+
+
+def _of_lever(known: list[dict[str, Any]], names: list[str]) -> tuple[dict[str, float], list[str]]:
+    """Each property by the first file that says it, and sentences where others say something else."""
+    said, told = dict[str, float](), []
+    for name, unit in (("resonance_frequency", "Hz"), ("stiffness", "N/m"), ("quality_factor", "1")):
+        values = {of: float(one[name]) for of, one in zip(names, known, strict=True) if name in one}
+        if not values:
+            continue
+        said[name] = next(iter(values.values()))
+        if max(values.values()) > SAME_LEVER * min(values.values()):
+            listed = ", ".join(f"{say(value, unit, 4)} in {of}" for of, value in values.items())
+            told.append(f"The {name.replace('_', ' ')} differs: {listed}; the first is taken.")
+    return said, told
 
 
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
@@ -172,7 +197,7 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
         If what is given does not fit.
     """
     count, told = len(images), list[str]()
-    known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    known = recorded_of(images, names, told)
     amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)
     setpoint, metres, ratios = _setpoints(known, relative, amplitude, scale, given["setpoints"], told)
     if metres:
@@ -278,7 +303,14 @@ def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str])
             raise InputError("phase_zero", given, f"a number or {count} [degree], one a file")
         return HELD, np.array([number("phase_zero", one, "degree") for one in values]), error
     recorded = [one.get("phase_zero") for one in known]
-    if None in recorded:
+    if all(one is None for one in recorded):
         told.append("The phase of the free lever is not recorded: the zero of the phase is unknown in each file.")
         return FREE, np.zeros(count), error
-    return HELD, np.array(recorded, float), error
+    errors = np.array([
+        ANYWHERE if zero is None else 0.0 if "configuration" in one else NEAR_ZERO
+        for zero, one in zip(recorded, known, strict=True)
+    ])  # fmt: skip
+    some = "" if None not in recorded else " where it is; in the other files it is unknown"
+    if errors.any():
+        told.append(f"The zero of the phase is as recorded, within {NEAR_ZERO:g} degrees{some}.")
+    return HELD, np.array([float(one or 0.0) for one in recorded]), np.hypot(errors, error)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phasemap.inference.images.identifiability import say_regions
 from phasemap.inference.images.verdict import UNLIKELY
 from phasemap.inference.series.problem import Problem
-from phasemap.inference.series.settings import FREE, HELD, SHARED
+from phasemap.inference.series.settings import ANYWHERE, FREE, HELD, SHARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,8 +110,8 @@ def turns(ds: xr.Dataset) -> list[str]:
 def _contrasts(problem: Problem) -> int:
     """Data less the zeros that they have to give."""
     seen = np.isfinite(problem.errors)
-    taken = int(seen.any(axis=0).sum()) if problem.settings.zero == FREE else int(problem.settings.zero == SHARED)
-    return int(seen.sum()) - taken
+    unknown = seen.any(axis=0) & (problem.settings.loose >= ANYWHERE**2)
+    return int(seen.sum()) - int(unknown.sum()) - (problem.settings.zero == SHARED)
 
 
 def _of_order(ds: xr.Dataset) -> list[str]:
@@ -120,25 +120,31 @@ def _of_order(ds: xr.Dataset) -> list[str]:
     if not count:
         return ["No file has a contrast beyond its error: there is nothing to explain."]
     right = [sum(one and two for one, two in zip(clear, each, strict=True)) for each in (signs, order)]
-    said = f"The sign of the contrast is reproduced in {right[0]} of the {count} files in which it is clear"
+    where = "the only file in which it is clear" if count == 1 else f"the {count} files in which it is clear"
+    share = {count: "", 0: "not "}.get(right[0])
+    said = f"The sign of the contrast is {share}reproduced in {where}"
+    if share is None:
+        said = f"The sign of the contrast is reproduced in {right[0]} of {where}"
     if ds.sizes["region"] > 2:
         said += f", the order of the regions in {right[1]}"
-    return [said + "."]
+    faint = [str(name) for name, one in zip(ds["file"].values, clear, strict=True) if not one]
+    return [said + ".", f"The contrast does not exceed its error in {', '.join(faint)}." if faint else ""]
 
 
 def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
     data, unknown = _contrasts(problem), len(problem.names) - (problem.settings.zero == SHARED)
+    what = "contrasts" if problem.settings.zero == FREE else "phases"
     if poor:
         return (
-            f"The magnitude is not: chi2 is {float(ds['misfit']):.3g} for {data} contrasts. Lever, tip, settings, "
+            f"The magnitude is not: chi2 is {float(ds['misfit']):.3g} for {data} {what}. Lever, tip, settings, "
             "regions or the contact law are not those of the sample, or their errors are too small."
         )
     if data <= unknown:
         return (
-            f"The magnitude is fitted, which says little: {data} contrasts for {unknown} unknowns, so that the prior "
+            f"The magnitude is fitted, which says little: {data} {what} for {unknown} unknowns, so that the prior "
             "says the rest."
         )
-    return f"The magnitude is reproduced within its errors: {data} contrasts for {unknown} unknowns."
+    return f"The magnitude is reproduced within its errors: {data} {what} for {unknown} unknowns."
 
 
 def _of_sign(ds: xr.Dataset, problem: Problem) -> str:

@@ -12,7 +12,6 @@ from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
-    from phasemap._kernels.law import Law
 
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
 FAINT = 1e-5  # of the free amplitude, where a curve is left
@@ -20,14 +19,14 @@ BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip
 DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 
-def held_curves(law: Law, path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
+def held_curves(path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
     """The distance curve from far, with rows where the detector sees these amplitudes."""
     from phasemap._kernels.continuation.path import AP, VP
     from phasemap._kernels.lever import free_amplitude
 
     free, base = float(free_amplitude(path.lever)), path.lever[col.SHAKER]
     least = max(amplitudes[0] - base, FAINT * free) if base else amplitudes[0]  # of z
-    curves = Curves(law, path, VP if base else AP, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
+    curves = Curves(path, VP if base else AP, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
     curves.from_far(0.0)
     # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):

@@ -19,7 +19,6 @@ from phasemap.solvers.problem import Work, work_of_material
 
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
-    from phasemap._kernels.law import Law
 
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness")
 PARTS = {
@@ -70,13 +69,15 @@ class Question:
         return work_of_material(self.material, self.scope, amplitude)
 
 
-def fixed_path(question: Question) -> tuple[Law, Path]:
+def fixed_path(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
     from phasemap._kernels.continuation.path import fixed
     from phasemap._kernels.law import parameters
+    from phasemap._kernels.quadrature import TABLES
 
     work = question.work()
-    return work.law, fixed(work.law, parameters(work.rows[0]), work.lever)
+    path: Path = fixed(work.law, parameters(work.rows[0]), work.lever, TABLES)
+    return path
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class Scale:
 
 def swept_path(
     question: Question, name: str, scale: Scale, held: Callable[[Microscope], float], of_amplitude: bool
-) -> tuple[Law, Path]:
+) -> Path:
     """The path of a sweep in a parameter, with z0 or A held.
 
     Parameters
@@ -125,6 +126,7 @@ def swept_path(
         If a value of the sweep is out of range, or what depends on it changes too much from end to end.
     """
     from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept
+    from phasemap._kernels.quadrature import TABLES
 
     work = question.at(name, float(scale.value(0.0))).work()
     table = np.zeros((0, 0))
@@ -148,7 +150,9 @@ def swept_path(
     if name == "frequency":
         width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
     kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
-    return work.law, swept(np.ascontiguousarray(table[:, : max(last, 2)]), kind, min(width, 0.05))
+    series = np.ascontiguousarray(table[:, : max(last, 2)])
+    path: Path = swept(work.law, TABLES, series, kind, min(width, 0.05))
+    return path
 
 
 def _column(question: Question, held: Callable[[Microscope], float]) -> np.ndarray:

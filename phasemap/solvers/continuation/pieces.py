@@ -13,7 +13,6 @@ from phasemap.experiment.excitation import seen
 
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
-    from phasemap._kernels.law import Law
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 
@@ -49,7 +48,6 @@ class Curves:
 
     Parameters
     ----------
-    law : Law
     path : Path
     index : int
         Entry of a point whose values are wanted.
@@ -62,14 +60,13 @@ class Curves:
 
     def __init__(
         self,
-        law: Law,
         path: Path,
         index: int,
         wanted: np.ndarray,
         box: tuple[float, float, float],
         samples: int,
     ) -> None:
-        self.law, self.path, self.index, self.wanted = law, path, index, wanted
+        self.law, self.path, self.index, self.wanted = path.law, path, index, wanted
         self.box, self.samples = np.array(box), samples
         self.pieces: list[Piece] = []
 
@@ -93,11 +90,10 @@ class Curves:
         from phasemap._kernels.continuation.start import start_far
         from phasemap._kernels.lever import free_amplitude
         from phasemap._kernels.orbits.collocation.system import VALUE, Z0, new_orbit
-        from phasemap._kernels.quadrature import TABLES
 
         free = free_amplitude(self.standing(0.0)[1])
         orbit, spare = new_orbit(), new_orbit()
-        status, orbit, spare = start_far(self.law, self.path, TABLES, orbit, spare, 0.9999 * free, 0)
+        status, orbit, spare = start_far(self.path, orbit, spare, 0.9999 * free, 0)
         if status == col.GOOD and orbit.head[VALUE, Z0] < farthest:
             status, orbit, spare = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
         if status == col.GOOD:
@@ -129,7 +125,9 @@ class Curves:
 
         p, lever = self.standing(0.0)
         for guess in averaged_orbits(self.law, p, lever, amplitude):
-            if not self.box[0] <= guess[0] <= self.box[1] or self._near(guess[0], amplitude, guess[3], lever):
+            if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
+                guess[col.G_Z0], amplitude, guess[col.G_P], lever
+            ):
                 continue
             status, orbit, spare = self._go(guess, 0.0, True)
             push, _, z0, exact = orbit.head[0, :4]
@@ -206,35 +204,29 @@ class Curves:
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
         from phasemap._kernels.continuation.piece import start_at
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
-        from phasemap._kernels.quadrature import TABLES
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        good, orbit, spare = start_at(
-            self.law, self.path, TABLES, guess, m, hold, 0, self._tolerance(m), new_orbit(), new_orbit()
-        )
+        good, orbit, spare = start_at(self.path, guess, m, hold, 0, self._tolerance(m), new_orbit(), new_orbit())
         return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
 
     def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
         from phasemap._kernels.continuation.path import POINT
-        from phasemap._kernels.continuation.piece import CLOSED, aim, follow
+        from phasemap._kernels.continuation.piece import CLOSED, Asked, Made, aim, follow
         from phasemap._kernels.continuation.step import copy_orbit
         from phasemap._kernels.orbits.collocation.system import VALUE, M, new_orbit
-        from phasemap._kernels.quadrature import TABLES
 
         start = new_orbit()
         copy_orbit(orbit, start)
         tolerance = self._tolerance(float(orbit.head[VALUE, M]))
+        asked = Asked(self.index, self.wanted, self.box, tolerance)
         halves: list[Piece] = []
         for sense in senses:
             rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
             point = np.zeros(POINT)
             copy_orbit(start, orbit)
-            if not aim(self.law, self.path, TABLES, orbit, sense, point):
+            if not aim(self.path, orbit, sense, point):
                 continue
-            ended, count = follow(
-                self.law, self.path, TABLES, self.index, orbit, spare, point, self.box, self.wanted, True, tolerance,
-                rows, traces,
-            )  # fmt: skip
+            ended, count = follow(self.path, asked, orbit, spare, point, Made(rows, traces))
             halves.append(Piece(rows[:count].copy(), traces[:count].copy(), ended))
             if ended == CLOSED:
                 break

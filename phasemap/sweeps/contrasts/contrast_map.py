@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, numbers
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
@@ -37,6 +38,7 @@ Array = np.ndarray
 SETPOINTS = "0.3:0.95:40"
 
 
+@asked_as("The two materials come one after the other: contrast(first, second, scope), not in a dict or list.")
 def contrast(
     first: Material,
     second: Material,

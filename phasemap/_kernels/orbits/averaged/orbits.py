@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 
 
 @kernel
@@ -56,10 +56,10 @@ def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: fl
 @kernel
 def slope_of(law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray) -> float:
     """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
-    reach, amplitude, e = reach_of(law, p), guess[2], guess[0] - guess[1]
+    reach, amplitude, e = reach_of(law, p), guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
     push, drag, _ = harmonics(law, p, lever, reach, amplitude, (e + small) / amplitude)
-    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[3], guess[4])) / small
+    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[col.G_P], guess[col.G_S])) / small
 
 
 @kernel
@@ -102,7 +102,7 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
         at[count], above[count] = c, math.log(1.0 + mismatch(lever, amplitude, push, drag)) > 0.0
         count += 1
         x_before = x
-    rows = np.zeros((32, 5))
+    rows = np.zeros((32, col.HARMONIC_ORBIT))
     found = 0
     for i in range(1, count):
         if above[i] == above[i - 1]:
@@ -110,7 +110,6 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
         root = crossing(law, p, lever, reach, amplitude, at[i], at[i - 1])
         if not math.isnan(root) and found < len(rows):
             push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)
-            rows[found, 0], rows[found, 1], rows[found, 2] = amplitude * root + mean, mean, amplitude
-            rows[found, 3], rows[found, 4] = push, drag
+            put(rows[found], amplitude, root, push, drag, mean)
             found += 1
     return rows[:found]

@@ -63,9 +63,9 @@ def begin(
     law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int
 ) -> bool:
     """Set a harmonic orbit, guess = (z0, mean deflection, A, P, S)."""
-    z0, mean, amplitude = guess[0], guess[1], guess[2]
+    z0, mean, amplitude = guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A]
     head = orbit.head
-    head[VALUE, Z0], head[VALUE, A], head[VALUE, P], head[VALUE, S] = z0, amplitude, guess[3], guess[4]
+    head[VALUE, Z0], head[VALUE, A], head[VALUE, P], head[VALUE, S] = z0, amplitude, guess[col.G_P], guess[col.G_S]
     c = (z0 - mean) / amplitude
     if c >= 1.0:
         head[COUNT, CONTACTS] = 0

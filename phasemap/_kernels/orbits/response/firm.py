@@ -37,7 +37,8 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E, kicked, trace_of
 
 LEAST_ALONG = 0.1  # dz0/dA: less is too near to a fold
-SURELY = 0.98  # of the trace at which a multiplier is one, or minus one
+SURELY = 0.98  # of the trace at which a multiplier is minus one, or one
+CLEARLY = 0.5  # of (1 - lambda)^2 where both multipliers are alike: nearer to one they may not be
 ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
 
 
@@ -126,7 +127,10 @@ def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
             kick = WEIGHTS[i % N] * f[WEIGHT, i] * longrange_slope(law, d, p) / (lever[STIFFNESS] * omega * omega * nu)
             x1, y1 = kicked(f[TURN_COS, i], f[TURN_SIN, i], kick, x1, y1)
             x2, y2 = kicked(f[TURN_COS, i], f[TURN_SIN, i], kick, x2, y2)
-    return abs(trace_of(a, nu, x1, y1, x2, y2)) < SURELY * (1.0 + math.exp(-decay))
+    trace, determinant = trace_of(a, nu, x1, y1, x2, y2), math.exp(-decay)
+    # Near resonance both multipliers lie near one, as those of the free lever do: (1 - lambda) (1 - lambda') is small.
+    most = max(SURELY * (1.0 + determinant), 1.0 + determinant - CLEARLY * (1.0 - math.sqrt(determinant)) ** 2)
+    return -SURELY * (1.0 + determinant) < trace < most
 
 
 @kernel

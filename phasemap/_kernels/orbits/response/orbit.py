@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
@@ -63,7 +64,7 @@ def refine(
     state: np.ndarray,
 ) -> bool:  # fmt: skip
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
-    amplitude, e = guess[2], guess[0] - guess[1]
+    amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
         return True
     if p[LONGRANGE] == 0.0 or abs(e - amplitude) > GRAZING * reach:
@@ -87,12 +88,12 @@ def _pass_from(
 ) -> bool:  # fmt: skip
     """Passes from a harmonic orbit with this e, which settles whether the tip touches."""
     state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = guess[2], e, guess[5]
+    state[AMP], state[E], state[SLOPE] = guess[col.G_A], e, guess[col.G_SLOPE]
     return (
         start(law, p, lever, reach, f, state)
         and converge(law, p, lever, f, state, False, limits[0], limits[1])
-        and (state[PUSH] > 0.0) == (guess[3] > 0.0)
-        and abs(state[HEIGHT] - guess[0]) < farthest(lever, guess[2])
+        and (state[PUSH] > 0.0) == (guess[col.G_P] > 0.0)
+        and abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
         and sound(law, p, lever, reach, f, state)
     )
 
@@ -105,9 +106,11 @@ def refine_stiff(
 
     That its harmonics lift the tip does not bring it to another branch.
     """
-    bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[0] - guess[1], guess[2], 1
+    bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
+    if p[LONGRANGE] != 0.0 and abs(e - amplitude) < GRAZING * reach:
+        return 0  # whether it touches changes from step to step
     bench.state[:] = 0.0
-    bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[5]
+    bench.state[AMP], bench.state[E], bench.state[SLOPE] = amplitude, e, guess[col.G_SLOPE]
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
         return 0
     found = newton(law, p, lever, reach, limits, bench)
@@ -116,9 +119,9 @@ def refine_stiff(
         bench, parts = long, 2
         found = newton(law, p, lever, reach, limits, bench)
     f, state = bench.nodes, bench.state
-    if found != FOUND or (state[PUSH] > 0.0) != (guess[3] > 0.0):
+    if found != FOUND or (state[PUSH] > 0.0) != (guess[col.G_P] > 0.0):
         return 0
-    near = abs(state[HEIGHT] - guess[0]) < farthest(lever, amplitude)
+    near = abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, amplitude)
     near = near or abs(state[E] - f[W, middle_of(f)] - e) < FAR_OFF * amplitude
     return parts if near and firm(law, p, lever, reach, bench) else 0
 

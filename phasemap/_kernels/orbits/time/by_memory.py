@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import numba
@@ -29,6 +30,20 @@ _SIGNATURE = types.int64(
 def remembers(p: np.ndarray) -> bool:
     """Whether a material of a law with a memory relaxes, or is viscous."""
     return p[col.RELAXATION] > 0.0 or p[col.DAMPING] > 0.0
+
+
+@kernel
+def recovery_of(p: Any, lever: np.ndarray) -> float:
+    """Rate [1/tau] at which a dent that nothing touches comes back."""
+    if p[col.RELAXATION] > 0.0:
+        return (1 - p[col.RELAXING]) / p[col.RELAXATION]
+    return 0.75 * p[0] / (p[col.DAMPING] * lever[col.STIFFNESS])
+
+
+@kernel
+def lingers(law: Law, p: Any, lever: np.ndarray) -> bool:
+    """Whether more than 1e-4 of a dent is there when the next period begins."""
+    return law.memory != 0 and remembers(p) and recovery_of(p, lever) * 2 * math.pi < 9.2 * lever[col.OMEGA]
 
 
 @functools.cache

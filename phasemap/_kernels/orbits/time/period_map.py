@@ -13,6 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force
+from phasemap._kernels.orbits.time.by_memory import lingers
 from phasemap._kernels.orbits.time.elements import STATE
 from phasemap._kernels.orbits.time.march import march_period
 
@@ -84,6 +85,27 @@ def carry(u: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel
+def pass_from(
+    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray
+) -> bool:
+    """March a period from (z, v) at z0 in y, and say whether it ends, as it began, in contact or out of it.
+
+    The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
+    period owes to this one counts in its derivatives.
+    """
+    u, acc = tip.u, tip.acc
+    carry(u, y)
+    if lingers(law, p, lever):
+        y[0], y[1], y[2] = z, v, u[2]
+        tip.periods[0] += 1
+        if march_period(law, p, lever, z0, eta, y, acc) < 0 or y[2] != u[2]:
+            return False
+    y[0], y[1], y[2] = z, v, u[2]
+    tip.periods[0] += 1
+    return march_period(law, p, lever, z0, eta, y, acc) >= 0 and y[2] == u[2]
+
+
+@kernel
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
     u, acc, linear = tip.u, tip.acc, tip.linear
@@ -92,10 +114,7 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) 
     for j in range(4):
         z = u[0] + (size if j == 1 else 0.0)
         v = u[1] + (size if j == 2 else 0.0)
-        y[0], y[1], y[2] = z, v, u[2]
-        carry(u, y)
-        tip.periods[0] += 1
-        if march_period(law, p, lever, u[3] + (size if j == 3 else 0.0), eta, y, acc) < 0 or y[2] != u[2]:
+        if not pass_from(law, p, lever, eta, tip, z, v, u[3] + (size if j == 3 else 0.0), y):
             return False
         linear[4 * j], linear[4 * j + 1], linear[4 * j + 2] = y[0] - z, y[1] - v, amplitude_of(lever, acc)
         if j > 0:
@@ -163,10 +182,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
         moved = False
         while way > 1 or not moved:
             trial[0], trial[1], trial[2], trial[3] = u[0] + z, u[1] + v, u[2], u[3] + move
-            y[0], y[1], y[2] = trial[0], trial[1], trial[2]
-            carry(u, y)
-            tip.periods[0] += 1
-            if march_period(law, p, lever, trial[3], eta, y, acc) < 0 or y[2] != u[2]:
+            if not pass_from(law, p, lever, eta, tip, trial[0], trial[1], trial[3], y):
                 return False
             error = amplitude_of(lever, acc) - target
             z, v, move = _ahead(linear, y[0] - trial[0], y[1] - trial[1], error, hold)
@@ -182,10 +198,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
         if way <= 1 and near:  # so near that the derivatives are those at the end
             for _ in range(2):
                 u[0], u[1], u[3] = u[0] + z, u[1] + v, u[3] + move
-                y[0], y[1], y[2] = u[0], u[1], u[2]
-                carry(u, y)
-                tip.periods[0] += 1
-                if march_period(law, p, lever, u[3], eta, y, acc) < 0 or y[2] != u[2]:
+                if not pass_from(law, p, lever, eta, tip, u[0], u[1], u[3], y):
                     return False
                 carry(y, u)
                 error = amplitude_of(lever, acc) - target

@@ -22,6 +22,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
 from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, turning
 from phasemap._kernels.orbits.time.runge_kutta import (
     fly,
@@ -45,10 +46,11 @@ if TYPE_CHECKING:
 
 PLACES, SUMS = 5, 11
 X, V, SEEN, INSIDE, TAU = 0, 1, 2, 3, 4  # what a step moves: d or q, z', D, Y, the time; and after these six integrals
-FINER = 0.4  # steps of a contact that remembers, over others: cubics lie between them
-RELAXES = 20.0  # weight of relaxation in the density of steps, larger where little stays stiff and the edge runs
-AFTER_TURN = 0.0625  # first step after a turn, over others: what lies ahead changes as the root of the time since
-FORGOTTEN = 1e-13  # of the free amplitude: a dent that is gone
+FINER = 1.0
+RELAXES = 5.0
+AFTER_TURN = 0.25
+BEYOND, NUDGE = 3e-3, 1e-9  # of q, by which an edge has to pass the turn of an earlier contact to stop there, just past
+FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 
 @kernel
@@ -57,14 +59,16 @@ def dent_at(c: Numbers, t: float) -> float:
     return c[13] * math.exp((c[14] - t) * c[10]) if c[13] > 0 else 0.0
 
 
-@kernel
-def at_edge(m: np.ndarray, c: Numbers, mode: float, q: float, seen: float, t: float) -> tuple[float, float]:
+@kernel(inline=True)
+def at_edge(
+    m: np.ndarray, rate: float, recovery: float, mode: float, q: float, seen: float, t: float
+) -> tuple[float, float]:
     """Y of the element at the edge and its slope by xi; not where a Kelvin-Voigt surface lets go."""
     xi = q * q
     if mode == on.SHRINKING:
-        left, slope = on.inside(m, xi, t, c[9])
+        left, slope = on.inside(m, xi, t, rate)
         return seen - xi - left, -1 - slope
-    return on.outside(m, xi, t, c[10])
+    return on.outside(m, xi, t, recovery)
 
 
 @kernel
@@ -74,7 +78,7 @@ def depth_of(m: np.ndarray, c: Numbers, mode: float, u: np.ndarray, t: float) ->
         return u[X]
     if mode == on.SHRINKING and c[11] > 0:
         return u[X] * u[X] - c[11] * u[V]
-    return u[X] * u[X] + c[8] * at_edge(m, c, mode, u[X], u[SEEN], t)[0]
+    return u[X] * u[X] + c[8] * at_edge(m, c[9], c[10], mode, u[X], u[SEEN], t)[0]
 
 
 @kernel(inline=True)
@@ -92,7 +96,7 @@ def slopes(
     y = seen_rate = inside_rate = 0.0
     if mode == on.FREE:
         w, d = 1.0, x
-        gap = d - dent_at(c, t)
+        gap = d - (c[13] * math.exp((c[14] - t) * recovery) if c[13] > 0 else 0.0)
         force = 0.0
         if p[col.LONGRANGE] != 0.0:
             force = longrange_force(law, gap, p) * compliance if gap <= 0 else edge_force + edge_slope * gap
@@ -100,7 +104,7 @@ def slopes(
         d = xi - t0 * v
         force = stiff * x * xi * (2 / 3) + pull
     else:
-        y, slope = at_edge(m, c, mode, x, seen, t)
+        y, slope = at_edge(m, rate, recovery, mode, x, seen, t)
         d = xi + kappa * y
         speed = (v + kappa * y * recovery) / (1 + kappa * slope)
         whole = x * (d - xi / 3)
@@ -131,7 +135,7 @@ def step(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray
 ) -> None:
     """Fill `end` with what u and the six integrals are after h; u[TAU] is 0."""
-    if mode == on.FREE and p[col.LONGRANGE] == 0.0:
+    if mode == on.FREE and (p[col.LONGRANGE] == 0.0 or c[13] == 0.0):
         end[X], end[V], end[TAU], end[5], end[6], end[7], end[8], end[9], end[10] = fly(
             law, p, c[:8], (u[X], u[V], start[1], start[2]), h
         )
@@ -220,8 +224,8 @@ def step(
 @kernel
 def to_turn(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray,
-) -> None:  # fmt: skip
-    """Shorten a step to the turn of the contact, q' = 0, between two sides by the Illinois method."""
+) -> float:  # fmt: skip
+    """Shorten a step to the turn of the contact, q' = 0, between two sides by the Illinois method; return its size."""
     low, low_speed, high = 0.0, speed_of(law, p, c, m, mode, start, u)[0], h
     high_speed, before = speed_of(law, p, c, m, mode, start, end)[0], 0
     for _ in range(60):
@@ -238,24 +242,28 @@ def to_turn(
             before = -1
         if speed == 0 or high - low < 1e-9 * high or abs(speed) < 1e-11 * abs(u[V]):
             break
+    return h
 
 
 @kernel
 def to_edge(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray,
 ) -> None:  # fmt: skip
-    """Shorten a step to the first touch, d at the dent's, or the last, q = 0: Newton between two sides."""
+    """Shorten a step to the first touch, d at the dent's, the last, q = 0, or a turn of before: Newton in brackets."""
     low, high = 0.0, h
+    edge, fades = on.passing(m) if mode == on.GROWING else 0.0, 0.0
     for _ in range(50):
-        dent = dent_at(c, start[0] + end[TAU]) if mode == on.FREE else 0.0
-        off = end[X] - dent
-        if abs(off) <= (1e-14 if mode == on.FREE else 1e-8) * (abs(u[X] - dent) + abs(u[V]) * h):
+        if mode == on.FREE:
+            edge = dent_at(c, start[0] + end[TAU])
+            fades = edge * c[10]
+        off = end[X] - edge
+        if abs(off) <= (1e-14 if mode == on.FREE else 1e-8) * (abs(u[X] - edge) + abs(u[V]) * h):
             break
-        if (off > 0) == (mode == on.FREE):
+        if (off > 0) == (mode != on.SHRINKING):
             high = h
         else:
             low = h
-        h -= off / (speed_of(law, p, c, m, mode, start, end)[0] + dent * c[10])
+        h -= off / (speed_of(law, p, c, m, mode, start, end)[0] + fades)
         if not low <= h <= high:
             h = 0.5 * (low + high)
         step(law, p, c, m, mode, start, u, h, end)
@@ -282,20 +290,30 @@ def to_instant(
 
 
 @kernel
-def record(m: np.ndarray, c: Numbers, mode: float, u: np.ndarray, t: float) -> None:
-    """Lay the element at the edge on the stack that it now belongs to."""
+def record(m: np.ndarray, c: Numbers, mode: float, u: np.ndarray, t: float, speed: float) -> None:
+    """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
     q = u[X]
     xi = q * q
+    rate, recovery = c[9], c[10]
     if mode == on.GROWING:
         if c[11] == 0:
-            y, slope = on.outside(m, xi, t, c[10])
-            on.lay(m, False, xi, t, u[SEEN] - xi - y, -1 - slope, on.OPEN)
+            y, slope = on.outside(m, xi, t, recovery)
+            curve = on.outside_curve(m, xi, t, recovery, slope)
+            bent = ((1 + slope) * rate - slope * recovery) / speed if speed != 0 else 0.0
+            on.lay(m, False, xi, t, (u[SEEN] - xi - y, -1 - slope, -curve - bent), on.OPEN, rate)
         on.take_outer(m, xi)
     elif c[11] > 0:
-        on.lay(m, True, xi, t, -c[11] * u[V], -1.0, m[on.PEAK])
+        on.lay(m, True, xi, t, (-c[11] * u[V], -1.0, -recovery / speed), m[on.PEAK], recovery)
     else:
-        y, slope = at_edge(m, c, mode, q, u[SEEN], t)
-        on.lay(m, True, xi, t, y, slope, m[on.PEAK])
+        left, slope = on.inside(m, xi, t, rate)
+        curve = -on.inside_curve(m, xi, t, rate, slope)
+        y, slope = u[SEEN] - xi - left, -1 - slope
+        if speed != 0:
+            curve -= ((1 + slope) * rate - slope * recovery) / speed
+        else:  # it has a root there: what it is in the mean, from the node before
+            top = on.node(m, True, int(m[on.OUTER]) - 1)
+            curve = (slope - m[top + on.SLOPE]) / (xi - m[top + on.XI])
+        on.lay(m, True, xi, t, (y, slope, curve), m[on.PEAK], recovery)
         on.take_inner(m, xi)
 
 
@@ -306,7 +324,7 @@ def find_edge(m: np.ndarray, c: Numbers, mode: float, d: float, u: np.ndarray) -
         return math.sqrt(max(d + c[11] * u[V], 0.0))
     q = u[X] if u[X] > 0 else math.sqrt(max(d, 0.0))
     for _ in range(50):
-        y, slope = at_edge(m, c, mode, q, u[SEEN], 0.0)
+        y, slope = at_edge(m, c[9], c[10], mode, q, u[SEEN], 0.0)
         off = q * q + c[8] * y - d
         if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
             break
@@ -325,10 +343,10 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     pull = contact_force(law, 0.0, p) * compliance
     time, kappa = p[col.RELAXATION], p[col.RELAXING]
     kelvin = not time > 0
-    t0 = 4 * p[col.DAMPING] / (3 * p[0] * compliance) if kelvin else 0.0
+    recovery = recovery_of(p, lever)
+    t0 = 1 / recovery if kelvin else 0.0
     kappa = 1.0 if kelvin else kappa
     rate = 0.0 if kelvin else 1 / time
-    recovery = 1 / t0 if kelvin else (1 - kappa) * rate
     stiff = 1.5 * p[0] * compliance
     relaxes = 0.0 if kelvin else rate * (rate + RELAXES / math.sqrt(1 - kappa))
     plain = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
@@ -349,20 +367,21 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     if mode != on.FREE:
         u[X], u[SEEN], u[INSIDE] = m[on.EDGE], m[on.SEEN], m[on.INSIDE]
         q = find_edge(m, c, mode, d, u)
-        u[INSIDE] += at_edge(m, c, mode, q, u[SEEN], 0.0)[0] * (q - u[X]) if t0 == 0 else 0.0
+        u[INSIDE] += at_edge(m, c[9], c[10], mode, q, u[SEEN], 0.0)[0] * (q - u[X]) if t0 == 0 else 0.0
         u[X] = q
     elif d > dent:  # pushed in at once, and so all elements touched at the same time
         mode, u[X], u[SEEN] = on.GROWING, 0.0, d
         u[X] = find_edge(m, c, mode, d, u)
         m[on.INNER] = 0.0
         if t0 == 0:
-            on.lay(m, False, 0.0, 0.0, d - on.outside(m, 0.0, 0.0, recovery)[0], -1.0, on.OPEN)
-        record(m, c, mode, u, 0.0)
+            on.lay(m, False, 0.0, 0.0, (d - on.outside(m, 0.0, 0.0, recovery)[0], -1.0, 0.0), on.OPEN, rate)
+        u[TAU] = 0.0
+        record(m, c, mode, u, 0.0, speed_of(law, p, c, m, mode, (0.0, 1.0, 0.0), u)[0])
     deep = reach(law, p, plain, max(u[X], 0.0), v, snap + 2 * HARD * HARD * math.hypot(y[0], v)) if mode > 0 else 0.0
     highest, grade, gone = d, 1.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
     sums = np.zeros(SUMS)
-    steps = 0
+    steps, what, speed = 0, 1, 0.0  # what happened at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
     while left > 0:
         steps += 1
         if steps > MAX_STEPS:
@@ -372,7 +391,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         start = (gone, cosine, sine)
         u[TAU] = 0.0
         if touching:
-            speed = speed_of(law, p, c, m, mode, start, u)[0]
+            if what != 0:
+                speed = speed_of(law, p, c, m, mode, start, u)[0]
             density = contact_rate(law, p, plain, x) + snap + 2 * HARD * HARD * math.hypot(z0 + x * x, v)
             density += (HARD * max(abs(v), abs(speed)) / deep) ** 2 + x * x * relaxes
             h = grade * FINER * eta / math.sqrt(density)
@@ -389,7 +409,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
                 h = part
                 for i in range(SUMS):
                     end[i] = trial[i]
-        what = 0  # 1: first touch, 2: last touch, 3: turn
+        what, whole = 0, True
         if not touching:
             if end[X] > dent_at(c, gone + end[TAU]):
                 what = 1
@@ -401,10 +421,14 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             speed = speed_of(law, p, c, m, mode, start, end)[0]
             if what == 0 and (speed < 0) == (mode == on.GROWING):
                 what = 3
-                to_turn(law, p, c, m, mode, start, u, h, end)
+                h = to_turn(law, p, c, m, mode, start, u, h, end)
+            if mode == on.GROWING and u[X] < on.passing(m) < (1 - BEYOND) * end[X]:
+                what = 4
+                to_edge(law, p, c, m, mode, start, u, h, end)
+                end[X] = (1 + NUDGE) * on.passing(m)
             if end[TAU] >= left:
                 to_instant(law, p, c, m, mode, start, u, h, end, left)
-                what, end[TAU] = 0, left
+                what, end[TAU], whole = 0, left, False
         left -= end[TAU]
         gone += end[TAU]
         for i in range(PLACES):
@@ -413,16 +437,20 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             sums[i] += end[i]
         b, s = turn(omega * end[TAU])
         cosine, sine = cosine * b - sine * s, sine * b + cosine * s
-        if touching and what != 2:
-            record(m, c, mode, u, gone)
+        start, u[TAU] = (gone, cosine, sine), 0.0
         if what == 1:
             mode, u[SEEN], u[INSIDE] = on.GROWING, u[X], 0.0
             u[X] = m[on.INNER] = 0.0
             deep = reach(law, p, plain, 0.0, u[V], snap + 2 * HARD * HARD * math.hypot(z0, u[V]))
-            record(m, c, mode, u, gone)
         elif what == 2:
             u[X] = 0.0
-            record(m, c, mode, u, gone)
+        if mode != on.FREE:
+            if what == 3:
+                speed = 0.0
+            elif what != 0 or not whole:
+                speed = speed_of(law, p, c, m, mode, start, u)[0]
+            record(m, c, mode, u, gone, speed)
+        if what == 2:
             d = depth_of(m, c, mode, u, gone)
             mode, u[X], m[on.INNER] = on.FREE, d, 0.0
             c = (
@@ -430,9 +458,9 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
                 d, gone,
             )  # fmt: skip
         elif what == 3 and mode == on.GROWING:
-            bend = speed_of(law, p, c, m, mode, (gone - u[TAU], cosine, sine), u)[1]
+            bend = speed_of(law, p, c, m, mode, start, u)[1]
             highest = max(highest, depth_of(m, c, mode, u, gone) - u[V] ** 2 * u[X] / bend)
-            on.turn_back(m, u[X] * u[X], gone, recovery)
+            on.turn_back(m, u[X] * u[X], gone, recovery, rate)
             mode, grade = on.SHRINKING, AFTER_TURN
         elif what == 3:
             if kelvin:

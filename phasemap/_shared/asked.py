@@ -1,0 +1,85 @@
+"""Sentences for arguments that a function or class does not have, or misses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from typing import ParamSpec, TypeVar
+
+__all__ = ["asked_as", "no_argument"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def no_argument(of: str, name: str, names: Iterable[str], symbols: Mapping[str, str]) -> str:
+    """Say that there is no such argument, and which was meant.
+
+    Examples
+    --------
+    >>> no_argument("Ball", "R", ["radius"], {"R": "radius"})
+    "Ball has no argument 'R'; its arguments are radius. Did you mean 'radius'?"
+    """
+    names = list(names)
+    near = symbols.get(name) or next(iter(get_close_matches(name, names, 1, 0.5)), None)
+    meant = f" Did you mean {near!r}?" if near else ""
+    return f"{of} has no argument {name!r}; its arguments are {', '.join(names)}.{meant}"
+
+
+def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function say in a sentence which arguments it takes, where it is called with others.
+
+    Parameters
+    ----------
+    hint : str
+        What else to say where arguments are missing, or too many.
+    **symbols : str
+        Arguments, by the names that others have for them.
+
+    Examples
+    --------
+    >>> @asked_as(share="part")
+    ... def discs(shape, *, part, seed=0):
+    ...     return shape
+    >>> discs((8, 8), share=0.3)
+    Traceback (most recent call last):
+    ...
+    TypeError: discs has no argument 'share'; its arguments are shape, part, seed. Did you mean 'part'?
+    >>> discs((8, 8))
+    Traceback (most recent call last):
+    ...
+    TypeError: discs needs part; it is called as discs(shape, part=...).
+    """
+
+    def helpful(ask: Callable[P, R]) -> Callable[P, R]:
+        asked = signature(ask)
+
+        @wraps(ask)
+        def answer(*given: P.args, **named: P.kwargs) -> R:
+            try:
+                asked.bind(*given, **named)
+            except TypeError as error:
+                said = _wrongly(ask.__name__, asked, len(given), list(named), symbols)
+                raise TypeError(f"{said or f'{ask.__name__}: {error}.'} {hint}".rstrip()) from None
+            return ask(*given, **named)
+
+        return answer
+
+    return helpful
+
+
+def _wrongly(of: str, asked: Signature, given: int, named: list[str], symbols: Mapping[str, str]) -> str:
+    """What is wrong with a call, in a sentence; nothing where an argument is given twice."""
+    names = list(asked.parameters)
+    for name in named:
+        if name not in names:
+            return no_argument(of, name, names, symbols)
+    ordered = [name for name, one in asked.parameters.items() if one.kind is Parameter.POSITIONAL_OR_KEYWORD]
+    needed = [name for name, one in asked.parameters.items() if one.default is Parameter.empty]
+    call = f"{of}({', '.join(name if name in ordered else f'{name}=...' for name in needed)})"
+    if given > len(ordered):
+        return f"{of} takes {len(ordered)} arguments by their order and {given} are given; it is called as {call}."
+    missing = [name for name in needed if name not in {*ordered[:given], *named}]
+    return f"{of} needs {' and '.join(missing)}; it is called as {call}." if missing else ""

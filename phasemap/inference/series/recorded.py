@@ -1,0 +1,134 @@
+"""The files of a series as they are read: by distinct names, and gaps in what one says filled from the others."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._shared.errors import InputError
+from phasemap._shared.notices import tell, untold
+from phasemap.io.metadata import of_simulation
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LINEAR = 1.2  # factor within which free amplitudes follow the voltage of the drive
+PAIRS = (("setpoint_voltage", "free_amplitude_voltage"), ("setpoint_amplitude", "free_amplitude"))
+FREE_AMPLITUDES = ("free_amplitude", "free_amplitude_voltage")
+
+
+def read_files(files: Sequence[Any]) -> list[xr.Dataset]:
+    """Images by their names, which are their attribute "title"; doubts of the readers are told with the file's name.
+
+    Parameters
+    ----------
+    files : sequence of path-like or xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If one is neither, or two are the same image.
+    FileError
+        If a file cannot be read.
+    """
+    from phasemap.io.read import read_image
+
+    paths = [Path(one) if isinstance(one, str | os.PathLike) else None for one in files]
+    often = Counter(path.name for path in paths if path)
+    images, doubts = [], dict[str, list[str]]()
+    for i, (path, one) in enumerate(zip(paths, files, strict=True)):
+        if path is None:
+            if not hasattr(one, "data_vars"):
+                raise InputError("a file", type(one).__name__, "a path, or an image as phasemap.read_image gives it")
+            images.append(one.assign_attrs(title=str(one.attrs.get("title") or f"image {i}")))
+            continue
+        with untold():
+            image = read_image(path)
+        name = path.name if often[path.name] == 1 else f"{path.resolve().parent.name}/{path.name}"
+        images.append(image.assign_attrs(title=name))
+        for line in str(image.attrs.get("warnings", "")).splitlines():
+            doubts.setdefault(line, []).append(name)
+    _check_different(images)
+    tell(line if len(names) == len(images) else f"{', '.join(names)}: {line}" for line, names in doubts.items())
+    return images
+
+
+def _check_different(images: Sequence[xr.Dataset]) -> None:
+    """Refuse one image twice, which would count as two measurements."""
+    phases = [(one.attrs["title"], one["phase"].values) for one in images if "phase" in one]
+    for (name, phase), (other, again) in combinations(phases, 2):
+        if np.array_equal(phase, again, equal_nan=True):
+            hint = "These two hold the same phase image; leave one out."
+            raise InputError("files", f"{name} and {other}", "different ones", hint)
+
+
+def recorded_of(images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]) -> list[dict[str, Any]]:
+    """What each file says of its settings; where some do not say the free amplitude, it follows from the others.
+
+    Parameters
+    ----------
+    images : sequence of xarray.Dataset
+    names : sequence of str
+    told : list of str
+        Gets a sentence on everything that is not as recorded.
+
+    Returns
+    -------
+    list of dict
+    """
+    known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    for name, one in zip(names, known, strict=True):
+        most = max(_ratios(one), default=0.0)
+        if most >= 1:
+            told.append(f"{name}: the setpoint would be {most:.3g} of the recorded free amplitude, which is not used.")
+            _forget(one)
+    before = [dict(one) for one in known]
+    said = list(told)
+    for quantity in FREE_AMPLITUDES:
+        _fill(known, names, quantity, told)
+    if any(max(_ratios(one), default=0.0) >= 1 for one in known):
+        known, told[:] = before, said
+        for one in known:
+            _forget(one)
+        told.append("Recorded setpoints, free amplitudes and drive contradict each other: no free amplitude is used.")
+    for one in known:
+        if "setpoint" not in one and (ratios := _ratios(one)):
+            one["setpoint"] = ratios[0]
+    return known
+
+
+def _ratios(one: dict[str, Any]) -> list[float]:
+    """The setpoint by everything that the file says of it."""
+    said = [float(one["setpoint"])] if "setpoint" in one else []
+    return said + [float(one[top]) / float(one[bottom]) for top, bottom in PAIRS if top in one and one.get(bottom)]
+
+
+def _forget(one: dict[str, Any]) -> None:
+    for name in (*FREE_AMPLITUDES, "setpoint"):
+        one.pop(name, None)
+
+
+def _fill(known: list[dict[str, Any]], names: Sequence[str], quantity: str, told: list[str]) -> None:
+    """Give files a free amplitude that do not say it, by the drive, or that of the others where those are alike."""
+    there = [float(one.get(quantity) or 0.0) > 0 for one in known]
+    if all(there) or not any(there):
+        return
+    driven = all(float(one.get("drive_voltage") or 0.0) > 0 for one in known)
+    drive = np.array([float(one["drive_voltage"]) if driven else 1.0 for one in known])
+    gains = np.array([float(one[quantity]) / v for one, v, yes in zip(known, drive, there, strict=True) if yes])
+    if gains.max() > LINEAR * gains.min():
+        return
+    for one, volts, yes in zip(known, drive, there, strict=True):
+        if not yes:
+            one[quantity] = float(np.median(gains) * volts)
+    missing = ", ".join(name for name, yes in zip(names, there, strict=True) if not yes)
+    how = "it follows from the others by the voltage of the drive" if driven else "it is taken to be that of the others"
+    sentence = f"The free amplitude of {missing} is not recorded: {how}."
+    if sentence not in told:
+        told.append(sentence)
