@@ -12,6 +12,7 @@ CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
 INVERSE_REACH = 5  # 1/d0 [1/m] of the built-in long-range law, whose strength [N] stands at LONGRANGE
 EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
+PULL = 1  # attraction [N] in contact of DMT's law
 RELAXATION, RELAXING = 2, 3  # of a law that may remember: tau [1/omega_c] if above 0, and 1 - E_inf/E_0 [1]
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 

@@ -20,11 +20,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numba
-from llvmlite.binding import Linkage, add_symbol, parse_assembly
-from numba.core import cgutils, sigutils, types
+from llvmlite.binding import add_symbol
+from numba.core import sigutils, types
 from numba.core.base import OverloadSelector
 from numba.core.bytecode import FunctionIdentity
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
@@ -32,6 +31,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from phasemap._kernels.calls import called
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.first_use import FirstUse
+from phasemap._kernels.linked_code import EntryCode, LinkedCode
 
 try:
     from phasemap._kernels import lean
@@ -192,87 +192,6 @@ class _Name(str):
         return self is other
 
 
-class _OurCode(JITCodeLibrary):
-    """Code that is optimised as a whole only."""
-
-    def __init__(self, codegen: Any, name: str) -> None:
-        super().__init__(codegen, name)
-        self.needs: dict[_Needed, None] = {}  # what has to be loaded before it
-
-    def add_ir_module(self, ir_module: Any) -> None:
-        """Take in what was lowered; it is verified with all the rest."""
-        self._raise_if_finalized()
-        self.add_llvm_module(parse_assembly(cgutils.normalize_ir_text(str(ir_module))))
-
-    def add_llvm_module(self, ll_module: Any) -> None:
-        """Take in what was lowered, as it is."""
-        ll_module.data_layout = self._codegen._data_layout
-        self._final_module.link_in(ll_module)
-
-
-class _LinkedCode(_OurCode):
-    """Code to be linked: neither optimised nor emitted."""
-
-    def finalize(self) -> None:
-        """Nothing may be added any more."""
-        self._raise_if_finalized()
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def _get_module_for_linking(self) -> Any:
-        """With the code of the functions that it calls, for callers that are not ours."""
-        whole = self._final_module.clone()
-        _link(self, whole, "linkonce_odr")
-        return whole
-
-
-class _EntryCode(_OurCode):
-    """Code that is linked with all that it reaches, optimised as a whole, and emitted."""
-
-    def finalize(self) -> None:
-        """Link, optimise and emit."""
-        self._raise_if_finalized()
-        _link(self, self._final_module, "private")  # LLVM finds even an "internal" name from other modules
-        self._optimize_final_module()
-        self._final_module.verify()
-        self._finalize_final_module()
-
-
-def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:
-    """The libraries that one needs, each once, up to shared ones; found through libraries of a kind."""
-    found: dict[Any, None] = {}
-    open_ = [library]
-    while open_:
-        for one in open_.pop()._linking_libraries:
-            if one not in found:
-                found[one] = None
-                if isinstance(one, through) and not hasattr(one, "needed"):
-                    open_.append(one)
-    return list(found)
-
-
-def _link(library: Any, module: Any, linkage: str) -> None:
-    """Add all that a library reaches to its module, with this linkage."""
-    own = {one.name for one in module.functions if not one.is_declaration}
-    # A function of numba that is given one of ours, as `engage_in_time` its engine, holds that code and may need more.
-    library.needs.update({one.needed: None for one in _reached(library) if hasattr(one, "needed")})
-    for other in _reached(library, through=_LinkedCode):  # what is to be linked does not hold what it calls itself
-        if hasattr(other, "needed"):
-            continue
-        if isinstance(other, _LinkedCode):
-            library.needs.update(other.needs)
-            module.link_in(other._final_module, preserve=True)
-            continue
-        code = other._get_module_for_linking().clone()
-        for one in code.functions:  # LLVM leaves out what may be discarded and is not called yet
-            if one.linkage == Linkage.linkonce_odr:
-                one.linkage = "weak_odr"
-        module.link_in(code)
-    for one in module.functions:
-        if not one.is_declaration and one.name not in own:
-            one.linkage, one.visibility = linkage, "default"
-
-
 class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[misc]
     """numba's compiler, with a library of our own."""
 
@@ -291,7 +210,7 @@ class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[mis
 class _EntryCompiler(_OurCompiler):
     """For what Python calls."""
 
-    library = _EntryCode
+    library = EntryCode
     first_use: FirstUse | None = None  # what is going on; numba compiles one function at a time
 
     def compile_extra(self, func: Any) -> CompileResult:
@@ -311,7 +230,7 @@ class _EntryCompiler(_OurCompiler):
 class _SharedCompiler(_OurCompiler):
     """For what several entries call; its name is the same in every process."""
 
-    library = _EntryCode
+    library = EntryCode
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function."""
@@ -325,7 +244,7 @@ class _SharedCompiler(_OurCompiler):
 class _LinkedCompiler(_OurCompiler):
     """For what other kernels call: up to LLVM code."""
 
-    library = _LinkedCode
+    library = LinkedCode
 
     def compile_extra(self, func: Any) -> CompileResult:
         """Type and lower a function."""
@@ -393,7 +312,7 @@ def _fits() -> bool:
         "_finalize_dynamic_globals",
     )
     try:
-        library = _LinkedCode(cpu_target.target_context.codegen(), "trial")
+        library = LinkedCode(cpu_target.target_context.codegen(), "trial")
     except Exception:
         return False
     return lean is not None and lean.fits() and all(hasattr(library, name) for name in parts + methods)

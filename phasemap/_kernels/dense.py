@@ -1,4 +1,4 @@
-"""Small dense systems of equations, solved more than once for the same left side."""
+"""Small dense systems of equations: solved for right sides that are known, or factored for those to come."""
 
 from __future__ import annotations
 
@@ -8,28 +8,54 @@ from phasemap._kernels.compilation import kernel
 
 
 @kernel
+def pivot(m: np.ndarray, k: int, n: int, width: int) -> int:
+    """Bring up the row with the largest entry of column k, its first `width` columns; which it was, -1 if all are 0."""
+    best, size = k, abs(m[k, k])
+    for i in range(k + 1, n):
+        if abs(m[i, k]) > size:
+            best, size = i, abs(m[i, k])
+    if not size > 0.0:
+        return -1
+    if best != k:
+        up, down = m[best], m[k]
+        for j in range(width):
+            down[j], up[j] = up[j], down[j]
+    return best
+
+
+@kernel
+def eliminate(m: np.ndarray, n: int) -> bool:
+    """Solve for the first n columns in place (Gauss-Jordan); the other columns become solutions, False without any."""
+    width = m.shape[1]
+    for k in range(n):
+        if pivot(m, k, n, width) < 0:
+            return False
+        inverse = 1.0 / m[k, k]
+        for j in range(width):
+            m[k, j] *= inverse
+        for i in range(n):
+            if i != k:
+                factor = m[i, k]
+                for j in range(width):
+                    m[i, j] -= factor * m[k, j]
+    return True
+
+
+@kernel
 def factor(m: np.ndarray, n: int, order: np.ndarray) -> bool:
     """Gauss's triangles in place of the first n columns, rows exchanged as `order` says; False if there are none."""
     for k in range(n):
-        best, size = k, abs(m[k, k])
-        for i in range(k + 1, n):
-            if abs(m[i, k]) > size:
-                best, size = i, abs(m[i, k])
-        if not size > 0.0:
+        order[k] = pivot(m, k, n, n)
+        if order[k] < 0:
             return False
-        order[k] = best
-        pivot = m[k]
-        if best != k:
-            other = m[best]
-            for j in range(n):
-                pivot[j], other[j] = other[j], pivot[j]
-        inverse = 1.0 / pivot[k]
+        up = m[k]
+        inverse = 1.0 / up[k]
         for i in range(k + 1, n):
             row = m[i]
             factor = row[k] * inverse
             row[k] = factor
             for j in range(k + 1, n):
-                row[j] -= factor * pivot[j]
+                row[j] -= factor * up[j]
     return True
 
 

@@ -66,7 +66,9 @@ def _table(kind: str, every: Mapping[str, Preset], cls: type) -> Iterator[str]:
 
 
 def _said(cls: type, name: str, preset: Preset) -> str:
-    """A number of a preset with its unit, and whether it is an estimate."""
+    """A number of a preset with its unit, and whether it is an estimate; a material that relaxes has no viscosity."""
+    if name not in preset.numbers:
+        return "relaxes"
     quoted = preset.numbers[name]
     return ("~" if quoted.is_estimate else "") + _in_unit(cls, name, quoted.value)
 

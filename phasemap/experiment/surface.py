@@ -5,27 +5,24 @@ Row 0 is the top of the image and y increases with the row index; everything is 
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phasemap._shared.checks import number
-from phasemap._shared.dask_arrays import chunks_of, is_lazy
-from phasemap._shared.errors import InputError, Word
+from phasemap._shared.dask_arrays import is_lazy
+from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.quantities import Scalar
-from phasemap._shared.shown import table
-from phasemap._shared.units import say
-from phasemap.experiment.distinct_rows import distinct_materials
 from phasemap.experiment.labels import lazily_looked_up, looked_up
+from phasemap.experiment.maps import Maps
 from phasemap.experiment.material import Material
 from phasemap.experiment.relaxing import check_relaxing
 from phasemap.experiment.surface_maps import common_shape, pixel_sides, property_map
-from phasemap.experiment.surface_variables import QUANTITIES, as_variables, centres, maps_of
+from phasemap.experiment.surface_variables import QUANTITIES, as_variables, maps_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,7 +36,7 @@ IntArray = NDArray[np.int32]
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
-class Surface:
+class Surface(Maps):
     """A sample: material maps and topography on a grid of pixels.
 
     Every quantity is one number or a 2-D map, and all maps have one shape. They are in SI units, text with a unit,
@@ -92,20 +89,6 @@ class Surface:
     >>> replace(surface, viscosity=20.0, damping=None).viscosity.shape
     (2, 2)
     """
-
-    modulus: FloatArray
-    adhesion: FloatArray
-    damping: FloatArray | None
-    viscosity: FloatArray | None
-    poisson_ratio: FloatArray
-    topography: FloatArray | None
-    thickness: FloatArray | None
-    relaxed_modulus: FloatArray | None
-    relaxation_time: FloatArray | None
-    pixel_size: tuple[float, float]
-    shape: tuple[int, int]
-    allow_nan: bool
-    _unique: tuple[FloatArray, IntArray] | None = field(init=False)
 
     def __init__(
         self,
@@ -262,30 +245,6 @@ class Surface:
         y, x = self.coords()
         return as_variables({name: getattr(self, name) for name in QUANTITIES}, y, x)
 
-    def coords(self) -> tuple[FloatArray, FloatArray]:
-        """Positions of the pixel centres from the top left corner of the image.
-
-        Returns
-        -------
-        y : ndarray, shape (ny,)
-            [m], increasing with the row.
-        x : ndarray, shape (nx,)
-            [m], increasing with the column.
-
-        Examples
-        --------
-        >>> y, x = Surface(modulus=1e9, pixel_size=(4e-9, 2e-9), shape=(1, 2)).coords()
-        >>> y, x.round(12)
-        (array([2.e-09]), array([1.e-09, 3.e-09]))
-        """
-        y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
-        return y, x
-
-    @property
-    def lazy(self) -> bool:
-        """Whether some map is a Dask array."""
-        return any(is_lazy(getattr(self, name)) for name in QUANTITIES)
-
     def compute(self) -> Surface:
         """Return the surface with all maps in memory; the same one if they are there already.
 
@@ -308,94 +267,6 @@ class Surface:
         maps = {name: np.asarray(value) if is_lazy(value := getattr(self, name)) else value for name in QUANTITIES}
         with unquestioned():
             return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
-
-    def _refuse_lazy(self) -> None:
-        """Refuse what looks at all pixels at once."""
-        if self.lazy:
-            raise InputError("surface", Word("in Dask arrays"), "maps in memory", "Take surface.compute().")
-
-    def unique(self) -> tuple[FloatArray, IntArray]:
-        """Find the distinct materials, so that each is solved once.
-
-        Returns
-        -------
-        rows : ndarray, shape (n, 4), (n, 5) or (n, 6)
-            Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1], and
-            thickness [m] if there is one, or relaxed modulus [Pa] and relaxation time [s].
-        inverse : ndarray of int32, shape (ny, nx)
-            Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
-            read-only.
-
-        Examples
-        --------
-        >>> surface = Surface(modulus=[[1e9, 3e9, 1e9]], adhesion=0.05, pixel_size=4e-9)
-        >>> rows, inverse = surface.unique()
-        >>> rows[:, 0].tolist(), inverse.tolist()
-        ([1000000000.0, 3000000000.0], [[0, 1, 0]])
-        """
-        self._refuse_lazy()
-        found = self._unique
-        if found is None:
-            found = distinct_materials(self.columns)
-            object.__setattr__(self, "_unique", found)
-        return found
-
-    @property
-    def found(self) -> tuple[FloatArray, IntArray] | None:
-        """What `unique` gives if that is known already, else None."""
-        return self._unique
-
-    def materials(self, pixels: slice | NDArray[np.intp]) -> FloatArray:
-        """Rows as `unique` gives them, of some pixels.
-
-        Parameters
-        ----------
-        pixels : slice or ndarray of int
-            In the order of the rows of the image, ``row * nx + column``.
-
-        Examples
-        --------
-        >>> Surface(modulus=[[1e9, 3e9]], adhesion=0.05, pixel_size=4e-9).materials(slice(1, 2)).tolist()
-        [[3000000000.0, 0.05, 0.0, 0.35]]
-        """
-        self._refuse_lazy()
-        return np.column_stack([column.reshape(-1)[pixels] for column in self.columns])
-
-    @property
-    def columns(self) -> list[FloatArray]:
-        """The maps that make up a material."""
-        fields = (
-            self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness,
-            self.relaxed_modulus, self.relaxation_time,
-        )  # fmt: skip
-        return [column for column in fields if column is not None]
-
-    def rows(self, rows: slice) -> Surface:
-        """Some rows of it, as a surface that shares its maps.
-
-        Parameters
-        ----------
-        rows : slice
-            At least one row.
-
-        Returns
-        -------
-        Surface
-            It remembers what `unique` found here; some of these materials may be in no pixel of it.
-
-        Examples
-        --------
-        >>> Surface(modulus=[[1e9], [3e9]], pixel_size=4e-9).rows(slice(1, 2)).modulus.tolist()
-        [[3000000000.0]]
-        """
-        part = copy.copy(self)
-        for name in QUANTITIES:
-            if (value := getattr(self, name)) is not None:
-                object.__setattr__(part, name, value[rows])
-        object.__setattr__(part, "shape", part.modulus.shape)
-        if self._unique is not None:
-            object.__setattr__(part, "_unique", (self._unique[0], self._unique[1][rows]))
-        return part
 
     def dilated(self, tip: Tip, half_angle: float | None = None) -> Surface:
         """Return the surface as a tip of finite size meets it: steps and particles look wider, pits narrower.
@@ -460,46 +331,3 @@ class Surface:
         self._refuse_lazy()
         ratio = number("setpoint", setpoint, "1", above=0, below=1)
         return seen_by(self, scope, ratio, None if depth is None else np.asarray(depth, dtype=np.float64))
-
-    def __eq__(self, other: object) -> bool:
-        """Whether both have the same values everywhere; where both have NaN they agree."""
-        if not isinstance(other, Surface):
-            return NotImplemented
-        if (self.shape, self.pixel_size) != (other.shape, other.pixel_size):
-            return False
-        for name in QUANTITIES:
-            a, b = getattr(self, name), getattr(other, name)
-            if (a is None) != (b is None) or (a is not None and not np.array_equal(a, b, equal_nan=True)):
-                return False
-        return True
-
-    def __repr__(self) -> str:
-        """Say the size of the map and the range of each quantity."""
-        return f"Surface({', '.join(f'{name} {said}'.removeprefix('size ') for name, said in self._said().items())})"
-
-    def _repr_html_(self) -> str:
-        return table("Surface", self._said())
-
-    def _said(self) -> dict[str, str]:
-        """Size and ranges in words."""
-        rows, columns = self.shape
-        tall, wide = (say(side, "m") for side in self.pixel_size)
-        found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
-        for name in (
-            "modulus",
-            "adhesion",
-            "damping",
-            "viscosity",
-            "topography",
-            "thickness",
-            "relaxed_modulus",
-            "relaxation_time",
-        ):
-            value = getattr(self, name)
-            if is_lazy(value):
-                blocks = chunks_of(value)
-                found[name] = f"in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels"
-            elif value is not None:
-                ends = [say(float(end.reduce(value, None)), QUANTITIES[name].unit) for end in (np.fmin, np.fmax)]
-                found[name] = " to ".join(dict.fromkeys(ends))
-        return found

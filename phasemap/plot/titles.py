@@ -40,9 +40,7 @@ def titles(ds: xr.Dataset) -> list[str]:
         [ds.attrs["title"]] if "title" in ds.attrs else [],
         [
             *_said(material, swept, modulus=("modulus {}", "Pa"), adhesion=("adhesion {}", "J m-2")),
-            *_said(material, swept, **{
-                "viscosity": ("viscosity {}", "Pa s"),
-            } if material.get("viscosity") is not None else {"damping": ("damping {}", "1")}),
+            *_said(material, swept, **_loss(material)),
             *_said(about, swept, setpoint=("setpoint {} held", "1"), tip_offset=("tip offset {} held", "m")),
         ],
         [
@@ -53,6 +51,15 @@ def titles(ds: xr.Dataset) -> list[str]:
         ],
     ]  # fmt: skip
     return [", ".join(line) for line in lines if line]
+
+
+def _loss(material: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    """What a material loses energy by."""
+    if material.get("relaxation_time") is not None:
+        return {"relaxed_modulus": ("relaxed {}", "Pa"), "relaxation_time": ("in {}", "s")}
+    if material.get("viscosity") is not None:
+        return {"viscosity": ("viscosity {}", "Pa s")}
+    return {"damping": ("damping {}", "1")}
 
 
 def _said(table: dict[str, Any], swept: str, **words: tuple[str, str]) -> list[str]:

@@ -135,7 +135,13 @@ class Remembering(FromFar):
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
-        self.engage(work, first + np.flatnonzero(remembers), out, status, solver, accuracy.periods)
+        near = remembers & self._has_one_orbit(rows, work.lever)
+        if near.any():
+            chosen = first + np.flatnonzero(near)
+            self._engage_elastic(work, chosen, out, status, solver, accuracy.periods)
+            self.settle(work, chosen, out, status, solver, accuracy.periods)
+        far = first + np.flatnonzero(remembers & ~(near & (status[first:last] == col.GOOD)))
+        self.engage(work, far, out, status, solver, accuracy.periods)
         rest = first + np.flatnonzero(~remembers)
         if not len(rest):
             return
@@ -143,6 +149,26 @@ class Remembering(FromFar):
         some, codes, used = out[rest], status[rest], solver[rest]
         self.other.solve(plain, accuracy, 0, len(rest), some, codes, used)
         out[rest], status[rest], solver[rest] = some, codes, used
+
+    @staticmethod
+    def _has_one_orbit(rows: np.ndarray, lever: np.ndarray) -> np.ndarray:
+        """Where nothing attracts a tip at resonance its amplitude falls all the way down, from whatever orbit."""
+        attracts = (rows[:, col.PULL] != 0) | (rows[:, col.LONGRANGE] != 0) | (rows[:, col.BIAS] != 0)
+        return np.asarray(~attracts & (lever[col.OMEGA] == 1.0))
+
+    @staticmethod
+    def _engage_elastic(
+        work: Work, chosen: np.ndarray, out: np.ndarray, status: np.ndarray, solver: np.ndarray, periods: int
+    ) -> None:
+        """Averaged orbits on the same materials as if nothing relaxed, to begin from."""
+        from phasemap.solvers.averaging import engage_averaged
+
+        elastic = work.part(chosen)
+        elastic = replace(elastic, law=work.law._replace(memory=0), rows=elastic.rows.copy())
+        elastic.rows[:, [col.RELAXATION, col.RELAXING, col.DAMPING]] = 0.0
+        some, codes, used = out[chosen], status[chosen], solver[chosen]
+        engage_averaged(elastic, periods, 0, len(chosen), some, codes, used)
+        out[chosen], status[chosen], solver[chosen] = some, codes, used
 
 
 def check_marches(name: str) -> None:

@@ -18,6 +18,7 @@ from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_pa
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.slow_feedback import Place, SlowFeedback
 from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
+from phasemap.sweeps import in_time
 from phasemap.sweeps.dataset import Axis, dataset
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
     """`phasemap.sweep_distance`."""
     from phasemap._kernels.continuation.path import ZP
 
+    if Question(material, scope).remembers:
+        return in_time.distance(Question(material, scope), axis, samples)
     path = fixed_path(Question(material, scope))
     wanted = np.sort(axis)
     curves = Curves(path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
@@ -71,6 +74,8 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
+    if Question(material, scope).remembers:
+        return in_time.setpoint(Question(material, scope), axis, samples)
     free = scope.driven_amplitude
     feedback = SlowFeedback(held_curves(fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
     n = len(axis)
@@ -95,6 +100,8 @@ def parameter(
     question, scale = Question(material, scope), Scale.over(axis)
     for value in (scale.low, scale.high):
         question.at(name, value)
+    if question.remembers:
+        return in_time.parameter(question, name, UNITS[name], axis, ratio, height, samples)
 
     def held_under(changed: Microscope) -> float:
         return ratio * changed.driven_amplitude if ratio is not None else (height or 0.0)

@@ -39,7 +39,8 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     xarray.Dataset
         What a slow sweep sees has dims ("direction", "tip_offset"), with the directions "approach" and "retract".
         The complete curve with its unstable parts has the dim "point" and variables that begin with `curve_`; folds
-        have the dim "fold", jumps of the sweep the dim "jump".
+        have the dim "fold", jumps of the sweep the dim "jump". Where contacts remember, the sweep is marched in time:
+        there is no curve, and so neither folds nor jumps.
 
     Raises
     ------
@@ -158,7 +159,8 @@ def sweep_parameter(
     material : Material
     scope : Microscope
     name : str
-        "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "stiffness", "quality_factor",
+        "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus",
+        "relaxation_time", "stiffness", "quality_factor",
         "radius", "free_amplitude", "frequency", "decay_length" or "bias".
     values : array_like
         In the parameter's SI unit, rising or falling.

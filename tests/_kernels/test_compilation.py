@@ -20,6 +20,7 @@ from phasemap._kernels import disk_cache
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.first_use import FirstUse
 from phasemap._kernels.lever import free_amplitude, phase_of
+from phasemap._kernels.neck import loop_energies
 from phasemap.validation import kinds_of_work
 
 PACKAGE = Path(pm.__file__).parent
@@ -75,16 +76,22 @@ def test_code_outlives_no_source(copy: Path, tmp_path: Path) -> None:
     assert hits == 0 and changed != first
 
 
-def test_a_damaged_file_is_compiled_anew(tmp_path: Path) -> None:
-    place = {"NUMBA_CACHE_DIR": str(tmp_path)}
-    whole = small(**place)[0]
-    files = list(tmp_path.rglob("*" + disk_cache.SUFFIX))
-    assert files
+def test_a_damaged_file_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    interaction = pm.Interaction("jkr")
+    rows = interaction.columns(np.array([1e9]), np.array([0.05]), np.array([0.0]), 10e-9)
+    monkeypatch.setattr(disk_cache, "folder", lambda: tmp_path)
+
+    def anew() -> tuple[float, int]:
+        entry = kernel(loop_energies.py_func)
+        return float(entry(interaction.token(), rows)[0]), sum(entry._cache_hits.values())
+
+    whole, hits = anew()
+    (file,) = tmp_path.glob("*" + disk_cache.SUFFIX)
+    assert hits == 0
     for damage in (lambda _: b"", lambda _: b"nonsense", lambda content: content[:-100]):
-        for file in files:
-            file.write_bytes(damage(file.read_bytes()))
-        assert small(**place) == (whole, 0)
-    assert small(**place) == (whole, 1)
+        file.write_bytes(damage(file.read_bytes()))
+        assert anew() == (whole, 0)
+    assert anew() == (whole, 1)
 
 
 def test_without_a_place_for_it_code_is_compiled_in_every_process(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -45,10 +46,16 @@ def said(image: xr.Dataset) -> dict[str, str]:
     return {name: str(value) for name, value in image.attrs.items() if name not in ("history", "seconds")}
 
 
+@cache
+def by_one_thread(name: str) -> xr.Dataset:
+    surface, options = CASES[name]
+    return pm.simulate(surface, SCOPE, 0.7, **options, threads=1)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_the_number_of_threads_changes_no_bit(name: str) -> None:
     surface, options = CASES[name]
-    alone = pm.simulate(surface, SCOPE, 0.7, **options, threads=1)
+    alone = by_one_thread(name)
     for threads in (2, 5):
         image = pm.simulate(surface, SCOPE, 0.7, **options, threads=threads)
         assert digest(image) == digest(alone) and said(image) == said(alone)
@@ -63,5 +70,5 @@ def test_another_process_with_another_seed_of_hashes_gives_the_same_bytes() -> N
     path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": path}
     there = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
-    here = [digest(pm.simulate(s, SCOPE, 0.7, **o)) for name, (s, o) in CASES.items() if name != "marched"]
+    here = [digest(by_one_thread(name)) for name in CASES if name != "marched"]
     assert there.split() == here

@@ -135,6 +135,31 @@ SURFACE = pm.Surface(modulus=[[1e9, 0.2e9, 3e9]], adhesion=0.06, viscosity=20.0,
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
 
 
+@pytest.mark.parametrize(
+    "scope",
+    [
+        pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9)),
+        pm.Microscope(pm.Cantilever(3.0, 70e3, 60.0), pm.Tip(30e-9), pm.Drive(60e-9)),
+    ],
+    ids=("stiff cantilever", "soft cantilever"),
+)
+@pytest.mark.parametrize("adhesion", [0.0, 0.03])
+def test_a_hard_tap_shows_too_much_loss_by_its_force_over_that_of_the_lever(
+    scope: pm.Microscope, adhesion: float
+) -> None:
+    modulus, lossy = np.array([[1e9, 10e9]]), 0.2
+    stiff = modulus / (1 - 0.35**2)
+    viscosity = lossy * 2 * stiff / (2 * np.pi * scope.cantilever.resonance_frequency)
+    surface = pm.Surface(modulus, adhesion=adhesion, viscosity=viscosity, pixel_size=1e-9)
+    image = pm.simulate(surface, scope, 0.7, variables=["loss_tangent_corrected", "indentation", "amplitude"])
+    depth, amplitude = image.indentation.values, image.amplitude.values
+    assert (depth < 0.1 * amplitude).all()
+    force = 4 / 3 * stiff * np.sqrt(scope.tip.radius) * depth**1.5 / (scope.cantilever.stiffness * amplitude)
+    # The tap is shorter than that of a sine, for the force turns the tip beside the spring of the lever.
+    over = image.loss_tangent_corrected.values / lossy - 1
+    assert ((over > 0.3 * force) & (over < 0.9 * force)).all()
+
+
 def test_an_image_has_the_channels_that_are_asked_for() -> None:
     image = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=["loss_tangent", "loss_tangent_corrected"])
     assert set(image.data_vars) == {"status", "loss_tangent", "loss_tangent_corrected"}

@@ -134,6 +134,20 @@ def test_a_feedback_in_time_settles_where_the_pixel_is() -> None:
     np.testing.assert_allclose(image.phase.values, pixel.phase, atol=0.02)  # of steps of 0.7, and of a settling loop
 
 
+def test_a_sweep_in_time_comes_by_the_orbits_of_pixels() -> None:
+    solid, scope = pm.Material(**SOLID), scope_of({"quality_factor": 60.0})
+    pixel = pm.solve_pixel(solid, scope, 0.6)
+    held = pm.sweep_setpoint(solid, scope, [0.7, 0.6])
+    assert held.direction.values.tolist() == ["down", "up"] and (held.status == 0).all()
+    # Each orbit is known to PRECISE, 1e-5 degree and 0.01 pm.
+    np.testing.assert_allclose(held.phase.sel(setpoint=0.6), pixel.phase, atol=1e-4)
+    near = pm.sweep_distance(solid, scope, [1.001 * pixel.tip_offset, pixel.tip_offset])
+    np.testing.assert_allclose(near.amplitude.values[:, 1], pixel.amplitude, rtol=1e-6)
+    assert near.sizes["point"] == near.sizes["jump"] == 0  # there is no curve behind it
+    faster = pm.sweep_parameter(solid, scope, "relaxation_time", [50e-9, 100e-9], setpoint=0.6)
+    np.testing.assert_allclose(faster.phase.sel(relaxation_time=100e-9), pixel.phase, atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
@@ -143,7 +157,8 @@ def test_a_feedback_in_time_settles_where_the_pixel_is() -> None:
         ),
         (lambda m, s: pm.solve_pixel(m, s, 0.6, "averaging"), "solver is 'averaging'"),
         (lambda m, s: pm.orbits(m, s, setpoint=0.6), "surface is one that remembers"),
-        (lambda m, s: pm.sweep_setpoint(m, s, [0.6, 0.7]), "surface is one that remembers"),
+        (lambda m, s: pm.contrast(m, m, s, [0.6, 0.7]), "surface is one that remembers"),
+        (lambda m, s: pm.sweep_setpoint(m, s, [0.6, 0.7], samples=16), "samples is 16; allowed: 0 where contacts rem"),
         (lambda m, s: pm.force_curve(m, s, [0.0, 1e-9]), "surface is one that remembers"),
         (lambda m, s: image_of(m, s, control=pm.Raster()), "control is 'Raster'.*Engage or Feedback"),
         (lambda m, s: image_of(m, s, solver="orbit"), "solver is 'orbit'"),

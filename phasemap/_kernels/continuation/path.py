@@ -16,6 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, scale_of
+from phasemap._kernels.orbits.collocation.closing import along, along_swept
 from phasemap._kernels.orbits.collocation.newton import newton, newton_swept
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
@@ -29,8 +30,6 @@ from phasemap._kernels.orbits.collocation.system import (
     A,
     M,
     Orbit,
-    along,
-    along_swept,
     linearise,
     no_drift,
 )

@@ -30,6 +30,7 @@ from phasemap._kernels.continuation.path import (
 from phasemap._kernels.continuation.path import row_of as tangent_row
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.orbits.collocation.closing import along
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe
 from phasemap._kernels.orbits.collocation.observables import complete, time_trace
@@ -46,7 +47,6 @@ from phasemap._kernels.orbits.collocation.system import (
     M,
     Orbit,
     P,
-    along,
     new_orbit,
 )
 

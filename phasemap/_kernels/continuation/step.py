@@ -46,7 +46,8 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.contacts import find_contacts
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.newton import floquet
 from phasemap._kernels.orbits.collocation.system import (
     CONTACTS,

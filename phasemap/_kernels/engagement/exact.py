@@ -21,7 +21,7 @@ from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach
 from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in, pulled
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-from phasemap._kernels.orbits.collocation.elements import PERMANENT
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
 from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, Z0, A, Orbit, P
 

@@ -15,7 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.collocation.elements import PERMANENT
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
 from phasemap._kernels.orbits.collocation.system import (
     CONTACTS,

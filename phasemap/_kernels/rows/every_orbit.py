@@ -13,7 +13,7 @@ from phasemap._kernels.engagement.exact import MOST_POINTS
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-from phasemap._kernels.orbits.collocation.elements import PERMANENT
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
 from phasemap._kernels.orbits.collocation.polish import tolerance_of

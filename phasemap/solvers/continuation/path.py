@@ -20,7 +20,9 @@ from phasemap.solvers.problem import Work, work_of_material
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
 
-MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness")
+MATERIAL = (
+    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
+)  # fmt: skip
 PARTS = {
     "stiffness": "cantilever", "quality_factor": "cantilever", "radius": "tip", "free_amplitude": "drive",
     "frequency": "drive", "decay_length": "interaction", "bias": "interaction",
@@ -64,9 +66,15 @@ class Question:
             changed = replace(getattr(self.scope, part), **{name: value})
         return Question(self.material, replace(self.scope, **{part: changed}))
 
-    def work(self, amplitude: float = 1e-9) -> Work:
-        """One row of parameters, and the lever."""
-        return work_of_material(self.material, self.scope, amplitude)
+    def work(self, amplitude: float = 1e-9, *, marched: bool = False) -> Work:
+        """One row of parameters, and the lever; `marched` as for `phasemap.solvers.problem.work_of`."""
+        return work_of_material(self.material, self.scope, amplitude, marched=marched)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether only the march in time knows the contacts of this material."""
+        viscous = bool(self.material.viscosity or self.material.damping)
+        return self.material.relaxation_time is not None or (self.scope.interaction.withdrawal == "ting" and viscous)
 
 
 def fixed_path(question: Question) -> Path:

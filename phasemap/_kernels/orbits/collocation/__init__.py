@@ -1,5 +1,6 @@
 """Exact orbits by collocation: polynomials on elements that end where the tip meets the sample.
 
-`elements` lays the elements, `system` has the equations and their derivatives, `newton` solves them. `observables`
-makes a row of the solution, `polish` refines until it is as exact as was asked for.
+`contacts` finds where the tip meets the sample, `elements` lays the elements between, `system` has the equations and
+their derivatives, `closing` adds the drive and what is held and takes a step, `newton` takes steps until all hold.
+`observables` makes a row of the solution, `estimate` says how wrong it is, `polish` refines it until that is little.
 """

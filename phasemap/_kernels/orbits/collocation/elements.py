@@ -1,4 +1,4 @@
-"""Where the elements of an orbit lie: contacts are found on it, elements laid between, values carried over."""
+"""Where the elements of an orbit lie: laid for its contacts, values carried over."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from phasemap._kernels.columns import DAMPING, LONGRANGE, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_slope, damping
 from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate
 from phasemap._kernels.orbits.collocation.system import (
     CONTACT,
     CONTACTS,
@@ -34,7 +35,6 @@ from phasemap._kernels.orbits.collocation.system import (
     TABLE,
     THETA,
     VALUE,
-    Z0,
     A,
     Orbit,
     U,
@@ -47,254 +47,11 @@ from phasemap._kernels.quadrature import (
     GRADED_START,
     GRADED_WIDTHS,
     NODES,
-    T_BARY,
-    T_BARY_FIRST,
-    T_BARY_LAST,
     T_FIRST,
     T_LAST,
     T_NUMBERS,
     T_S,
 )
-
-TWO_PI = 2 * math.pi
-PERMANENT = -1  # orbit.head[COUNT, CONTACTS] of an orbit that never leaves contact
-
-
-@kernel
-def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) -> tuple[float, float]:
-    """Return w and w' at an angle inside element e (barycentric interpolation)."""
-    one, following = elements[e], elements[e + 1]
-    table = tables[int(one[PLACE, TABLE])]
-    x = (theta - one[PLACE, ORIGIN]) / one[PLACE, SCALE]
-    before, after = x - table[T_NUMBERS, T_FIRST], x - table[T_NUMBERS, T_LAST]
-    if before == 0.0:
-        return one[PLACE, EDGE_W], one[PLACE, EDGE_U]
-    if after == 0.0:
-        return following[PLACE, EDGE_W], following[PLACE, EDGE_U]
-    share, other = table[T_NUMBERS, T_BARY_FIRST] / before, table[T_NUMBERS, T_BARY_LAST] / after
-    below = share + other
-    w = share * one[PLACE, EDGE_W] + other * following[PLACE, EDGE_W]
-    u = share * one[PLACE, EDGE_U] + other * following[PLACE, EDGE_U]
-    for k in range(NODES):
-        difference = x - table[T_S, k]
-        if difference == 0.0:
-            return one[W, k], one[U, k]
-        share = table[T_BARY, k] / difference
-        below += share
-        w += share * one[W, k]
-        u += share * one[U, k]
-    return w / below, u / below
-
-
-@kernel
-def depth(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
-    """Return d and d' (by the angle) at an angle inside element e."""
-    w, u = interpolate(tables, orbit.elements, e, theta)
-    amplitude = orbit.head[VALUE, A]
-    return amplitude * math.cos(theta) + w - orbit.head[VALUE, Z0], u - amplitude * math.sin(theta)
-
-
-@kernel
-def _root(
-    tables: np.ndarray, orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float
-) -> float:
-    """Angle between low and high where d passes `border`, by Newton's method kept inside the bracket."""
-    theta = low + (high - low) * d_low / (d_low - d_high)
-    for _ in range(60):
-        d, slope = depth(tables, orbit, e, theta)
-        d -= border
-        if (d > 0.0) == (d_low > 0.0):
-            low = theta
-        else:
-            high = theta
-        step = -d / slope if slope != 0.0 else 0.0
-        following = theta + step
-        if not (low < following < high):
-            following = 0.5 * (low + high)
-        if abs(following - theta) < 1e-15 * TWO_PI:
-            return following
-        theta = following
-    return theta
-
-
-@kernel
-def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) -> float:
-    """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
-    sign = depth(tables, orbit, e, low)[1] > 0.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        if (depth(tables, orbit, e, middle)[1] > 0.0) == sign:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-@kernel(shared=True)
-def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
-    """Find where the tip enters and leaves contact; fills rows CONTACT and their count. False if there are too many.
-
-    Rows are (angle of entry, angle at which d falls through 0, angle at which the neck breaks); without contact, or in
-    contact for good, the first is (angle, depth) where the tip is nearest to the other side.
-    """
-    held = orbit.head[COUNT, CONTACTS] == PERMANENT  # in a neck, it depends on where the tip came from
-    if not _find_pressed(tables, orbit):
-        return False
-    contacts = int(orbit.head[COUNT, CONTACTS])
-    if p[RELEASE] == 0.0:
-        for i in range(contacts):
-            orbit.head[CONTACT + i, 2] = orbit.head[CONTACT + i, 1]
-    elif contacts > 0:
-        _find_releases(p, tables, orbit)
-    elif held and contacts == 0 and _lowest(tables, orbit) > p[RELEASE]:
-        orbit.head[COUNT, CONTACTS] = PERMANENT
-    return True
-
-
-@kernel
-def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
-    """Smallest depth at the nodes."""
-    lowest = math.inf
-    amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
-    for e in range(int(orbit.head[COUNT, ELEMENTS])):
-        one = orbit.elements[e]
-        for j in range(NODES):
-            lowest = min(lowest, amplitude * one[COS, j] + one[W, j] - z0)
-    return lowest
-
-
-@kernel
-def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
-    """Fill in where the neck of each contact breaks: at the next contact where it does not."""
-    head = orbit.head
-    contacts, count = int(head[COUNT, CONTACTS]), int(head[COUNT, ELEMENTS])
-    begin = orbit.elements[0, PLACE, EDGE]
-    for i in range(contacts):
-        end = head[CONTACT + i, 1]
-        following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
-        head[CONTACT + i, 2] = following
-        # Elements from the one that holds `end` on, round the period.
-        at = end - TWO_PI * math.floor((end - begin) / TWO_PI)
-        e = 0
-        while e < count - 1 and orbit.elements[e + 1, PLACE, EDGE] <= at:
-            e += 1
-        turn, before, d_before = end - at, at, -p[RELEASE]
-        for _ in range(count + 1):
-            broken = False
-            for k in range(NODES + 1):
-                theta = orbit.elements[e + 1, PLACE, EDGE] if k == NODES else orbit.elements[e, THETA, k]
-                if theta <= before:
-                    continue
-                if theta + turn >= following:
-                    break
-                d, slope = depth(tables, orbit, e, theta)
-                d -= p[RELEASE]
-                if d > 0.0 and slope > 0.0 and depth(tables, orbit, e, before)[1] < 0.0:
-                    lowest = _extreme(tables, orbit, e, before, theta)  # it may break between two nodes
-                    d_lowest = depth(tables, orbit, e, lowest)[0] - p[RELEASE]
-                    if d_lowest <= 0.0:
-                        theta, d = lowest, d_lowest
-                if d <= 0.0:
-                    head[CONTACT + i, 2] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
-                    broken = True
-                    break
-                before, d_before = theta, d
-            e += 1
-            if broken or before + turn >= following:
-                break
-            if e == count:
-                e, turn, before = 0, turn + TWO_PI, begin
-
-
-@kernel
-def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
-    """Find where d rises and falls through 0; fills rows CONTACT and their count. False if there are too many."""
-    amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
-    up = np.empty(MOST_CONTACTS + 1)
-    down = np.empty(MOST_CONTACTS + 1)
-    ups, downs = 0, 0
-    theta_before, d_before, slope_before = 0.0, 0.0, 0.0
-    d_first, first_inside = 0.0, False
-    extreme_theta, extreme_d = 0.0, -1e300
-    lowest_theta, lowest_d = 0.0, 1e300
-    for e in range(int(orbit.head[COUNT, ELEMENTS])):
-        for k in range(NODES + 2):
-            if k == 0 and e > 0:
-                continue
-            if k == 0 or k == NODES + 1:
-                edge = e if k == 0 else e + 1
-                at = orbit.elements[edge, PLACE]
-                theta = at[EDGE]
-                d = amplitude * math.cos(theta) + at[EDGE_W] - z0
-                slope = at[EDGE_U] - amplitude * math.sin(theta)
-            else:
-                one = orbit.elements[e]
-                theta = one[THETA, k - 1]
-                d = amplitude * one[COS, k - 1] + one[W, k - 1] - z0
-                slope = one[U, k - 1] - amplitude * one[SIN, k - 1]
-            if d > extreme_d:
-                extreme_theta, extreme_d = theta, d
-            if d < lowest_d:
-                lowest_theta, lowest_d = theta, d
-            if e == int(orbit.head[COUNT, ELEMENTS]) - 1 and k == NODES + 1:
-                d = d_first  # the same point a period later
-            inside = d > 0.0
-            if e == 0 and k == 0:
-                d_first, first_inside = d, inside
-            else:
-                was_inside = d_before > 0.0
-                middle, d_middle = theta_before, d_before
-                split = False
-                if inside == was_inside:
-                    towards = slope_before < 0.0 if inside else slope_before > 0.0
-                    away = slope > 0.0 if inside else slope < 0.0
-                    if towards and away:
-                        middle = _extreme(tables, orbit, e, theta_before, theta)
-                        d_middle = depth(tables, orbit, e, middle)[0]
-                        split = (d_middle > 0.0) != inside
-                        if not inside and d_middle > extreme_d:
-                            extreme_theta, extreme_d = middle, d_middle
-                        if inside and d_middle < lowest_d:
-                            lowest_theta, lowest_d = middle, d_middle
-                if inside != was_inside or split:
-                    if max(ups, downs) >= MOST_CONTACTS:
-                        return False
-                    if split:
-                        one = _root(tables, orbit, e, 0.0, theta_before, d_before, middle, d_middle)
-                        two = _root(tables, orbit, e, 0.0, middle, d_middle, theta, d)
-                        if inside:
-                            down[downs], up[ups] = one, two
-                        else:
-                            up[ups], down[downs] = one, two
-                        ups += 1
-                        downs += 1
-                    else:
-                        root = _root(tables, orbit, e, 0.0, theta_before, d_before, theta, d)
-                        if inside:
-                            up[ups] = root
-                            ups += 1
-                        else:
-                            down[downs] = root
-                            downs += 1
-            theta_before, d_before, slope_before = theta, d, slope
-    if ups == 0:
-        orbit.head[COUNT, CONTACTS] = PERMANENT if first_inside else 0
-        orbit.head[CONTACT, 0] = lowest_theta if first_inside else extreme_theta
-        orbit.head[CONTACT, 1] = lowest_d if first_inside else extreme_d
-        return True
-    orbit.head[COUNT, CONTACTS] = ups
-    for i in range(ups):
-        if first_inside:  # the contact that contains the start ends first
-            orbit.head[CONTACT + i, 0] = up[i]
-            orbit.head[CONTACT + i, 1] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
-        else:
-            orbit.head[CONTACT + i, 0] = up[i]
-            orbit.head[CONTACT + i, 1] = down[i]
-    shift = TWO_PI * math.floor((orbit.head[CONTACT, 0] + math.pi) / TWO_PI)
-    for i in range(ups):
-        orbit.head[CONTACT + i, 0] -= shift
-        orbit.head[CONTACT + i, 1] -= shift
-    return True
 
 
 @kernel

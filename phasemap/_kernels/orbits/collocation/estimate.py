@@ -18,7 +18,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
-from phasemap._kernels.orbits.collocation.elements import find_contacts, lay, put
+from phasemap._kernels.orbits.collocation.closing import close
+from phasemap._kernels.orbits.collocation.contacts import find_contacts
+from phasemap._kernels.orbits.collocation.elements import lay, put
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
     EDGE,
@@ -44,7 +46,6 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     U,
     W,
-    close,
     linearise,
     no_drift,
 )

@@ -10,7 +10,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.collocation.elements import PERMANENT, carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.closing import accept, along, close, close_swept
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.system import (
     CONTACT,
     CONTACTS,
@@ -42,10 +44,6 @@ from phasemap._kernels.orbits.collocation.system import (
     S,
     U,
     W,
-    accept,
-    along,
-    close,
-    close_swept,
     linearise,
     no_drift,
     surface_force,

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
-from phasemap._kernels.orbits.collocation.elements import interpolate
+from phasemap._kernels.orbits.collocation.contacts import interpolate
 from phasemap._kernels.orbits.collocation.system import (
     COS,
     COUNT,

@@ -8,7 +8,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.collocation.elements import carry_over, find_contacts, lay
+from phasemap._kernels.orbits.collocation.contacts import find_contacts
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, newton, report
 from phasemap._kernels.orbits.collocation.system import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit
 

@@ -9,9 +9,9 @@ xi = x^2, and the edge of the contact at x = q:
 * outside, y decays with the time of recovery, so that y at the moment of its release does.
 
 Both are kept as stacks of nodes, in order of x, that have their tops at the edge: a contact that grows takes nodes from
-the outer stack and lays nodes on the inner one, and the other way round. Between two nodes y is a polynomial of degree 5
-in sqrt(peak - xi), in which it is smooth: peak is the xi at which the contact turned that made them. Times
-exp(-rate t) it is that at any time; its coefficients are kept with one of the two nodes.
+the outer stack and lays nodes on the inner one, and the other way round. Between two nodes y is a polynomial of degree
+5 in sqrt(peak - xi), in which it is smooth: peak is the xi at which the contact turned that made them. Its coefficients
+are kept with one of the two nodes, for one moment: all of it decays alike.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def join(m: np.ndarray, of: int, low: int, high: int, rate: float) -> None:
 def between(m: np.ndarray, of: int, xi: float, t: float, rate: float) -> tuple[float, float]:
     """What is remembered at xi at time t by the polynomial kept in node `of`, and its slope by xi."""
     scale, c = m[of + SCALE], of + SERIES
-    w = max(math.sqrt(max(m[of + TURN] - xi, 0.0)), 1e-9 / scale)
+    w = math.sqrt(max(m[of + TURN] - xi, 1e-18 * m[of + TURN]))
     x = (w - m[of + NEAR]) * scale
     c0, c1, c2, c3, c4, c5 = m[c], m[c + 1], m[c + 2], m[c + 3], m[c + 4], m[c + 5]
     kept = math.exp((m[of + WHEN] - t) * rate)
@@ -88,7 +88,7 @@ def between(m: np.ndarray, of: int, xi: float, t: float, rate: float) -> tuple[f
 def curve_between(m: np.ndarray, of: int, xi: float, t: float, rate: float, slope: float) -> float:
     """The second derivative by xi of what is remembered, where the first is `slope`."""
     scale, c = m[of + SCALE], of + SERIES
-    w = max(math.sqrt(max(m[of + TURN] - xi, 0.0)), 1e-9 / scale)
+    w = math.sqrt(max(m[of + TURN] - xi, 1e-18 * m[of + TURN]))
     x = (w - m[of + NEAR]) * scale
     bend = 2 * m[c + 2] + x * (6 * m[c + 3] + x * (12 * m[c + 4] + x * 20 * m[c + 5]))
     return (math.exp((m[of + WHEN] - t) * rate) * bend * scale * scale + 2 * slope) / (4 * w * w)

@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force
-from phasemap._kernels.orbits.time.by_memory import lingers
+from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.elements import STATE
 from phasemap._kernels.orbits.time.march import march_period
 
@@ -95,7 +95,7 @@ def pass_from(
     """
     u, acc = tip.u, tip.acc
     carry(u, y)
-    if lingers(law, p, lever):
+    if lingering(law, p, lever) > 0:
         y[0], y[1], y[2] = z, v, u[2]
         tip.periods[0] += 1
         if march_period(law, p, lever, z0, eta, y, acc) < 0 or y[2] != u[2]:
@@ -196,7 +196,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, how: Numbers, target: float
         if not moved:
             return False
         if way <= 1 and near:  # so near that the derivatives are those at the end
-            for _ in range(2):
+            for _ in range(2 + lingering(law, p, lever)):
                 u[0], u[1], u[3] = u[0] + z, u[1] + v, u[3] + move
                 if not pass_from(law, p, lever, eta, tip, u[0], u[1], u[3], y):
                     return False

@@ -46,11 +46,14 @@ if TYPE_CHECKING:
 
 PLACES, SUMS = 5, 11
 X, V, SEEN, INSIDE, TAU = 0, 1, 2, 3, 4  # what a step moves: d or q, z', D, Y, the time; and after these six integrals
-FINER = 1.0
-RELAXES = 5.0
+FINER = 0.7  # steps of a Kelvin-Voigt contact, over others: its dents have kinks
+RELAXES, AT_ONCE = (
+    5.0,
+    0.06,
+)  # weights of relaxation in the density of steps: where little stays stiff, where it is fast
 AFTER_TURN = 0.25
-BEYOND, NUDGE = 3e-3, 1e-9  # of q, by which an edge has to pass the turn of an earlier contact to stop there, just past
-FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
+BEYOND, KINK, NUDGE = 3e-3, 1e-6, 1e-9  # of q: how far past an old turn an edge has to come to stop there; just past
+FORGOTTEN = 3e-8  # of the free amplitude: a dent that is gone
 
 
 @kernel
@@ -348,7 +351,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     kappa = 1.0 if kelvin else kappa
     rate = 0.0 if kelvin else 1 / time
     stiff = 1.5 * p[0] * compliance
-    relaxes = 0.0 if kelvin else rate * (rate + RELAXES / math.sqrt(1 - kappa))
+    relaxes = 0.0 if kelvin else rate * (AT_ONCE * rate + RELAXES / (1 - kappa))
+    finer, beyond = (FINER, KINK) if kelvin else (1.0, BEYOND)
     plain = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
     snap, free = 2 * HARD * HARD * abs(pull), base / (2 * alpha0)
 
@@ -381,7 +385,11 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     highest, grade, gone = d, 1.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
     sums = np.zeros(SUMS)
-    steps, what, speed = 0, 1, 0.0  # what happened at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
+    steps, what, speed = (
+        0,
+        1,
+        0.0,
+    )  # what happened at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
     while left > 0:
         steps += 1
         if steps > MAX_STEPS:
@@ -395,7 +403,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
                 speed = speed_of(law, p, c, m, mode, start, u)[0]
             density = contact_rate(law, p, plain, x) + snap + 2 * HARD * HARD * math.hypot(z0 + x * x, v)
             density += (HARD * max(abs(v), abs(speed)) / deep) ** 2 + x * x * relaxes
-            h = grade * FINER * eta / math.sqrt(density)
+            h = grade * finer * eta / math.sqrt(density)
             grade = min(2 * grade, 1.0)
         else:
             h = min(left, eta / flight_rate(law, p, plain, x - dent_at(c, gone), v))
@@ -422,7 +430,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             if what == 0 and (speed < 0) == (mode == on.GROWING):
                 what = 3
                 h = to_turn(law, p, c, m, mode, start, u, h, end)
-            if mode == on.GROWING and u[X] < on.passing(m) < (1 - BEYOND) * end[X]:
+            if mode == on.GROWING and u[X] < on.passing(m) < (1 - beyond) * end[X]:
                 what = 4
                 to_edge(law, p, c, m, mode, start, u, h, end)
                 end[X] = (1 + NUDGE) * on.passing(m)

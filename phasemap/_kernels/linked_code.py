@@ -1,0 +1,91 @@
+"""LLVM code of kernels: linked with all that it reaches, and optimised as a whole where Python calls it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite.binding import Linkage, parse_assembly
+from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+
+
+class OurCode(JITCodeLibrary):
+    """Code that is optimised as a whole only."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)
+        self.needs: dict[Callable[[], None], None] = {}  # has to be called, to load it, before this is loaded
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take in what was lowered; it is verified with all the rest."""
+        self._raise_if_finalized()
+        self.add_llvm_module(parse_assembly(cgutils.normalize_ir_text(str(ir_module))))
+
+    def add_llvm_module(self, ll_module: Any) -> None:
+        """Take in what was lowered, as it is."""
+        ll_module.data_layout = self._codegen._data_layout
+        self._final_module.link_in(ll_module)
+
+
+class LinkedCode(OurCode):
+    """Code to be linked: neither optimised nor emitted."""
+
+    def finalize(self) -> None:
+        """Nothing may be added any more."""
+        self._raise_if_finalized()
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """With the code of the functions that it calls, for callers that are not ours."""
+        whole = self._final_module.clone()
+        _link(self, whole, "linkonce_odr")
+        return whole
+
+
+class EntryCode(OurCode):
+    """Code that is linked with all that it reaches, optimised as a whole, and emitted."""
+
+    def finalize(self) -> None:
+        """Link, optimise and emit."""
+        self._raise_if_finalized()
+        _link(self, self._final_module, "private")  # LLVM finds even an "internal" name from other modules
+        self._optimize_final_module()
+        self._final_module.verify()
+        self._finalize_final_module()
+
+
+def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:
+    """The libraries that one needs, each once, up to shared ones; found through libraries of a kind."""
+    found: dict[Any, None] = {}
+    open_ = [library]
+    while open_:
+        for one in open_.pop()._linking_libraries:
+            if one not in found:
+                found[one] = None
+                if isinstance(one, through) and not hasattr(one, "needed"):
+                    open_.append(one)
+    return list(found)
+
+
+def _link(library: Any, module: Any, linkage: str) -> None:
+    """Add all that a library reaches to its module, with this linkage."""
+    own = {one.name for one in module.functions if not one.is_declaration}
+    # A function of numba that is given one of ours, as `engage_in_time` its engine, holds that code and may need more.
+    library.needs.update({one.needed: None for one in _reached(library) if hasattr(one, "needed")})
+    for other in _reached(library, through=LinkedCode):  # what is to be linked does not hold what it calls itself
+        if hasattr(other, "needed"):
+            continue
+        if isinstance(other, LinkedCode):
+            library.needs.update(other.needs)
+            module.link_in(other._final_module, preserve=True)
+            continue
+        code = other._get_module_for_linking().clone()
+        for one in code.functions:  # LLVM leaves out what may be discarded and is not called yet
+            if one.linkage == Linkage.linkonce_odr:
+                one.linkage = "weak_odr"
+        module.link_in(code)
+    for one in module.functions:
+        if not one.is_declaration and one.name not in own:
+            one.linkage, one.visibility = linkage, "default"

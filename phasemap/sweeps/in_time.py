@@ -1,0 +1,131 @@
+"""Sweeps of materials that remember: marched in time from value to value, for there is no curve of orbits to follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError
+from phasemap.experiment.accuracy import MOST_PERIODS
+from phasemap.results.status import Status
+from phasemap.solvers.continuation.path import Question
+from phasemap.solvers.continuation.pieces import Curves
+from phasemap.solvers.continuation.visit import Visit
+from phasemap.solvers.march import ETA
+from phasemap.sweeps.dataset import Axis, dataset
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from phasemap.solvers.problem import Work
+
+
+class Passage:
+    """A tip that is moved slowly over a surface that remembers, begun far above it.
+
+    Parameters
+    ----------
+    work : Work
+        Of the first value.
+    farthest : float
+        Where it begins at least [m].
+    """
+
+    def __init__(self, work: Work, farthest: float) -> None:
+        from phasemap._kernels.law import parameters
+        from phasemap._kernels.lever import free_amplitude, reach_of
+        from phasemap._kernels.orbits.averaged.orbits import far_start
+        from phasemap._kernels.orbits.time.elements import STATE
+
+        p, free = parameters(work.rows[0]), free_amplitude(work.lever)
+        far = free * far_start(work.law, p, work.lever, reach_of(work.law, p), free, 0.5 * free)
+        omega = work.lever[col.OMEGA]
+        swing = work.lever[col.BASE] / complex(1 - omega**2, 2 * work.lever[col.ALPHA0] * omega)
+        self._state = np.zeros(STATE)
+        self._state[[0, 1, 3]] = swing.real, -omega * swing.imag, max(far, farthest)
+
+    def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
+        """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""
+        from phasemap._kernels.engagement.in_time import carry_on, carry_to
+        from phasemap._kernels.law import parameters
+
+        row = np.full(col.FULL, np.nan)
+        move = carry_on if by_amplitude else carry_to
+        of_law = work.law, parameters(work.rows[0]), work.lever
+        status = move(*of_law, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        if status != col.GOOD:
+            row[: col.COLUMNS] = np.nan
+        row[col.SEEN] = row[col.AMPLITUDE]
+        return int(status), row
+
+
+def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
+    """`phasemap.sweep_distance`."""
+    work, rising = question.work(marched=True), np.sort(axis)
+    passage = Passage(work, rising[-1])
+    n = len(axis)
+    approach = _visit(passage, range(n - 1, -1, -1), lambda k: (work, rising[k]), False, n)
+    retract = _visit(passage, range(n), lambda k: (work, rising[k]), False, n)
+    about = Axis("tip_offset", axis, "m", "tip offset", ("approach", "retract"))
+    return _dataset(question, work, about, [approach, retract], samples, {})
+
+
+def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
+    """`phasemap.sweep_setpoint`."""
+    work, rising = question.work(marched=True), np.sort(axis) * question.scope.driven_amplitude
+    passage = Passage(work, 0.0)
+    n = len(axis)
+    down = _visit(passage, range(n - 1, -1, -1), lambda k: (work, rising[k]), True, n)
+    up = _visit(passage, range(n), lambda k: (work, rising[k]), True, n)
+    about = Axis("setpoint", axis, "1", "setpoint", ("down", "up"), col.AMPLITUDE, True, col.TURN)
+    return _dataset(question, work, about, [down, up], samples, {})
+
+
+def parameter(
+    question: Question, name: str, units: str, axis: np.ndarray, ratio: float | None, height: float | None,
+    samples: int,
+) -> xr.Dataset:  # fmt: skip
+    """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`; each direction is begun far above the surface."""
+    every = [question.at(name, float(value)) for value in np.sort(axis)]
+    works = [one.work(marched=True) for one in every]
+    n = len(axis)
+
+    def at(k: int) -> tuple[Work, float]:
+        return works[k], (height or 0.0) if ratio is None else ratio * every[k].scope.driven_amplitude
+
+    visits = [
+        _visit(Passage(works[order[0]], height or 0.0), order, at, ratio is not None, n)
+        for order in (range(n), range(n - 1, -1, -1))
+    ]
+    held: dict[str, float | None] = {"setpoint": ratio} if ratio is not None else {"tip_offset": height}
+    about = Axis(name, axis, units, name.replace("_", " "), ("up", "down"), col.PARAMETER, ratio is not None)
+    return _dataset(question, works[0], about, visits, samples, held)
+
+
+def _visit(
+    passage: Passage, order: Iterable[int], at: Callable[[int], tuple[Work, float]], by_amplitude: bool, n: int
+) -> Visit:
+    """Go from value to value."""
+    rows, status = np.full((n, col.FULL), np.nan), np.full(n, Status.not_settled.code, np.int8)
+    for k in order:
+        work, target = at(k)
+        status[k], rows[k] = passage.go(work, target, by_amplitude)
+    return Visit(rows, np.full((n, 2, 0), np.nan), status, [])
+
+
+def _dataset(
+    question: Question, work: Work, about: Axis, visits: list[Visit], samples: int, held: dict[str, float | None]
+) -> xr.Dataset:
+    """The Dataset of a sweep without a curve."""
+    from phasemap._kernels.continuation.path import fixed
+    from phasemap._kernels.law import parameters
+    from phasemap._kernels.quadrature import TABLES
+
+    if samples:
+        raise InputError("samples", samples, "0 where contacts remember: what is marched keeps no traces")
+    path = fixed(work.law, parameters(work.rows[0]), work.lever, TABLES)
+    curves = Curves(path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
+    return dataset(curves, about, lambda x: x, visits, question.material, question.scope, held)

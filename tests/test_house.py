@@ -1,0 +1,52 @@
+"""The sizes that a reader can expect: of a function's list of arguments, and of a file."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import phasemap
+
+PACKAGE = Path(phasemap.__file__).parent
+MOST_ARGUMENTS, MOST_LINES = 9, 400
+
+NEWTON = "the equation (law, p, lever, tables), two orbits, what is held and how well: shared by every caller"
+TABLEAU = "one term for each stage of the method of order 8"
+MEMORY = "the whole state of a surface that remembers goes from stage to stage in registers"
+MANY_ARGUMENTS = {
+    "_kernels/orbits/collocation/newton.py newton": NEWTON,
+    "_kernels/orbits/collocation/newton.py newton_swept": NEWTON,
+    "_kernels/orbits/time/by_memory.py march": "called by its address, with numbers and arrays only",
+    "_kernels/orbits/time/remembering.py slopes": MEMORY,
+    "_kernels/orbits/time/remembering.py to_instant": MEMORY,
+    "_kernels/orbits/time/runge_kutta.py row11": TABLEAU,
+    "_kernels/orbits/time/runge_kutta.py row12": TABLEAU,
+    "_kernels/orbits/time/runge_kutta.py total": TABLEAU,
+}
+"""Functions that may take more, and why."""
+MANY_LINES = {
+    "_kernels/orbits/time/remembering.py": "one march, whose twelve stages are written out",
+}
+"""Files that may be longer, and why."""
+
+
+def files() -> Iterator[tuple[str, str]]:
+    """Every module of the package, by its place in it, and its text."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        yield path.relative_to(PACKAGE).as_posix(), path.read_text()
+
+
+# Equal, not less: what no longer breaks the rule may not stay in the list.
+def test_no_function_takes_more_than_nine_arguments_by_place() -> None:
+    found = {
+        f"{place} {one.name}"
+        for place, text in files()
+        for one in ast.walk(ast.parse(text))
+        if isinstance(one, ast.FunctionDef) and len(one.args.posonlyargs + one.args.args) > MOST_ARGUMENTS
+    }
+    assert found == set(MANY_ARGUMENTS)
+
+
+def test_no_file_is_longer_than_four_hundred_lines() -> None:
+    assert {place for place, text in files() if len(text.splitlines()) > MOST_LINES} == set(MANY_LINES)
