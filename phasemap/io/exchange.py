@@ -192,5 +192,6 @@ def _places(one: Any) -> tuple[Any, Any]:
         if not np.isfinite(values).all():
             raise InputError(f"units of dimension {dimension.name}", str(dimension.units), ", ".join(METRES))
         step = (values[-1] - values[0]) / max(len(values) - 1, 1) or 1.0
-        found.append((np.arange(len(values)) + 0.5) * abs(step))
+        centres = (np.arange(len(values)) + 0.5) * abs(step)
+        found.append(values if np.allclose(values, centres, rtol=1e-9, atol=0.0) else centres)
     return found[0], found[1]

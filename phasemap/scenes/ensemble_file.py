@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Parts", "assemble"]
 
-LONG_NAMES = {"failed": "pixels without a solution", "irregular": "pixels with irregular motion"}
+NUMBERS = {  # long name and units, of what is a number a sample
+    "failed": ("pixels without a solution", "1"),
+    "irregular": ("pixels with irregular motion", "1"),
+    "distinct_materials": ("materials that were solved for", "1"),
+    "adhesion_force": ("largest adhesion between tip and sample", "N"),
+    "lever_force": ("stiffness times free amplitude", "N"),
+}
 
 CONTENTS = "image and truth"  # of a part; one with other contents is not taken for it
 
@@ -170,7 +176,8 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
                 numbers["irregular"][sample] = np.count_nonzero(images["motion"] == 1)
         for name, values in numbers.items():
             made = target.createVariable(name, values.dtype, ("sample",))
-            made.setncattr("long_name", LONG_NAMES.get(name, name.replace("_", " ")))
+            long_name, units = NUMBERS.get(name, (name.replace("_", " "), ""))
+            made.setncatts({"long_name": long_name} | ({"units": units} if units else {}))
             made[:] = values
 
 

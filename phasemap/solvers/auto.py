@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
+from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.orbit import solve_exactly
 from phasemap.solvers.problem import Work
@@ -18,16 +17,7 @@ class Auto:
     name = "auto"
     rows_per_chunk = 500
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         limits = accuracy.phase, accuracy.height
-        solve_exactly(work, limits, True, accuracy.periods, first, last, out, status, solver)
+        solve_exactly(work, limits, True, accuracy.periods, first, last, answers)

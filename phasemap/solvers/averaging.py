@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.solvers.problem import Work
@@ -21,44 +22,28 @@ class Averaging:
     name = "averaging"
     rows_per_chunk = 2000
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        from phasemap._kernels.rows.answers import Answers
         from phasemap._kernels.rows.fast import averaged_near_rows
 
-        if not engage_averaged(work, accuracy.periods, first, last, out, status, solver):
+        if not engage_averaged(work, accuracy.periods, first, last, answers):
             return
         # What is not periodic has no averaged orbit: the march's mean stands.
-        kept = first + np.flatnonzero(col.irregular(out[first:last]))
-        rows = out[kept]
-        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, Answers(out, status, solver))
-        out[kept], status[kept], solver[kept] = rows, col.GOOD, col.MARCH
+        kept = first + np.flatnonzero(col.irregular(answers.rows[first:last]))
+        means = answers.rows[kept]
+        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
+        answers.rows[kept], answers.status[kept], answers.solver[kept] = means, col.GOOD, col.MARCH
 
 
-def engage_averaged(
-    work: Work, periods: int, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray
-) -> bool:
+def engage_averaged(work: Work, periods: int, first: int, last: int, answers: Answers) -> bool:
     """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
-    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.fast import averaging_rows
 
-    waiting = averaging_rows(
-        work.law, work.rows, work.lever, work.amplitudes, first, last, Answers(out, status, solver)
-    )
+    waiting = averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
     if not waiting:
         return False
-    doubtful = first + np.flatnonzero(status[first:last] == col.PENDING)
-    part = work.part(doubtful)
-    rows, found, used = np.empty((waiting, col.COLUMNS)), np.empty(waiting, np.int8), np.empty(waiting, np.int8)
-    solve_exactly(part, (PHASE, LENGTH), False, periods, 0, waiting, rows, found, used)
-    out[doubtful], status[doubtful], solver[doubtful] = rows, found, used
+    doubtful = first + np.flatnonzero(answers.status[first:last] == col.PENDING)
+    some = answers.of(doubtful)
+    solve_exactly(work.part(doubtful), (PHASE, LENGTH), False, periods, 0, waiting, some)
+    answers.put(doubtful, some)
     return True

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
+from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
@@ -106,9 +107,11 @@ def stable_branches(
         rows[:, valid], status[:, valid], used[:, valid], reach[:, valid] = found
         return Branches(rows, status, used, reach)
 
+    answers = Answers(rows, status, used)
+
     def solve(first: int, last: int) -> None:
-        solver.solve(work, accuracy, first, last, rows[ENGAGED], status[ENGAGED], used[ENGAGED])
-        _others(work, solver, accuracy, first, last, rows, status, used)
+        solver.solve(work, accuracy, first, last, answers.of(ENGAGED))
+        _others(work, solver, accuracy, first, last, answers)
         _limit(work, accuracy.periods, first, last, rows, status, reach)
 
     spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
@@ -143,11 +146,8 @@ def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int,
     return found
 
 
-def _others(
-    work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, rows: Array, status: Codes, used: Codes
-) -> None:
+def _others(work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
     """Fill both branches of the materials in [first, last), what engagement finds being there."""
-    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.other_branch import other_rows
 
     phase, height = accuracy.phase, accuracy.height
@@ -155,17 +155,16 @@ def _others(
         phase, height = min(phase, PHASE), min(height, LENGTH)
     limits = np.array([math.radians(phase), height])
     allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
-    arrays, answers = (first, last, rows, status, used), Answers(rows, status, used)
     if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, first, last, answers):
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.other_branch_exact import exact_near_rows
 
         if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers):
-            _search(work, *arrays)
+            _search(work, first, last, answers)
     if solver.name == "averaging":
-        _average(work, *arrays)
+        _average(work, first, last, answers)
     elif isinstance(solver, March):
-        _march(work, solver, accuracy.periods, *arrays)
+        _march(work, solver, accuracy.periods, first, last, answers)
 
 
 def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Codes, reach: Array) -> None:
@@ -188,12 +187,13 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
         reach[REPELLING, chosen] = limits
 
 
-def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+def _search(work: Work, first: int, last: int, answers: Answers) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
     from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
     from phasemap._kernels.quadrature import TABLES
     from phasemap._kernels.rows.every_orbit import every_orbit
 
+    rows, status, used = answers
     waiting = status[:ENGAGED, first:last] == col.PENDING
     for i in first + np.flatnonzero(waiting.any(axis=0)):
         _, found = every_orbit(work.law, work.rows[i], work.lever, TABLES, HOLD_AMPLITUDE, work.amplitudes[i])
@@ -205,26 +205,24 @@ def _search(work: Work, first: int, last: int, rows: Array, status: Codes, used:
                 rows[slot, i], used[slot, i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
 
 
-def _average(work: Work, first: int, last: int, rows: Array, status: Codes, used: Codes) -> None:
+def _average(work: Work, first: int, last: int, answers: Answers) -> None:
     """Averaged orbits in the place of exact ones, without what is known of their errors."""
-    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.fast import averaged_near_rows
 
     for slot in (ATTRACTING, REPELLING):
-        answers = Answers(rows[slot], status[slot], used[slot])
-        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
-    rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
+        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers.of(slot))
+    answers.rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 
-def _march(
-    work: Work, solver: March, periods: int, first: int, last: int, rows: Array, status: Codes, used: Codes
-) -> None:
+def _march(work: Work, solver: March, periods: int, first: int, last: int, answers: Answers) -> None:
     """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
+    rows, status, _ = answers
     for slot in (ATTRACTING, REPELLING):
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
-        some, done, by = rows[slot, other], status[slot, other], used[slot, other]
-        solver.settle(work.part(other), np.arange(len(other)), some, done, by, periods)
+        found = answers.of(slot).of(other)
+        some, done, _ = found
+        solver.settle(work.part(other), np.arange(len(other)), found, periods)
         gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
-        rows[slot, other], status[slot, other], used[slot, other] = some, done, by
+        answers.of(slot).put(other, found)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.solvers.problem import Work
@@ -42,51 +43,35 @@ class March:
     def __init__(self, eta: float = ETA) -> None:
         self.eta = eta
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         from phasemap.solvers.averaging import engage_averaged
 
-        engage_averaged(work, accuracy.periods, first, last, out, status, solver)
+        engage_averaged(work, accuracy.periods, first, last, answers)
+        _, status, solver = answers
         decided = np.isin(status[first:last], (col.GOOD, col.NO_STABLE_ORBIT))
         in_time = solver[first:last] == col.MARCH  # engaged from far, with the steps of the default
         again = first + np.flatnonzero(~decided | (status[first:last] == col.GOOD))
         if self.eta == ETA:
             again = again[~in_time[again - first]]
-        self.settle(work, again, out, status, solver, accuracy.periods)
+        self.settle(work, again, answers, accuracy.periods)
 
-    def settle(
-        self,
-        work: Work,
-        chosen: np.ndarray,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-        periods: int = MOST_PERIODS,
-    ) -> None:
-        """March the chosen rows, an array of numbers: from the orbits in `out`, or from far where none is GOOD."""
+    def settle(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int = MOST_PERIODS) -> None:
+        """March the chosen rows, an array of numbers: from the orbits there, or from far where none is GOOD."""
         from phasemap._kernels.rows.marched import march_rows
 
         if not len(chosen):
             return
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
-        some, codes = out[chosen], status[chosen]
+        some, codes, _ = answers.of(chosen)
         rows = np.ascontiguousarray(work.rows[chosen])
         march_rows(work.law, rows, work.lever, work.amplitudes[chosen], eta, periods, some, codes)
         periodic = (codes == col.GOOD) & ~col.irregular(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
         some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
-        out[chosen], status[chosen], solver[chosen] = some, codes, col.MARCH
+        answers.put(chosen, Answers(some, codes, np.full(len(chosen), col.MARCH, np.int8)))
 
 
 class FromFar(March):
@@ -94,25 +79,14 @@ class FromFar(March):
 
     rows_per_chunk = 1
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        self.engage(work, np.arange(first, last), out, status, solver, accuracy.periods)
+        self.engage(work, np.arange(first, last), answers, accuracy.periods)
 
-    def engage(
-        self, work: Work, chosen: np.ndarray, out: np.ndarray, status: np.ndarray, solver: np.ndarray, periods: int
-    ) -> None:
+    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
         """March the chosen rows, an array of numbers, from far."""
-        status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
-        self.settle(work, chosen, out, status, solver, periods)
+        answers.status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
+        self.settle(work, chosen, answers, periods)
 
 
 class Remembering(FromFar):
@@ -122,33 +96,24 @@ class Remembering(FromFar):
         super().__init__()
         self.other = other
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
         near = remembers & self._has_one_orbit(rows, work.lever)
         if near.any():
             chosen = first + np.flatnonzero(near)
-            self._engage_elastic(work, chosen, out, status, solver, accuracy.periods)
-            self.settle(work, chosen, out, status, solver, accuracy.periods)
-        far = first + np.flatnonzero(remembers & ~(near & (status[first:last] == col.GOOD)))
-        self.engage(work, far, out, status, solver, accuracy.periods)
+            self._engage_elastic(work, chosen, answers, accuracy.periods)
+            self.settle(work, chosen, answers, accuracy.periods)
+        far = first + np.flatnonzero(remembers & ~(near & (answers.status[first:last] == col.GOOD)))
+        self.engage(work, far, answers, accuracy.periods)
         rest = first + np.flatnonzero(~remembers)
         if not len(rest):
             return
         plain = replace(work.part(rest), law=work.law._replace(memory=0))
-        some, codes, used = out[rest], status[rest], solver[rest]
-        self.other.solve(plain, accuracy, 0, len(rest), some, codes, used)
-        out[rest], status[rest], solver[rest] = some, codes, used
+        some = answers.of(rest)
+        self.other.solve(plain, accuracy, 0, len(rest), some)
+        answers.put(rest, some)
 
     @staticmethod
     def _has_one_orbit(rows: np.ndarray, lever: np.ndarray) -> np.ndarray:
@@ -157,18 +122,16 @@ class Remembering(FromFar):
         return np.asarray(~attracts & (lever[col.OMEGA] == 1.0))
 
     @staticmethod
-    def _engage_elastic(
-        work: Work, chosen: np.ndarray, out: np.ndarray, status: np.ndarray, solver: np.ndarray, periods: int
-    ) -> None:
+    def _engage_elastic(work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
         """Averaged orbits on the same materials as if nothing relaxed, to begin from."""
         from phasemap.solvers.averaging import engage_averaged
 
         elastic = work.part(chosen)
         elastic = replace(elastic, law=work.law._replace(memory=0), rows=elastic.rows.copy())
         elastic.rows[:, [col.RELAXATION, col.RELAXING, col.DAMPING]] = 0.0
-        some, codes, used = out[chosen], status[chosen], solver[chosen]
-        engage_averaged(elastic, periods, 0, len(chosen), some, codes, used)
-        out[chosen], status[chosen], solver[chosen] = some, codes, used
+        some = answers.of(chosen)
+        engage_averaged(elastic, periods, 0, len(chosen), some)
+        answers.put(chosen, some)
 
 
 def check_marches(name: str) -> None:

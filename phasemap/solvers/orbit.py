@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.march import March
 from phasemap.solvers.problem import Work
@@ -37,20 +38,11 @@ class Orbit:
     def __init__(self, complete: bool = False) -> None:
         self.complete = complete
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
-        solve_exactly(work, limits, False, accuracy.periods, first, last, out, status, solver)
-        polish(work, first, last, out, status, solver)
+        solve_exactly(work, limits, False, accuracy.periods, first, last, answers)
+        polish(work, first, last, answers)
 
 
 def solve_exactly(
@@ -60,20 +52,17 @@ def solve_exactly(
     periods: int,
     first: int,
     last: int,
-    out: np.ndarray,
-    status: np.ndarray,
-    solver: np.ndarray,
+    answers: Answers,
 ) -> None:
     """Take the cheap path where its error is below `limits` [degree, m], else collocation, else time.
 
     With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
     A contact with hysteresis goes to time at once: between far and the setpoint there may be no periodic orbit.
     """
-    from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.rows.fast import cheap_rows
 
     phase, height = limits
-    answers = Answers(out, status, solver)
+    status = answers.status
     if phase > 0:
         allowed = np.array([math.radians(phase), height])
         cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, answers)
@@ -93,11 +82,12 @@ def solve_exactly(
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers)
     if (status[first:last] != col.GOOD).any():
         lost = first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT))
-        March().settle(work, lost, out, status, solver, periods)
+        March().settle(work, lost, answers, periods)
 
 
-def polish(work: Work, first: int, last: int, out: np.ndarray, status: np.ndarray, solver: np.ndarray) -> None:
+def polish(work: Work, first: int, last: int, answers: Answers) -> None:
     """Replace periodic orbits that were found in time by those of collocation beside them."""
+    out, status, solver = answers
     periodic = (solver[first:last] == col.MARCH) & (status[first:last] == col.GOOD)
     chosen = first + np.flatnonzero(periodic & ~col.irregular(out[first:last]))
     if not len(chosen):

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.detected_setpoint import hold
@@ -46,7 +47,7 @@ def run(
     workers = workers_of(threads)
 
     def solve(first: int, last: int) -> None:
-        solver.solve(work, accuracy, first, last, rows, status, used)
+        solver.solve(work, accuracy, first, last, Answers(rows, status, used))
 
     spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
     close(rows, work.lever)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-
+from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.auto import Auto
@@ -27,17 +26,8 @@ class Solver(Protocol):
     name: str
     rows_per_chunk: int  # about a tenth of a second of work
 
-    def solve(
-        self,
-        work: Work,
-        accuracy: Accuracy,
-        first: int,
-        last: int,
-        out: np.ndarray,
-        status: np.ndarray,
-        solver: np.ndarray,
-    ) -> None:
-        """Fill rows [first, last) of `out` (columns of `phasemap._kernels.columns`), `status` and `solver`."""
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
+        """Fill rows [first, last) of the answers (columns of `phasemap._kernels.columns`), and their codes."""
         ...
 
 

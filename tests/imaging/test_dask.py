@@ -367,8 +367,8 @@ def test_maps_that_are_kept_on_the_cluster(client: Client, images: dict[str, xr.
     assert_same(simulate(lazy), images["engage"])
 
 
-@pytest.mark.parametrize("name", ["engage", "raster image"])
-def test_killed_worker_changes_nothing(name: str, client: Client, images: dict[str, xr.Dataset]) -> None:
+def test_killed_worker_changes_nothing(client: Client, images: dict[str, xr.Dataset]) -> None:
+    name = "raster image"  # whose parts need the state that others end with; those of "engage" need none
     surface = few()
 
     def slow(block: np.ndarray) -> np.ndarray:
@@ -387,7 +387,7 @@ def test_killed_worker_changes_nothing(name: str, client: Client, images: dict[s
             for address, worker in dask_scheduler.workers.items()
         }
 
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 600
     while not any((held := client.run_on_scheduler(filled)).values()):
         assert not futures.done() and time.monotonic() < deadline
         time.sleep(0.01)

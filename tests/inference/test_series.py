@@ -118,6 +118,17 @@ def test_regions_are_found_at_different_places_and_named_alike():
         assert "different places" in found.told[1]
 
 
+def test_dirt_that_stands_out_does_not_make_regions():
+    files = measure(phases())
+    for one in files:
+        height = np.random.default_rng(1).normal(0, 2e-10, SHAPE)
+        height[3:6, 4:7] = 1e-7  # 0.6 % of the area, far sharper than anything in the phase
+        one["height"] = (("y", "x"), height)
+    found = regions_of(files, ["a", "b", "c"], None, None, 2)
+    assert found.told[0].startswith("Regions by phase")
+    assert all((labels == labels_at()).mean() > 0.9 for labels in found.labels)
+
+
 def test_one_place_has_the_regions_of_its_clearest_file():
     files = measure(phases())
     files[1]["phase"] = files[1]["phase"] * 0.0  # no contrast at all: as at the setpoint where it turns

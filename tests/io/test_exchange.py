@@ -42,7 +42,8 @@ def test_an_image_comes_back_as_it_was(directions: bool) -> None:
     for name in ("height", "phase"):
         np.testing.assert_array_equal(back[name].values, given[name].values)
         assert back[name].dims == given[name].dims
-    np.testing.assert_allclose(back.x.values, given.x.values)
+    for dim in ("y", "x"):  # to the bit, or xarray would not lay one on the other
+        np.testing.assert_array_equal(back[dim].values, given[dim].values)
     assert back.attrs["setpoint"] == 0.7
 
 

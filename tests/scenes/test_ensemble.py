@@ -171,6 +171,7 @@ def test_the_file_says_what_is_varied_and_where_it_comes_from(ensemble: Ensemble
         "units": "Pa",
     }
     assert ds["phase"].coords["scan.setpoint"].dims == ("sample",)
+    assert ds["adhesion_force"].attrs == {"long_name": "largest adhesion between tip and sample", "units": "N"}
     assert ds["failed"].values.tolist() == ds["irregular"].values.tolist() == [0] * 5
     assert ds.attrs["phasemap_version"] == pm.__version__ and ds.attrs["Conventions"] == "CF-1.11"
     assert '"seed": 3' in ds.attrs["scene"] and '"quality_factor": 400' in ds.attrs["scene"]

@@ -302,8 +302,8 @@ def test_what_comes_to_no_rest_on_the_way_from_far_is_not_judged(monkeypatch: py
     """The image's orbit is no place to begin at: that a tip stays there says nothing of how it came there."""
     image = image_of()
 
-    def solve(_: FromFar, _work: Any, _accuracy: Any, first: int, last: int, out: Any, status: Any, _used: Any) -> None:
-        out[first:last], status[first:last] = np.nan, col.NOT_SETTLED
+    def solve(_: FromFar, _work: Any, _accuracy: Any, first: int, last: int, answers: Any) -> None:
+        answers.rows[first:last], answers.status[first:last] = np.nan, col.NOT_SETTLED
 
     monkeypatch.setattr(FromFar, "solve", solve)
     found = pm.check(image, SURFACE)
@@ -328,8 +328,9 @@ def test_of_irregular_motion_the_means_are_compared(
 ) -> None:
     """By a solver that finds means that are off by so much, and this spread of the phase [degree]."""
 
-    def solve(_: FromFar, work: Any, accuracy: Any, first: int, last: int, out: Any, status: Any, used: Any) -> None:
-        Orbit().solve(work, accuracy, first, last, out, status, used)
+    def solve(_: FromFar, work: Any, accuracy: Any, first: int, last: int, answers: Any) -> None:
+        Orbit().solve(work, accuracy, first, last, answers)
+        out = answers.rows
         out[first:last, col.PHASE] += np.radians(phase)
         out[first:last, col.TIP_OFFSET] += height
         out[first:last, col.SPREAD_PHASE] = np.radians(spread)

@@ -72,13 +72,16 @@ PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which a
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
 HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
+LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
+STAY = (0.0, 0.0, 0.0)  # the tip offset stays
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 # What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
-# and angle behind the lock-in and their squares. Carried on: the phasor behind the lock-in, the one from which angles
-# count, that of the last period; and the largest change of it from one period to the next.
-DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, ADDED = 5, 7, 8, 9, 10, 11, 12
-LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, SUMS = 12, 13, 14, 15, 16, 17, 18, 19
+# and angle behind the lock-in and their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
+# from which angles count, that of the last period; the largest change of it from one period to the next, and the least
+# of the depths.
+DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, OFFSET, ADDED = 5, 7, 8, 9, 10, 11, 12, 13
+LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, LEAST, SUMS = 13, 14, 15, 16, 17, 18, 19, 20, 21
 
 
 @kernel
@@ -92,27 +95,33 @@ def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
 
 @kernel
 def average(
-    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, fall: float, tip: Tip, sums: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray
 ) -> bool:
-    """March so many periods, z0 falling by `fall` [m] in each, and put into `sums` what is seen."""
+    """March so many periods, and put into `sums` what is seen.
+
+    In each z0 falls by move[0] [m], and by move[1] of the amplitude behind the lock-in less move[2] [m]: by little at a
+    time, for a tip that is moved at once may take to another pattern of taps.
+    """
     for j in range(ADDED):
         sums[j] = 0.0
-    sums[CHANGE], sums[DEEPEST] = 0.0, -math.inf
+    sums[CHANGE], sums[DEEPEST], sums[LEAST] = 0.0, -math.inf, math.inf
     keep = math.exp(-2.0 * math.pi * BANDWIDTH)
     acc = tip.acc
     for _ in range(count):
-        tip.u[3] -= fall
+        tip.u[3] -= move[0] + move[1] * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - move[2])
         tip.periods[0] += 1
         if march_period(law, p, lever, tip.u[3], eta, tip.u, acc) < 0:
             return False
         for j in range(7):
             sums[j] = max(sums[j], acc[j]) if j == DEEPEST else sums[j] + acc[j]
+        sums[LEAST] = min(sums[LEAST], acc[DEEPEST])
         cosine, sine = acc[0] - lever[col.SHAKER], acc[1]
         x = keep * sums[LOW_COS] + (1.0 - keep) * cosine
         y = keep * sums[LOW_SIN] + (1.0 - keep) * sine
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         sums[COUNT] += 1.0
+        sums[OFFSET] += tip.u[3]
         sums[SIZE] += size
         sums[SIZE2] += size * size
         sums[ANGLE] += angle
@@ -135,6 +144,12 @@ def seen(lever: np.ndarray, sums: np.ndarray) -> float:
 
 
 @kernel
+def alike(sums: np.ndarray) -> bool:
+    """Whether the tip touched in every period, or in none: in some only, its motion does not repeat itself."""
+    return (sums[LEAST] >= 0.0) == (sums[DEEPEST] >= 0.0)
+
+
+@kernel
 def block_of(lever: np.ndarray) -> int:
     """Periods that are averaged at a time: a multiple of 12, in which orbits of 2, 3, 4 or 6 periods repeat."""
     return 12 * (max(FEWEST, ring_down(lever)) // 12 + 1)
@@ -154,22 +169,23 @@ def move_slowly(
 
     Past a contact with hysteresis it goes faster as long as amplitude and z0 change alike and the motion stays as
     irregular as it was: what a faster tip does else may be another motion, and it goes that way once more, slowly.
-    AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
+    Slower and slower as it comes near, for which pattern of taps is held there depends on the way. AGAIN is said where
+    the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
     block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH * how[0] if hasty else how[0]
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
-    if tip.periods[0] + block > most or not average(law, p, lever, eta, block, 0.0, tip, sums):
+    if tip.periods[0] + block > most or not average(law, p, lever, eta, block, STAY, tip, sums):
         return SPENT
     before, change = seen(lever, sums), sums[CHANGE]
     down = before > amplitude
     while tip.periods[0] + block <= most:
-        pace = haste * slow
+        pace = max(slow / FINEST, min(haste * slow, LANDING * abs(before - amplitude) / block))
         copy(tip.u, u)
         copy(tip.acc, acc)
-        if not average(law, p, lever, eta, block, pace if down else -pace, tip, sums):
+        if not average(law, p, lever, eta, block, (pace if down else -pace, 0.0, 0.0), tip, sums):
             return SPENT
         now = seen(lever, sums)
         led = abs(abs(now - before) - pace * block) > STEADY * pace * block or sums[CHANGE] < TAMER * change
@@ -183,7 +199,7 @@ def move_slowly(
         if not abs(tip.u[3]) < -lowest:
             return LOWEST
         before, change = now, sums[CHANGE]
-        still = change < STILL * amplitude
+        still = change < STILL * amplitude and alike(sums)
         if still and abs(from_z0 - tip.u[3]) > least and skip(law, p, lever, how, 0.0, tip):
             return AGAIN
         if hasty and not still:
@@ -215,12 +231,11 @@ def hold_mean(
     if tip.periods[0] + 3 * GROUP * block > most:
         return col.NOT_SETTLED
     for j in range(3 * GROUP):
-        if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
+        if not average(law, p, lever, COARSE * eta, block, (0.0, gain / block, amplitude), tip, sums):
             return col.NOT_SETTLED
-        miss = amplitude - seen(lever, sums)
-        tip.u[3] += gain * miss if held else 0.0
-        if sticky and j >= GROUP and abs(miss) < CALM * amplitude:
+        if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
             break
+    slow = (0.0, min(gain, SLOW) / block, amplitude)
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -228,16 +243,15 @@ def hold_mean(
     while tip.periods[0] + size * block <= most:
         group[0] = group[1] = group[2] = 0.0
         for _ in range(size):
-            if not average(law, p, lever, COARSE * eta, block, 0.0, tip, sums):
+            if not average(law, p, lever, COARSE * eta, block, slow, tip, sums):
                 return col.NOT_SETTLED
             for j in range(ADDED):
                 total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
-            group[0] += tip.u[3] / size
+            group[0] += sums[OFFSET] / (size * block)
             group[1] += sums[0]
             group[2] += sums[1]
             missed += (seen(lever, sums) - amplitude) ** 2
-            tip.u[3] += min(gain, SLOW) * (amplitude - seen(lever, sums)) if held else 0.0
-        if sums[CHANGE] < STILL * seen(lever, sums) and skip(law, p, lever, how, amplitude, tip):
+        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, how, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
         x, y = group[1] / (size * block) - lever[col.SHAKER], group[2] / (size * block)
@@ -365,7 +379,8 @@ def carry_to(
     count = int(abs(u[3] - z0) / pace_of(lever))
     if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    if not average(law, p, lever, COARSE * eta, count, (u[3] - z0) / max(count, 1), tip, begin_sums(lever, tip.acc)):
+    move = ((u[3] - z0) / max(count, 1), 0.0, 0.0)
+    if not average(law, p, lever, COARSE * eta, count, move, tip, begin_sums(lever, tip.acc)):
         return col.NOT_SETTLED
     u[3] = z0
     how = (fine(p, eta), PRECISE[0] * free_amplitude(lever), PRECISE[1])

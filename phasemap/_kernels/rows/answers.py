@@ -1,4 +1,4 @@
-"""What the loops over rows fill."""
+"""What solvers and the loops over rows fill."""
 
 from __future__ import annotations
 
@@ -20,3 +20,11 @@ class Answers(NamedTuple):
     rows: np.ndarray
     status: np.ndarray
     solver: np.ndarray
+
+    def of(self, chosen: np.ndarray | int) -> Answers:
+        """Those of some materials, an array of numbers; or of one slot."""
+        return Answers(self.rows[chosen], self.status[chosen], self.solver[chosen])
+
+    def put(self, chosen: np.ndarray, some: Answers) -> None:
+        """Take in the answers for some materials."""
+        self.rows[chosen], self.status[chosen], self.solver[chosen] = some

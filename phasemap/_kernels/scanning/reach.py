@@ -26,7 +26,7 @@ def reach_rows(
     reach : ndarray, shape (n,)
         Up to which tip offset [m]; infinite where the branch is not left.
     """
-    block, pace = block_of(lever), pace_of(lever)
+    block, up = block_of(lever), (-pace_of(lever), 0.0, 0.0)
     for i in range(len(rows)):
         orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
         z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)
@@ -35,6 +35,6 @@ def reach_rows(
         sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
         while tip.periods[0] < most and tip.u[3] < top:
-            if not average(law, parameters(rows[i]), lever, COARSE * eta, block, -pace, tip, sums) or sums[0] < 0.0:
+            if not average(law, parameters(rows[i]), lever, COARSE * eta, block, up, tip, sums) or sums[0] < 0.0:
                 reach[i] = tip.u[3]
                 break

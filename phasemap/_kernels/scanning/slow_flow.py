@@ -186,10 +186,19 @@ def flow_on(
     noise: np.random.Generator,
 ) -> int:  # fmt: skip
     """Let a stretch of ground pass; returns a status."""
-    y, k, trial, memory = flow
-    ground, slope, span = stretch
     p = parameters(row)
     sample = Sample(p, reach_of(law, p), (row[LIFT + ATTRACTED], row[LIFT + REPELLED]))
+    return _pass(law, sample, lever, loop, stretch, flow, tally, noise)
+
+
+@kernel
+def _pass(
+    law: Law, sample: Sample, lever: np.ndarray, loop: np.ndarray, stretch: Stretch, flow: Flow, tally: np.ndarray,
+    noise: np.random.Generator,
+) -> int:  # fmt: skip
+    """`flow_on` over one material, which comes by value: read from the row in every step, it takes 3 % longer."""
+    y, k, trial, memory = flow
+    ground, slope, span = stretch
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
     longest = NOISY / max(loop[RATE], lever[col.ALPHA0]) if noisy else math.inf
     if not memory[STEP] > 0.0:

@@ -22,7 +22,8 @@ Labels = NDArray[np.int64]
 
 WAYS = ("phase", "height", "both")
 BANDS = 16  # of rows, whose differences say how well a median is known
-PREFERRED = 1.5  # times as sharp has the height to be to tell regions apart instead of the phase
+PREFERRED = 2.0  # times as sharp has the height to be to tell regions apart instead of the phase
+SMALLEST = 0.03  # of the area, that regions of height have; smaller ones are mostly dirt
 FEWEST = 12  # pixels of a region in a band that count
 PASSES = 6
 ALIKE = 0.7  # correlation of heights above which two files are of one place
@@ -65,7 +66,7 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
     found = {way: [_segment(one, way, count) for one in images] for way in tried}
     sharp = {way: [_sharpness(one, mine, way) for one, mine in zip(images, found[way], strict=True)] for way in tried}
-    way = max(tried, key=lambda one: float(np.median(sharp[one])) * (PREFERRED if one == "phase" else 1.0))
+    way = max(tried, key=lambda one: _fitness(one, sharp[one], found[one]))
     best = int(np.argmax(sharp[way]))
     told = [f"Regions by {'phase and height' if way == 'both' else way}; region 0 is the largest."]
     laid = _laid(images, best, found[way][best])
@@ -156,6 +157,14 @@ def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
     levels = np.array([np.median(one) for one in parts])
     spread = float(np.median(np.concatenate([np.abs(one - level) for one, level in zip(parts, levels, strict=True)])))
     return float(np.diff(np.sort(levels)).min(initial=np.inf)) / max(SPREAD * spread, 1e-12)
+
+
+def _fitness(way: str, sharp: Sequence[float], labels: Sequence[Labels]) -> tuple[bool, float]:
+    """How well regions found in a way may serve: first whether they are more than dirt, then how sharp they are."""
+    least = [np.bincount(one[one >= 0]).min() / one.size for one in labels]
+    typical = float(np.median(sharp))
+    large = typical > 0.0 and (way == "phase" or float(np.median(least)) >= SMALLEST)
+    return large, typical * (PREFERRED if way == "phase" else 1.0)
 
 
 def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Labels] | None:
