@@ -80,7 +80,9 @@ def solve_exactly(
         from phasemap._kernels.rows.exact import exact_rows
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers)
-    March().settle(work, first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT)), answers, periods)
+    if (status[first:last] != col.GOOD).any():
+        lost = first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT))
+        March().settle(work, lost, answers, periods)
 
 
 def polish(work: Work, first: int, last: int, answers: Answers) -> None:

@@ -206,7 +206,7 @@ def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: fl
     extreme = before[index] + length * t * (one + t * (square + t * cubic))
     end = min(before[index], point[index]) if one < 0.0 else max(before[index], point[index])
     beyond, reached = value - end, extreme - end
-    if beyond * reached <= 0.0 or abs(beyond) > 1.5 * abs(reached) + 1e-3 * abs(point[index]) * length:
+    if beyond * reached <= 0.0 or abs(beyond) > 3.0 * abs(reached) + 1e-3 * abs(point[index]) * length:
         return 0.0
     return t * length
 

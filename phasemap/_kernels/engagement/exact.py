@@ -13,9 +13,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, POINT, TU, TV, ZP, Path, scales
+from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, LENGTH, POINT, TU, TV, ZP, Path, scales
 from phasemap._kernels.continuation.start import start_far
-from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, hermite, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
 from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in
@@ -26,6 +26,7 @@ from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
 from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, Z0, A, Orbit, P
 
 MOST_POINTS = 1500
+PLACES = 16  # between two points where the amplitude is looked at
 NEAR_END = 2e-3  # of the setpoint: nearer than this to the end of a branch, the whole curve is followed
 FARTHEST_AT_ALL = 1e-2  # [m], the same whatever the amplitude
 NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
@@ -256,6 +257,15 @@ def engage(
 
 
 @kernel
+def lowest_between(before: np.ndarray, point: np.ndarray) -> float:
+    """Least amplitude between two points of the curve, by the cubic through both and their slopes."""
+    length, lowest = point[LENGTH], min(before[AP], point[AP])
+    for i in range(1, PLACES):
+        lowest = min(lowest, hermite(before[AP], length * before[DA], point[AP], length * point[DA], i / PLACES))
+    return lowest
+
+
+@kernel
 def engage_near(
     path: Path,
     amplitude: float,
@@ -301,7 +311,9 @@ def engage_near(
             return col.NOT_CONVERGED, orbit, spare, found
         ended = point[AP] > before[AP] or point[ZP] > before[ZP]
         crossed = before[AP] > amplitude >= point[AP]
-        if ended and (crossed or min(before[AP], point[AP]) < (1.0 + NEAR_END) * amplitude):
+        # The cubic is off by less than it dips.
+        lowest = 2.0 * lowest_between(before, point) - min(before[AP], point[AP])
+        if ended and (crossed or lowest < (1.0 + NEAR_END) * amplitude):
             return col.NOT_CONVERGED, orbit, spare, found  # which comes first takes smaller steps to tell
         if crossed:
             copy_orbit(orbit, found)

@@ -98,15 +98,18 @@ def exact_rows(
     last: int,
     answers: Answers,
 ) -> None:
-    """Orbit by collocation of every row in [first, last) whose status is PENDING."""
+    """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
     orbits = (new_orbit(), new_orbit(), new_orbit(), new_orbit())
     guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
     for i in range(first, last):
         if status[i] != col.PENDING:
             continue
-        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
+        p, amplitude, row, surety = parameters(rows[i]), amplitudes[i], out[i], SURE
+        for j in range(len(guess)):
+            guess[j] = row[j]
+        if math.isnan(guess[0]):
+            surety = engage(law, p, lever, amplitude, guess, top)
         row[:] = math.nan
-        surety = engage(law, p, lever, amplitude, guess, top)
         status[i], orbits = exact_orbit(law, p, lever, tables, amplitude, surety, guess, orbits, row)
         solver[i] = col.ORBIT

@@ -15,6 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, LONGRANGE, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import caution
+from phasemap._kernels.engagement.end import CLOSEST, decide_exactly, held, highest_at
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     BEHIND,
@@ -28,20 +29,20 @@ from phasemap._kernels.engagement.resonance import (
     on_side,
     strongest,
 )
-from phasemap._kernels.engagement.response import decide_exactly
 from phasemap._kernels.law import Law, contact_force, parameters
-from phasemap._kernels.lever import free_amplitude, mismatch, reach_of
+from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, PUSH, SLOPE, E, converge, start
+from phasemap._kernels.orbits.response.passes import PUSH
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
+EXACTLY_DAMPED = 2e-3  # the same of exact orbits
+NO_FORCE, APART, MOST_SECANTS = 0.02, 0.02, 6  # net force over the base amplitude that is none, and how it is come to
 HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants, over that of the free lever
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
-CLOSEST = 1e-3  # mismatch at the exact maximum, nearer to which only the orbits themselves tell
-LENS, BESIDE = 0.05, 0.5  # steps from the strongest pull, over its depth and the reach
+BESIDE = 0.5  # a step outside of the strongest pull, over its depth and the reach
 MOST_STEPS = 60
 
 
@@ -49,36 +50,6 @@ MOST_STEPS = 60
 def side_of(slot: int) -> int:
     """Sign of the mean interaction."""
     return REPULSIVE if slot == REPELLING else ATTRACTIVE
-
-
-@kernel
-def held(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, room: Room) -> float:
-    """Mismatch of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
-    state = room.state
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
-    if not start(law, p, lever, reach, room.nodes, state):
-        return math.nan
-    if not converge(law, p, lever, room.nodes, state, True, 0.1 * CLOSEST, math.inf):
-        return math.nan
-    return mismatch(lever, amplitude, state[PUSH], state[DRAG])
-
-
-@kernel
-def decide_closely(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> int:
-    """Whether there is an attractive orbit, where `decide_exactly` left it open: its maximum once more, with a lens."""
-    middle = room.fit[0]
-    step = LENS * (reach + abs(middle))
-    h0 = held(law, p, lever, reach, amplitude, middle, room)
-    h1 = held(law, p, lever, reach, amplitude, middle + step, room)
-    h2 = held(law, p, lever, reach, amplitude, middle - step, room)
-    bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
-    if not (bend < 0.0 and abs(rise) < -2.0 * step * bend):
-        return UNCLEAR
-    highest = h0 - 0.5 * rise * rise / bend
-    if abs(highest) < CLOSEST:
-        return UNCLEAR
-    return ATTRACTIVE if highest > 0.0 else REPULSIVE
 
 
 @kernel
@@ -108,7 +79,9 @@ def averaged_on(
             room.fit[:] = math.nan
             exact = decide_exactly(law, p, lever, reach, amplitude, top, room.nodes, room.state, room.fit)
             if exact == UNCLEAR:
-                exact = decide_closely(law, p, lever, reach, amplitude, room)
+                highest = highest_at(law, p, lever, reach, amplitude, room)
+                if abs(highest) >= CLOSEST:
+                    exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
             if exact == REPULSIVE:
                 return col.NO_STABLE_ORBIT
             if exact == UNCLEAR or not top[HEIGHT] > 0.0:
@@ -119,8 +92,11 @@ def averaged_on(
     if side == ATTRACTIVE:
         beside(law, p, lever, reach, amplitude, top, guess)
         return col.PENDING
-    damped = drag_at_balance(law, p, lever, reach, amplitude, top) > DAMPED * caution(lever)
-    return col.NO_STABLE_ORBIT if damped else col.PENDING
+    drag, gap = drag_at_balance(law, p, lever, reach, amplitude, top)
+    if abs(drag) < DAMPED * caution(lever):
+        drag = exact_drag(law, p, lever, reach, amplitude, gap, room)
+        return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
+    return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
 
 
 @kernel
@@ -136,8 +112,8 @@ def beside(
 @kernel
 def drag_at_balance(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray
-) -> float:
-    """Mismatch where repulsion just makes up for attraction; deeper the surface takes up more.
+) -> tuple[float, float]:
+    """Mismatch where repulsion just makes up for attraction, and the gap there; deeper the surface takes up more.
 
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
     for attraction, even in permanent contact.
@@ -148,7 +124,8 @@ def drag_at_balance(
         near, far = far, 2.0 * far
         h, push = at_gap(law, p, lever, reach, amplitude, far)
     if not push > 0.0:
-        return math.inf if push <= 0.0 else math.nan
+        return math.inf if push <= 0.0 else math.nan, far
+    middle = far
     for _ in range(MOST_STEPS):
         if abs(push) < 0.05 * lever[col.BASE]:
             break
@@ -158,8 +135,32 @@ def drag_at_balance(
             far = middle
         else:
             near = middle
+    return balanced(lever, amplitude, h), middle
+
+
+@kernel
+def balanced(lever: np.ndarray, amplitude: float, h: float) -> float:
+    """Mismatch without a net force, of what damping takes: above resonance repulsion makes up for the lever first."""
     detuning = amplitude * (1.0 - lever[col.OMEGA] ** 2) / lever[col.BASE]
-    return h if detuning >= 0.0 else h - detuning * detuning  # above resonance repulsion makes up for this first
+    return h if detuning >= 0.0 else h - detuning * detuning
+
+
+@kernel
+def exact_drag(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, room: Room
+) -> float:
+    """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
+    before = gap + APART * min(gap, -reach)
+    held(law, p, lever, reach, amplitude, before, room.nodes, room.state)
+    push_before = room.state[PUSH]
+    for _ in range(MOST_SECANTS):
+        h, push = held(law, p, lever, reach, amplitude, gap, room.nodes, room.state), room.state[PUSH]
+        if not math.isfinite(h):
+            return math.nan
+        if abs(push) < NO_FORCE * lever[col.BASE]:
+            return balanced(lever, amplitude, h)
+        before, push_before, gap = gap, push, gap - push * (gap - before) / (push - push_before)
+    return math.nan
 
 
 @kernel

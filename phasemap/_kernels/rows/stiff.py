@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from phasemap._kernels import columns as col
@@ -26,7 +24,10 @@ def stiff_rows(
     last: int,
     answers: Answers,
 ) -> None:
-    """Orbit of every row in [first, last) that `cheap_rows` left STIFF; what it is not good enough for is PENDING."""
+    """Orbit of every row in [first, last) that `cheap_rows` left STIFF.
+
+    What it is not good enough for is PENDING, and holds `guess`.
+    """
     out, status, solver = answers
     short, long, guess = new_bench(1), new_bench(2), np.zeros(col.GUESS)
     for i in range(first, last):
@@ -35,7 +36,6 @@ def stiff_rows(
         p, row = parameters(rows[i]), out[i]
         for j in range(6):
             guess[j] = row[j]
-        row[:] = math.nan
         parts = refine_stiff(law, p, lever, guess, limits, short, long)
         if parts == 0:
             status[i] = col.PENDING

@@ -259,17 +259,18 @@ class _Located:
         sizes = self._sizes(3)
         nodes = self._nodes(sizes)
         guess, off = folds.plane(bases, known, nodes, self.box)
-        while max(sizes) <= FINEST:
-            ends = folds.follow_all(self.exact, nodes, guess, off)
-            heights = None if ends is None else folds.lost(ends)
-            if ends is None or heights is None:
+        ends = folds.follow_all(self.exact, nodes, guess, off)
+        while ends is not None:
+            heights = folds.lost(ends)
+            if heights is None:
                 return None
             border = self._border(heights.reshape(sizes), True, 0.0)
             finer = self._finer(border, ROUGH * float(heights.max()))
             if finer == sizes:
                 return self._measured(border, ends, sizes)
-            nodes = self._nodes(finer)
-            guess, off = folds.interpolated(ends, sizes, nodes, self.box)
+            if max(finer) > FINEST:
+                return None
+            ends = folds.refined(self.exact, ends, sizes, self._nodes(finer), finer, self.box)
             sizes = finer
         return None
 

@@ -21,7 +21,8 @@ WORTH = 0.5  # exact orbits that a cell may take, over those it saves
 LEAST = 100  # materials for which a cell is tried at all
 COLUMN = 1000  # exact orbits that a search for borders takes
 ROOM = 0.01  # by which the box of the sample is widened
-MARGIN = 2e-4  # least share of a layer next to a jump that is left to exact orbits
+MARGIN, WIDEST = 2e-4, 2e-3  # least and largest share of a layer next to a jump that is left to exact orbits
+LEFT = 50.0  # pixels in it, for orbits beside a jump cost more: nodes of an interpolant should not be nearer
 DEEPEST = 14  # cuts one after another
 
 
@@ -124,7 +125,8 @@ class _Builder:
         x0, x1 = materials[:, 0], materials[:, 1]
         low = lower.height(x0, x1) if isinstance(lower, Border) else lower
         high = upper.height(x0, x1) if isinstance(upper, Border) else upper
-        cell = cell.margins(float(np.min(high - low)), MARGIN)
+        share = min(max(MARGIN, LEFT / (self.weight * len(materials))), WIDEST)
+        cell = cell.margins(float(np.min(high - low)), share)
         outside = (abs(cell.inside(materials)) > 1).any(axis=1)
         return self.cell(cell, materials[~outside], depth)
 

@@ -23,11 +23,12 @@ from phasemap.imaging.interpolation.chebyshev import clipped, scaled
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
 
 Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]
 
 SHARES = (4.5, 3.0, 2.0, 1.2)
 """How far beyond the end orbits are looked for, over how far off the end may be."""
 STEPS = (0.1, 0.035, 0.012, 3e-3, 6e-4)  # on the way there
-WIDEST, NEAREST = 0.2, 2e-5  # how far off, over the adhesion: where the search gives up, and where it ends
+WIDEST, NEAREST = 0.2, 1e-4  # how far off, over the adhesion: where the search gives up, and where it ends
 ENOUGH = 4e-4  # where it may end, if orbits nearer to the end are not found
 MOST = 20  # steps of it
 FIRST = (1e-3, 4e-3, 0.01, 0.02)  # how far beyond the end orbits are engaged to begin with, over the adhesion
@@ -138,6 +139,27 @@ def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float
     return found if len(found) == len(every) else None
 
 
+def refined(
+    exact: ExactOrbits, known: list[Ends], sizes: tuple[int, int], nodes: Array, finer: tuple[int, int], box: Box
+) -> list[Ends] | None:
+    """Ends above the nodes of a finer grid, every second of which is known along a side that has more of them."""
+    guess, off = interpolated(known, sizes, nodes, box)
+    fresh = np.ones(finer, np.bool_)
+    old = tuple(
+        slice(None, None, (more - 1) // (few - 1) if few > 1 else 1) for few, more in zip(sizes, finer, strict=True)
+    )
+    fresh[old] = False
+    new = follow_all(exact, nodes[fresh.ravel()], [Ends.of(ends.table[fresh.ravel()]) for ends in guess], off)
+    if new is None:
+        return None
+    joined = []
+    for before, added in zip(known, new, strict=True):
+        table = np.empty((fresh.size, added.table.shape[1]))
+        table[fresh.ravel()], table[~fresh.ravel()] = added.table, before.table
+        joined.append(Ends.of(table))
+    return joined
+
+
 def lost(every: list[Ends]) -> Array | None:
     """Adhesion below which the branch is lost on the way to the setpoint: the largest of all amplitudes."""
     if len(every) == 1:
@@ -180,7 +202,7 @@ def _discriminant(b: Array) -> Array:
     return np.asarray(b[:, 2] ** 2 - 3 * b[:, 3] * b[:, 1])
 
 
-def basis(at: Array, box: tuple[float, float, float, float]) -> Array:
+def basis(at: Array, box: Box) -> Array:
     """Columns 1, t0, t1, t0 t1; less where the box is flat."""
     ones = np.ones(len(at))
     along = [scaled(at[:, i], *box[2 * i : 2 * i + 2]) for i in (0, 1) if box[2 * i + 1] > box[2 * i]]
@@ -190,9 +212,7 @@ def basis(at: Array, box: tuple[float, float, float, float]) -> Array:
     return np.column_stack(columns)
 
 
-def plane(
-    bases: Array, known: list[Ends], nodes: Array, box: tuple[float, float, float, float]
-) -> tuple[list[Ends], float]:
+def plane(bases: Array, known: list[Ends], nodes: Array, box: Box) -> tuple[list[Ends], float]:
     """Ends of the branch above nodes, from those at centre and corners, and how far off they may be, relatively."""
     every = np.column_stack([ends.table for ends in known])
     scale = abs(every).max(axis=0) + 1e-300
@@ -202,9 +222,7 @@ def plane(
     return _apart((basis(nodes, box) @ fitted) * scale, len(known)), float(off)
 
 
-def interpolated(
-    known: list[Ends], sizes: tuple[int, int], nodes: Array, box: tuple[float, float, float, float]
-) -> tuple[list[Ends], float]:
+def interpolated(known: list[Ends], sizes: tuple[int, int], nodes: Array, box: Box) -> tuple[list[Ends], float]:
     """The same from the ends on a coarser grid."""
     every = np.column_stack([ends.table for ends in known])
     coefs = chebyshev.coefficients(every.reshape(*sizes, -1), [0, 1])

@@ -1,0 +1,153 @@
+"""The end of the attractive branch by exact orbits, where averaging leaves open on which side of it a tip is.
+
+At one amplitude the mismatch of the exact orbit, whatever drive it needs, has a maximum over the gap. Above zero there
+is an attractive orbit of this amplitude, farther out than the maximum; below zero there is none. The maximum is sought
+roughly, and where it is near zero once more through a lens.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, narrowest, pull
+from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
+from phasemap._kernels.law import Law
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, W
+from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, SLOPE, E, beside_resonance, converge, start
+
+TIGHT = 0.015  # mismatch at the exact maximum that decides
+MOST_SHIFTS = 3  # of three points, to where orbits are found
+FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
+CLOSEST = 1e-4  # the same through the lens, nearer than which only the curve of exact orbits tells
+KNOWN = 0.1 * CLOSEST  # phase [rad] to which orbits are known of which this is the maximum
+LENS, INSIDE = 0.05, 0.4  # steps from the strongest pull, over its depth and the reach, and over its depth at most
+SURE_OF_IT = 0.3  # of the mismatch at the maximum, by which the parabola through three points may miss it
+SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
+MOST_STEPS, ENOUGH = 6, 0.02  # to the orbit beside the end, and mismatch left there, over that at the maximum
+
+
+@kernel
+def held(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: np.ndarray,
+    state: np.ndarray,
+) -> float:  # fmt: skip
+    """`pull` of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
+    if not start(law, p, lever, reach, f, state):
+        return math.nan
+    if not converge(law, p, lever, f, state, True, KNOWN, math.inf):
+        return math.nan
+    return pull(lever, amplitude, state[PUSH], state[DRAG])
+
+
+@kernel
+def decide_exactly(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, f: np.ndarray,
+    state: np.ndarray, fit: np.ndarray,
+) -> int:  # fmt: skip
+    """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
+
+    Fills fit = (gap of the maximum, mismatch there, its curvature).
+    """
+    # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
+    lifted = held(law, p, lever, reach, amplitude, 0.0, f, state)
+    middle = top[GAP] + (min(f[W, OUT], 0.0) if math.isfinite(lifted) else 0.0)
+    step = min(0.3 * (reach + abs(middle)), INSIDE * abs(top[GAP]))
+    h0 = held(law, p, lever, reach, amplitude, middle, f, state)
+    if top[HIGHEST] < FAR_BELOW and h0 < FAR_BELOW:
+        return REPULSIVE
+    h1 = held(law, p, lever, reach, amplitude, middle + step, f, state)
+    h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
+    for _ in range(MOST_SHIFTS):
+        if math.isfinite(h0 + h1 + h2) or not beside_resonance(lever):
+            break
+        middle, h1, h0 = middle - step, h0, h2  # passes may not converge where a tip just touches
+        h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
+    bend = (h1 - 2.0 * h0 + h2) / (step * step)
+    if not bend < 0.0:
+        return UNCLEAR
+    at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
+    h = held(law, p, lever, reach, amplitude, at, f, state)
+    fit[0], fit[1], fit[2] = at, h, bend
+    highest = max(max(h0, h1), max(h2, h))
+    if not math.isfinite(h):
+        return UNCLEAR
+    if highest > TIGHT:
+        return ATTRACTIVE
+    # The parabola's own maximum must agree, for the points may have missed it.
+    fitted = h0 - (h1 - h2) ** 2 / (8.0 * step * step * bend)
+    return REPULSIVE if max(highest, fitted) < -TIGHT and abs(h - fitted) < SURE_OF_IT * abs(h) else UNCLEAR
+
+
+@kernel
+def highest_at(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> float:
+    """The maximum of the mismatch next to the gap of room.fit, which is filled anew; NaN where it is not so near."""
+    middle, f, state = room.fit[0], room.nodes, room.state
+    h0 = held(law, p, lever, reach, amplitude, middle, f, state)
+    depth = f[W, TOUCH + N // 2] - middle
+    step = min(LENS * (reach + abs(middle)), INSIDE * depth)  # within the contact: where it begins there is a kink
+    h1 = held(law, p, lever, reach, amplitude, middle + step, f, state)
+    h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
+    bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
+    if not (step > 0.0 and bend < 0.0 and abs(rise) < -2.0 * step * bend):
+        return math.nan
+    at = middle - rise / bend
+    h = held(law, p, lever, reach, amplitude, at, f, state)
+    room.fit[0], room.fit[1], room.fit[2] = at, h, bend
+    return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + KNOWN else math.nan
+
+
+@kernel
+def decide_closely(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, setpoint: float, amplitude: float, room: Room
+) -> int:
+    """The side where `decide_exactly` left it open: the maximum once more, with a lens.
+
+    Where the branch is narrowest is known for harmonic orbits. Of the maxima around that amplitude, not below the
+    setpoint, the least counts.
+    """
+    highest = highest_at(law, p, lever, reach, amplitude, room)
+    if amplitude < (1.0 + SPREAD) * narrowest(lever) * free_amplitude(lever):
+        at, h, bend = room.fit[0], room.fit[1], room.fit[2]
+        above = highest_at(law, p, lever, reach, (1.0 + SPREAD) * amplitude, room)
+        room.fit[0] = at
+        below = highest_at(law, p, lever, reach, (1.0 - SPREAD) * amplitude, room)
+        room.fit[0], room.fit[1], room.fit[2] = at, h, bend
+        slope, curved = 0.5 * (above - below), 0.5 * (above + below) - highest
+        if not (curved > 0.0 and abs(slope) < 4.0 * curved):
+            return UNCLEAR
+        t = max(-0.5 * slope / curved, (setpoint / amplitude - 1.0) / SPREAD)
+        highest += t * (slope + t * curved)
+    if not abs(highest) >= CLOSEST:
+        return UNCLEAR
+    return ATTRACTIVE if highest > 0.0 else REPULSIVE
+
+
+@kernel
+def beside_end(
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray, room: Room
+) -> bool:
+    """Fill `guess` with the orbit outside of the maximum in room.fit, nearly; False if it is not found.
+
+    The mismatch goes with the square of the distance from its maximum.
+    """
+    at, highest, fall = room.fit[0], room.fit[1], 0.5 * room.fit[2]
+    state = room.state
+    for _ in range(MOST_STEPS):
+        if not (highest > 0.0 and fall < 0.0):
+            return False
+        x = math.sqrt(-highest / fall)
+        h = held(law, p, lever, reach, amplitude, at + x, room.nodes, state)
+        fall = (h - highest) / (x * x)
+        if abs(h) < ENOUGH * highest and state[PUSH] < 0.0:
+            guess[G_Z0], guess[G_MEAN], guess[G_A] = state[E] - state[MEAN], -state[MEAN], amplitude
+            guess[G_P], guess[G_S], guess[G_SLOPE] = state[PUSH], state[DRAG], 2.0 * fall * x
+            return True
+    return False
