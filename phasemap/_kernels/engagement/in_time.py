@@ -76,12 +76,10 @@ HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: th
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
-STAY = (0.0, 0.0, 0.0)  # the tip offset stays
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 # What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
-# and angle behind the lock-in and their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
-# from which angles count, that of the last period; the largest change of it from one period to the next, and the least
-# of the depths.
+# and angle behind the lock-in, their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
+# from which angles count, that of the last period; the largest change of it in a period, and the least depth.
 DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, OFFSET, ADDED = 5, 7, 8, 9, 10, 11, 12, 13
 LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, LEAST, SUMS = 13, 14, 15, 16, 17, 18, 19, 20, 21
 
@@ -99,10 +97,9 @@ def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
 def average(
     law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray
 ) -> bool:
-    """March so many periods, and put into `sums` what is seen.
+    """March so many periods, and sum up what is seen; z0 falls by move[0] + move[1] (A - move[2]) [m] in each.
 
-    In each z0 falls by move[0] [m], and by move[1] of the amplitude behind the lock-in less move[2] [m]: by little at a
-    time, for a tip that is moved at once may take to another pattern of taps.
+    A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
     """
     for j in range(ADDED):
         sums[j] = 0.0
@@ -170,16 +167,15 @@ def move_slowly(
     """Lower or raise the tip period by period until the mean amplitude is reached: SEEN, AGAIN, SPENT or LOWEST.
 
     Past a contact with hysteresis it goes faster as long as amplitude and z0 change alike and the motion stays as
-    irregular as it was: what a faster tip does else may be another motion, and it goes that way once more, slowly.
-    Slower and slower as it comes near, for which pattern of taps is held there depends on the way. AGAIN is said where
-    the motion repeats itself every period, but not before z0 has changed by `least` [m].
+    irregular as it was (else once more, slowly), and ever slower near the end, for the way decides on the pattern of
+    taps. AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
     block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
     lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH * how[0] if hasty else how[0]
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
-    if tip.periods[0] + block > most or not average(law, p, lever, eta, block, STAY, tip, sums):
+    if tip.periods[0] + block > most or not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
         return SPENT
     before, change = seen(lever, sums), sums[CHANGE]
     down = before > amplitude
@@ -339,10 +335,7 @@ def approach(
     most : int
         Periods that may be marched.
 
-    Returns
-    -------
-    int
-        GOOD; NOT_SETTLED after `most` periods; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    Returns GOOD; NOT_SETTLED after `most` periods; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
@@ -384,8 +377,8 @@ def carry_to(
     count = int(abs(u[3] - z0) / pace_of(lever))
     if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    move = ((u[3] - z0) / max(count, 1), 0.0, 0.0)
-    if not average(law, p, lever, COARSE * eta, count, move, tip, begin_sums(lever, tip.acc)):
+    move, sums = ((u[3] - z0) / max(count, 1), 0.0, 0.0), begin_sums(lever, tip.acc)
+    if not average(law, p, lever, COARSE * eta, count, move, tip, sums):
         return col.NOT_SETTLED
     u[3] = z0
     how = (fine(p, eta), PRECISE[0] * free_amplitude(lever), PRECISE[1])
