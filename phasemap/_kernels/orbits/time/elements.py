@@ -10,13 +10,8 @@ xi = x^2, and the edge of the contact at x = q:
 
 Both are kept as stacks of nodes, in order of x, that have their tops at the edge: a contact that grows takes nodes from
 the outer stack and lays nodes on the inner one, and the other way round. Between two nodes y is a polynomial of degree
-<<<<<<< HEAD
-5 in sqrt(peak - xi), in which it is smooth: peak is the xi at which the contact turned that made them. Times
-exp(-rate t) it is that at any time; its coefficients are kept with one of the two nodes.
-=======
 5 in sqrt(peak - xi), in which it is smooth: peak is the xi at which the contact turned that made them. Its coefficients
 are kept with one of the two nodes, for one moment: all of it decays alike.
->>>>>>> 56daba1a18e3994b771976f1a7c2f3b0455b13b8
 """
 
 from __future__ import annotations
