@@ -26,7 +26,6 @@ MANY_ARGUMENTS = {
 }
 """Functions that may take more, and why."""
 MANY_LINES = {
-    "_kernels/engagement/in_time.py": "to be divided: averages over irregular motion can stand by themselves",
     "_kernels/orbits/time/remembering.py": "one march, whose twelve stages are written out",
 }
 """Files that may be longer, and why."""

@@ -19,6 +19,25 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.averages import (
+    ADDED,
+    ANGLE,
+    ANGLE2,
+    CHANGE,
+    COUNT,
+    DEEPEST,
+    FEWEST,
+    FROM_COS,
+    FROM_SIN,
+    OFFSET,
+    SIZE,
+    SIZE2,
+    alike,
+    average,
+    begin_sums,
+    block_of,
+    seen,
+)
 from phasemap._kernels.engagement.lowering import (
     AGAIN,
     DISTURBED,
@@ -38,7 +57,6 @@ from phasemap._kernels.engagement.lowering import (
 )
 from phasemap._kernels.engagement.stuck import stuck
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
     fill,
@@ -55,14 +73,10 @@ if TYPE_CHECKING:
     from phasemap._kernels.law import Law
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-BANDWIDTH = 0.01
-"""Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
-
 PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
 COARSE, LOOSE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
 NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
-FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
 STICKY_GROUP, STICKY_GROUPS = 2, 6  # the same of a contact with hysteresis, whose motion forgets sooner
 CALM = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
@@ -77,81 +91,12 @@ HOPE = 4.0  # times the periods allowed, that a mean would take by its first sta
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
-# What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
-# and angle behind the lock-in, their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
-# from which angles count, that of the last period; the largest change of it in a period, and the least depth.
-DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, OFFSET, ADDED = 5, 7, 8, 9, 10, 11, 12, 13
-LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, LEAST, SUMS = 13, 14, 15, 16, 17, 18, 19, 20, 21
-
-
-@kernel
-def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
-    """Return empty sums of a lock-in that shows the phasor of the last period, as the detector sees it."""
-    sums = np.zeros(SUMS)
-    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[0] - lever[col.SHAKER]
-    sums[LOW_SIN] = sums[FROM_SIN] = sums[LAST_SIN] = acc[1]
-    return sums
-
-
-@kernel
-def average(
-    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray
-) -> bool:
-    """March so many periods, and sum up what is seen; z0 falls by move[0] + move[1] (A - move[2]) [m] in each.
-
-    A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
-    """
-    for j in range(ADDED):
-        sums[j] = 0.0
-    sums[CHANGE], sums[DEEPEST], sums[LEAST] = 0.0, -math.inf, math.inf
-    keep = math.exp(-2.0 * math.pi * BANDWIDTH)
-    acc = tip.acc
-    for _ in range(count):
-        tip.u[3] -= move[0] + move[1] * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - move[2])
-        tip.periods[0] += 1
-        if march_period(law, p, lever, tip.u[3], eta, tip.u, acc) < 0:
-            return False
-        for j in range(7):
-            sums[j] = max(sums[j], acc[j]) if j == DEEPEST else sums[j] + acc[j]
-        sums[LEAST] = min(sums[LEAST], acc[DEEPEST])
-        cosine, sine = acc[0] - lever[col.SHAKER], acc[1]
-        x = keep * sums[LOW_COS] + (1.0 - keep) * cosine
-        y = keep * sums[LOW_SIN] + (1.0 - keep) * sine
-        from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
-        size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
-        sums[COUNT] += 1.0
-        sums[OFFSET] += tip.u[3]
-        sums[SIZE] += size
-        sums[SIZE2] += size * size
-        sums[ANGLE] += angle
-        sums[ANGLE2] += angle * angle
-        sums[CHANGE] = max(sums[CHANGE], math.hypot(cosine - sums[LAST_COS], sine - sums[LAST_SIN]))
-        sums[LOW_COS], sums[LOW_SIN], sums[LAST_COS], sums[LAST_SIN] = x, y, cosine, sine
-    return True
 
 
 @kernel
 def fine(p: np.ndarray, eta: float) -> float:
     """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
     return eta if p[col.RELEASE] == 0.0 else NECK * eta
-
-
-@kernel
-def seen(lever: np.ndarray, sums: np.ndarray) -> float:
-    """Amplitude [m] of the mean phasor that the detector sees."""
-    return math.hypot(sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT])
-
-
-@kernel
-def alike(sums: np.ndarray) -> bool:
-    """Whether the tip touched in every period, or in none: in some only, its motion does not repeat itself."""
-    return (sums[LEAST] >= 0.0) == (sums[DEEPEST] >= 0.0)
-
-
-@kernel
-def block_of(lever: np.ndarray) -> int:
-    """Periods that are averaged at a time: a multiple of 12, in which orbits of 2, 3, 4 or 6 periods repeat."""
-    return 12 * (max(FEWEST, ring_down(lever)) // 12 + 1)
 
 
 @kernel
@@ -180,7 +125,9 @@ def move_slowly(
     before, change = seen(lever, sums), sums[CHANGE]
     down = before > amplitude
     while tip.periods[0] + block <= most:
-        pace = max(slow / FINEST, min(haste * slow, LANDING * abs(before - amplitude) / block))
+        pace = haste * slow
+        if hasty:
+            pace = max(slow / FINEST, min(pace, LANDING * abs(before - amplitude) / block))
         copy(tip.u, u)
         copy(tip.acc, acc)
         if not average(law, p, lever, eta, block, (pace if down else -pace, 0.0, 0.0), tip, sums):
@@ -228,12 +175,16 @@ def hold_mean(
     size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
     if tip.periods[0] + 3 * GROUP * block > most:
         return col.NOT_SETTLED
+    # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
+    follows = 1.0 / block if sticky else 0.0
     for j in range(3 * GROUP):
-        if not average(law, p, lever, COARSE * eta, block, (0.0, gain / block, amplitude), tip, sums):
+        if not average(law, p, lever, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
             return col.NOT_SETTLED
+        tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
             break
-    slow = (0.0, min(gain, SLOW) / block, amplitude)
+    gain = min(gain, SLOW)
+    slow = (0.0, follows * gain, amplitude)
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -249,6 +200,7 @@ def hold_mean(
             group[1] += sums[0]
             group[2] += sums[1]
             missed += (seen(lever, sums) - amplitude) ** 2
+            tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, how, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, GOOD, LONGRANGE, PENDING, RELEASE, STIFF
+from phasemap._kernels.columns import ALPHA0, G_Z0, GOOD, LONGRANGE, PENDING, RELEASE, STIFF
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
@@ -18,7 +18,7 @@ from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_
 from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, leaps, narrowest
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.orbits.response.orbit import Room, refine, steep
+from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, steep
 
 LOWEST_Q = 25.0  # below this averaging does not choose the branch
 
@@ -42,7 +42,9 @@ def cheap_orbit(
     """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold."""
     reach = reach_of(law, p)
     if surety == SURE:
-        return GOOD if refine(law, p, lever, reach, guess, limits, room.nodes, room.state) else STIFF
+        if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+            return GOOD
+        return PENDING if grazes(p, reach, guess) else STIFF  # Newton's method takes the contact as given, too
     if surety != OPEN:
         return PENDING
     side, worst = REPULSIVE, amplitude
@@ -56,12 +58,19 @@ def cheap_orbit(
             side = decide_closely(law, p, lever, reach, amplitude, worst, room)
     if side == UNCLEAR:
         return PENDING
-    settled = settle_side(law, p, lever, reach, amplitude, side, room.top, guess)
-    if settled and refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
-        if side == REPULSIVE or steep(law, p, lever, limits, room):
-            return GOOD
+    if settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
+        if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+            if side == REPULSIVE or steep(law, p, lever, limits, room):
+                return GOOD
+        if side == REPULSIVE:
+            return STIFF
     if side == REPULSIVE:
-        return STIFF if settled else PENDING
+        return PENDING
     if worst != amplitude:
         highest_at(law, p, lever, reach, amplitude, room)
-    return STIFF if beside_end(law, p, lever, reach, amplitude, guess, room) else PENDING
+    if not beside_end(law, p, lever, reach, amplitude, guess, room):
+        return PENDING
+    if refine(law, p, lever, reach, guess, limits, room.nodes, room.state) and steep(law, p, lever, limits, room):
+        guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
+        return GOOD
+    return STIFF

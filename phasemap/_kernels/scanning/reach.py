@@ -8,7 +8,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.in_time import COARSE, average, begin_sums, block_of, pace_of
+from phasemap._kernels.engagement.averages import average, begin_sums, block_of
+from phasemap._kernels.engagement.in_time import COARSE, pace_of
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.time.period_map import new_tip
 

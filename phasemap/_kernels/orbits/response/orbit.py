@@ -54,6 +54,13 @@ def new_room() -> Room:
 
 
 @kernel
+def grazes(p: np.ndarray, reach: float, guess: np.ndarray) -> bool:
+    """Whether an averaged orbit is so near to just touching that the exact one may do otherwise."""
+    gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
+    return bool(p[LONGRANGE] != 0.0 and abs(gap) <= GRAZING * reach)
+
+
+@kernel
 def refine(
     law: Law,
     p: np.ndarray,
@@ -71,7 +78,7 @@ def refine(
         return press(law, p, lever, limits, state) and _belongs(lever, guess, state)
     if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
         return True
-    if p[LONGRANGE] == 0.0 or abs(e - amplitude) > GRAZING * reach:
+    if not grazes(p, reach, guess):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
@@ -123,8 +130,6 @@ def refine_stiff(
     That its harmonics lift the tip does not bring it to another branch.
     """
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
-    if p[LONGRANGE] != 0.0 and abs(e - amplitude) < GRAZING * reach:
-        return 0  # whether it touches changes from step to step
     _begin(guess, e, bench.state)
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
         return 0
