@@ -90,7 +90,7 @@ def integrated(frequencies: np.ndarray, scope: pm.Microscope, height: float) -> 
         force = stiffness * np.sqrt(radius) * deep**1.5 - pull / (1 + gap / decay) ** 2
         return base * np.cos(omega * time) - 2 * (alpha + FILM.damping * np.sqrt(deep / radius)) * v - z - force / k
 
-    steps, periods = 150, 130  # of the lever's 50 / pi periods of ringing down: e^-8
+    steps, periods = 300, 130  # of the lever's 50 / pi periods of ringing down: e^-8
     h, z, v = 2 * np.pi / omega / steps, np.zeros(len(omega)), np.zeros(len(omega))
     first = np.zeros(len(omega), complex)
     for i in range(steps * periods):
