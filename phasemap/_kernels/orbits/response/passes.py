@@ -51,7 +51,7 @@ DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
 # Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
 # largest A cos(theta) + w where the nodes are others, else 0.
 AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL = range(9)
-PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, CREST, STATE = range(9, 16)
+PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, APEX, STATE = range(9, 16)
 BARYCENTRIC = barycentric(X)
 _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
@@ -291,7 +291,7 @@ def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray)
         state[PHASE],
         amplitude,
     )
-    row[col.INDENTATION] = (state[CREST] if state[CREST] > 0.0 else deepest(f, amplitude)) - state[E]
+    row[col.INDENTATION] = (state[APEX] if state[APEX] > 0.0 else deepest(f, amplitude)) - state[E]
     row[col.DISSIPATION] = stiffness * state[LOSS]
     row[col.VIRIAL] = -stiffness * (state[VIRIAL] / (2 * math.pi) + state[MEAN] * mean)
     row[col.STIFFENING] = push / amplitude

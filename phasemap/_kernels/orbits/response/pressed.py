@@ -22,8 +22,8 @@ from phasemap._kernels.lever import mismatch
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.passes import (
     AMP,
+    APEX,
     CLOSED,
-    CREST,
     DOUBLING,
     DRAG,
     ENOUGH,
@@ -147,7 +147,7 @@ def _finish(f: np.ndarray, state: np.ndarray) -> float:
         at = amplitude * _COS[j] + f[W, j]
         between, _ = apex_between(amplitude, _ANGLE[j], f[W, j], f[U, j], _ANGLE[j + 1], f[W, j + 1], f[U, j + 1])
         most, least = max(most, max(at, between)), min(least, at)
-    state[CREST] = most
+    state[APEX] = most
     return least
 
 
@@ -156,7 +156,7 @@ def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, state:
     """Exact orbit near the harmonic one of `state` if the tip stays in contact on it; as `converge` and `sound`."""
     f, amplitude, omega = np.zeros((ROWS, 2 * M + 1)), state[AMP], lever[OMEGA]
     _tabulate(lever, f)
-    h = _force(law, p, lever, f, state)
+    _force(law, p, lever, f, state)
     phase_before, height_before, w_before = math.nan, math.nan, 0.0
     phase_change, height_change, ratio_before = math.nan, math.nan, 1.0
     for _ in range(MOST_PASSES):
