@@ -8,8 +8,6 @@ from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import ParamSpec, TypeVar
 
-__all__ = ["asked_as", "no_argument"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

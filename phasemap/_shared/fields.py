@@ -16,8 +16,6 @@ from phasemap._shared.plausible import Usual, likely, question
 if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
 
-__all__ = ["Number", "Renamed", "known_as", "number_of"]
-
 C = TypeVar("C")
 T = TypeVar("T", bound=float | None)
 _REQUIRED: Any = object()

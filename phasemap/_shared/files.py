@@ -16,7 +16,6 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
 
     Parameters
     ----------
-    path : path-like
     what : str
         The file, in the words of an error.
 

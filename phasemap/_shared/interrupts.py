@@ -31,7 +31,6 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
 
     Parameters
     ----------
-    task : callable
     limit : float, optional
         How long to wait [s].
 

@@ -14,8 +14,6 @@ from pathlib import Path
 
 from phasemap._shared.errors import InputError, TooLargeError
 
-__all__ = ["VARIABLE", "available", "check_fits", "size_in_words"]
-
 VARIABLE = "PHASEMAP_MEMORY"
 GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
 
@@ -29,8 +27,6 @@ def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> No
         In words, ``"an image of 512 x 512 pixels"``.
     size : float
         What it needs [byte].
-    advice : str
-        What would need less.
 
     Raises
     ------
@@ -51,11 +47,6 @@ def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> No
 
 def available() -> float:
     """Memory that may be taken [byte].
-
-    Raises
-    ------
-    InputError
-        If ``PHASEMAP_MEMORY`` is not a number of bytes.
 
     Examples
     --------

@@ -15,8 +15,6 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import outside
 from phasemap._shared.units import PREFIXES, UDUNITS, WRITTEN, say
 
-__all__ = ["PlausibilityWarning", "once", "question", "strict_units", "unquestioned"]
-
 Usual = tuple[float, float]
 
 LIKELY = {
@@ -96,11 +94,6 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
         As in `phasemap._shared.quantities.KINDS`.
     usual : (float, float)
         The least and the most found in practice [unit].
-
-    Raises
-    ------
-    InputError
-        Within `strict_units`, in place of a warning.
     """
     low, high = usual
     size, manner = abs(value), _MANNER.get()

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-__all__ = ["in_processes"]
-
 
 def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Generator[R, None, None]:
     """Yield ``task(item)`` of every item, as they come.
@@ -33,10 +31,8 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
 
     Parameters
     ----------
-    task : callable
     items : iterable
         Taken one by one, when a worker is free.
-    workers : int
 
     Yields
     ------

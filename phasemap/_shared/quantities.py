@@ -15,19 +15,6 @@ from phasemap._shared.units import UDUNITS
 if TYPE_CHECKING:
     import pint
 
-__all__ = [
-    "NotThatUnit",
-    "Scalar",
-    "array_in_si",
-    "in_si",
-    "is_number",
-    "is_quantity",
-    "range_in_si",
-    "scaled",
-    "split",
-    "with_unit",
-]
-
 Scalar: TypeAlias = "float | str | pint.Quantity[Any]"
 """What is taken where a number is meant: a number in SI units, text with a unit, or a quantity of pint."""
 
@@ -73,7 +60,6 @@ def in_si(value: object, unit: str) -> object:
 
     Parameters
     ----------
-    value : object
     unit : str
         As in `KINDS`, or as UDUNITS writes it; empty for any, in SI units without a prefix, and degrees.
 

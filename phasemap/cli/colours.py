@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-__all__ = ["add_colours", "colours_of"]
-
 NAMES = ("vmin", "vmax", "cmap")
 
 
@@ -15,12 +13,8 @@ def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
 
     Parameters
     ----------
-    parser : ArgumentParser
-        Of a command.
     of : str
         What limits and colour map belong to.
-    example : str
-        Of a limit.
     """
     parser.add_argument("--vmin", metavar="VALUE", help=f"of {of}: where colours begin, such as {example}")
     parser.add_argument("--vmax", metavar="VALUE", help=f"of {of}: where they end")

@@ -82,7 +82,6 @@ def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str
 
     Parameters
     ----------
-    said : iterable of (str, str)
     first : int
         Width of the column of words.
 

@@ -18,8 +18,6 @@ from phasemap.cli.console import bar_of, patience
 if TYPE_CHECKING:
     from phasemap.scenes.ensemble import Ensemble
 
-__all__ = ["print_ensemble", "run"]
-
 Progress = Callable[[int, int], None]
 
 FEW = 6  # values that are listed

@@ -94,10 +94,6 @@ def summary(found: xr.Dataset) -> list[str]:
     ----------
     found : xarray.Dataset
         What `phasemap.series` returned.
-
-    Returns
-    -------
-    list of str
     """
     from phasemap.plot.series import of_file
 

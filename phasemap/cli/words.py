@@ -12,8 +12,6 @@ from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["labels_in", "number_in", "numbers_in", "one_each"]
-
 LABELS = ("labels", "label")  # maps of regions, as files call them
 
 
@@ -22,10 +20,6 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
 
     Parameters
     ----------
-    name : str
-        Of the argument.
-    text : str
-        A number, or START:STOP:N.
     unit : str
         As in `phasemap._shared.quantities.KINDS`.
     allowed : str
@@ -35,11 +29,6 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
     -------
     tuple of float
         One number, or START, STOP and N.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
 
     Examples
     --------
@@ -60,23 +49,13 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
     ----------
     name : str
         Of the argument, as Python has it.
-    text : str
-        Numbers with commas between them.
     unit : str
         As in `numbers_in`.
-    count : int
-    each : str
-        "an image" or "a file".
 
     Returns
     -------
     list of float
         As many as there are.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
 
     Examples
     --------
@@ -94,18 +73,12 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
 def labels_in(path: str) -> np.ndarray:
     """Read the map of regions of a netCDF file.
 
-    Parameters
-    ----------
-    path : str
-
     Returns
     -------
     ndarray of int, shape (rows, columns)
 
     Raises
     ------
-    InputError
-        If it has none.
     FileError
         If it cannot be read.
     """

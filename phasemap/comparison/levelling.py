@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-__all__ = ["level", "level_map", "outlier_lines"]
-
 STRIKING = 8.0  # times the usual spread of lines, above which a line is an outlier ...
 VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spread
 
@@ -118,8 +116,6 @@ def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     ----------
     height : ndarray, shape (rows, columns)
         [m]; may hold NaN.
-    mask : ndarray of bool
-        Pixels that do not count.
     rows : bool
         Whether rows have offsets; else a plane is fitted.
 
@@ -127,11 +123,6 @@ def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     -------
     ndarray
         [m]
-
-    Raises
-    ------
-    InputError
-        If fewer than 3 pixels count.
     """
     counts = np.isfinite(height) & ~mask
     if counts.sum() < 3:

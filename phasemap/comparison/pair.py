@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     Directions = str | tuple[str | None, str | None] | None
 
-__all__ = ["channels_of", "common_grid", "pair_of", "pitch_of"]
-
 CHANNELS = ("height", "phase", "amplitude", "amplitude_error")
 UNITS = {"height": "m", "phase": "degree"}
 UNEVEN = 1e-3  # relative difference of steps from pixel to pixel; coordinates may be in single precision
@@ -37,18 +35,11 @@ def pair_of(
         Of both, or of each; None takes the trace. One name for both passes over an image without directions.
     names : pair of str
         What the images are called in messages.
-    needed : tuple of str
-        Channels that both must have.
 
     Returns
     -------
     pair of xarray.Dataset
         With dims ("y", "x").
-
-    Raises
-    ------
-    InputError
-        If one is not such an image, a direction or channel is missing, or the images differ in size.
     """
     images = first, second
     each = _each(direction, images)
@@ -89,9 +80,6 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
     ----------
     name : str
         What the image is called in messages.
-    ds : xarray.Dataset
-    direction : str or None
-    needed : tuple of str
 
     Returns
     -------
@@ -149,21 +137,11 @@ def pitch_of(ds: xr.Dataset, dim: str) -> float:
 def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Both images on those pixels of `fixed` that lie within `moving`.
 
-    Parameters
-    ----------
-    fixed, moving : xarray.Dataset
-        With dims ("y", "x").
-
     Returns
     -------
     pair of xarray.Dataset
         `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and interpolated
         linearly.
-
-    Raises
-    ------
-    InputError
-        If they hardly overlap.
 
     Examples
     --------

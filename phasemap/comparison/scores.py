@@ -67,8 +67,6 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
     Parameters
     ----------
     first, second : ndarray, shape (rows, columns)
-    known : ndarray of bool
-        Pixels that both have.
 
     Returns
     -------

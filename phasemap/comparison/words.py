@@ -10,8 +10,6 @@ from phasemap._shared.units import say
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["lines_of", "names_of", "verdict_of"]
-
 WORTH_SAYING = 0.1  # share of the residual's variance
 MOSTLY = 0.5  # share of the measured variance
 
@@ -34,10 +32,6 @@ def turned(found: xr.Dataset) -> str:
     ----------
     found : xarray.Dataset
         What `phasemap.compare` returned.
-
-    Returns
-    -------
-    str
     """
     if float(found["sign"]) > 0:
         return ""

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Tip
     from phasemap.experiment.surface import Surface
 
-__all__ = ["HALF_ANGLE", "dilated", "tip_profile"]
-
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
 
@@ -51,15 +49,8 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     ----------
     surface : Surface
         One that is flat is returned as it is.
-    tip : Tip
-        Only its radius is used.
     half_angle : float
         Between the axis and the flank of the cone into which the tip widens [degree], above 0 and below 90.
-
-    Raises
-    ------
-    InputError
-        If `half_angle` is out of range.
 
     Notes
     -----
@@ -113,7 +104,6 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
 
     Parameters
     ----------
-    surface : Surface
     pixels : ndarray of int, shape (ny, nx)
         Where the material of each pixel is taken from, as ``row * nx + column``.
     topography : ndarray, shape (ny, nx), or None

@@ -49,9 +49,6 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     ----------
     materials : ndarray, shape (n, 4) or (n, 5)
         As for `phasemap.experiment.properties.properties`.
-    viscous : bool
-    scope : Microscope
-    setpoint : float
     """
     stiffness, adhesion, damping = properties(materials, viscous, scope)
     omega, alpha0, k, drive, _ = lever_of(scope)

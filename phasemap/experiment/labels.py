@@ -17,8 +17,6 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.relaxing import refuse_film
 from phasemap.experiment.surface_maps import check_memory, where
 
-__all__ = ["lazily_looked_up", "looked_up"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
@@ -39,11 +37,6 @@ def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatA
         The arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are the same.
     distinct : (ndarray, ndarray)
         As `phasemap.Surface.unique` gives them.
-
-    Raises
-    ------
-    InputError
-        If the labels are not a 2-D map of whole numbers, one has no material, or viscosities are mixed with dampings.
 
     Examples
     --------

@@ -12,8 +12,6 @@ from typing import Any
 
 from phasemap._shared.checks import check_choice
 
-__all__ = ["Preset", "Quoted", "levers", "materials", "preset_of"]
-
 ESTIMATE = "estimate"
 
 
@@ -53,7 +51,6 @@ class Preset:
 
     Parameters
     ----------
-    name : str
     title : str
         In words.
     numbers : mapping of str to Quoted
@@ -103,12 +100,6 @@ def preset_of(kind: str, name: object) -> Preset:
     Parameters
     ----------
     kind : {"materials", "levers"}
-    name : str
-
-    Raises
-    ------
-    InputError
-        If there is none.
 
     Examples
     --------

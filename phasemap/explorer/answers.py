@@ -35,8 +35,6 @@ from phasemap.sweeps.sweep import sweep_distance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Picture", "contrast_map", "curves", "image", "map_key", "picture", "scan"]
-
 Check = Callable[[int, int], None]
 """Called while a long answer is made, with what is done and all; raises to stop it."""
 
@@ -68,16 +66,7 @@ class Picture(NamedTuple):
 
 
 def picture(setting: Setting) -> Picture:
-    """Answer a drag: the image of every pixel engaged from far, and what each material does.
-
-    Parameters
-    ----------
-    setting : Setting
-
-    Returns
-    -------
-    Picture
-    """
+    """Answer a drag: the image of every pixel engaged from far, and what each material does."""
     surface = setting.shown
     with untold():  # the page says it
         ds = simulate(surface, setting.scope, setting.setpoint, setting.solver, variables=VARIABLES, threads=1)
@@ -99,13 +88,8 @@ def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
 
     Parameters
     ----------
-    setting : Setting
     progress : callable, optional
         As of `phasemap.simulate`.
-
-    Returns
-    -------
-    xarray.Dataset
     """
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
@@ -128,10 +112,6 @@ def scan(setting: Setting, progress: Check) -> Picture:
 def curves(setting: Setting) -> dict[str, Any]:
     """Amplitude and phase against the distance, and one period at the working point, of both materials of the pair.
 
-    Parameters
-    ----------
-    setting : Setting
-
     Returns
     -------
     dict
@@ -153,7 +133,6 @@ def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
 
     Parameters
     ----------
-    setting : Setting
     progress : callable
         As of `phasemap.contrast`.
 

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 from phasemap.explorer.subject import Subject
 
-__all__ = ["Knob", "knobs_of"]
-
 DECADE = 10.0  # by which lengths can be made larger or smaller
 WIDE = 30.0  # by which a modulus can be
 PEAKS = 5.0  # half widths of the resonance that a frequency can be off
@@ -21,7 +19,6 @@ class Knob(NamedTuple):
     ----------
     key : str
         Of the setting that it changes.
-    label, unit : str
     size : float
         The unit in the SI unit.
     low, high : float

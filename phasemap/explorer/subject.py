@@ -23,8 +23,6 @@ from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate
 
-__all__ = ["Sample", "Subject", "subject_of"]
-
 MOST = 8  # materials, each with three sliders
 SIDE = 256  # pixels of the longer side of the image that is solved while a slider moves
 
@@ -52,14 +50,12 @@ class Subject:
     ----------
     name : str
         Of the files that are saved.
-    scope : Microscope
     materials : mapping of str to Material
         By name; the labels of the sample count them.
     pixel_size : (float, float)
         (dy, dx) [m].
     options : mapping
         What `phasemap.simulate` takes besides, as the scene says; at least setpoint and solver.
-    sample : Sample
     scene : Scene or None
         Where it came from, if that was a scene.
     """
@@ -135,15 +131,6 @@ def subject_of(
         To begin with; that of the scene, or 0.7 for a surface.
     overrides : iterable of str
         As in `phasemap.load_scene`, for a file.
-
-    Returns
-    -------
-    Subject
-
-    Raises
-    ------
-    InputError
-        If it is none of these, has more than eight materials, or the microscope is missing or one too many.
 
     Examples
     --------

@@ -17,8 +17,6 @@ from typing import NamedTuple
 
 from phasemap._shared.units import ELECTRONVOLT
 
-__all__ = ["Found", "lines_of"]
-
 LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
 SHARE = 0.2  # of the contrast that the losses may leave open
 DEGREES = "°"
@@ -29,14 +27,12 @@ class Found(NamedTuple):
 
     Attributes
     ----------
-    name : str
     regime : str
         "attractive", "repulsive" or "none".
     bistable : bool
         Whether the controller can hold the setpoint in the other regime too.
     motion : str
         "periodic", "irregular" or "none".
-    solver : str
     advice : str
         What is wrong and what helps; empty where nothing is.
     phase : float

@@ -68,7 +68,6 @@ class Canvas:
 
     Parameters
     ----------
-    surface : Surface
     names : tuple of str
         Image variables, `status` among them.
     directions : tuple of str

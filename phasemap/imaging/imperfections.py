@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
 
 
-__all__ = ["drifted", "finish", "generator", "scopes_by_row"]
-
 FloatArray = NDArray[np.float64]
 FAR = 2.0**40  # pixels: drift beyond every image
 
@@ -48,11 +46,8 @@ def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple
 
     Parameters
     ----------
-    realism : Realism
     scope : Microscope
         As it is at the first line.
-    lines : int
-        Rows of the image.
 
     Examples
     --------
@@ -75,7 +70,6 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
 
     Parameters
     ----------
-    surface : Surface
     drift : (float, float, float)
         Along x, y and z during the whole image [m], as in `Realism`.
 
@@ -130,7 +124,6 @@ def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
     ----------
     image : xarray.Dataset
         Dims ("y", "x"), or ("direction", "y", "x").
-    realism : Realism
 
     Returns
     -------

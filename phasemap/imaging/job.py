@@ -67,20 +67,14 @@ class Job:
         Of the image, or of the part that is to be filled.
     place : Place
         Where it lies in the image.
-    scope : Microscope
     amplitude : float
         At the setpoint [m].
-    control : Control
-    solver : Solver
-    accuracy : Accuracy
     realism : Realism
         Its drift is in the surface already; what comes after the scan is not a concern of a simulator.
     names : tuple of str
         Image variables, `status` among them.
     workers : int
         Threads.
-    progress : callable, optional
-    memo : Memo, optional
     """
 
     surface: Surface

@@ -42,7 +42,6 @@ class Stretch(NamedTuple):
     ----------
     first, last : int
         From this line of the image to before that one.
-    scope : Microscope
     plan : object
         What the simulator planned for them.
     """
@@ -54,13 +53,7 @@ class Stretch(NamedTuple):
 
 
 def simulator_of(control: Control) -> Simulator:
-    """Who makes the images of a control.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """Who makes the images of a control."""
     if type(control) not in SIMULATORS:
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
     return SIMULATORS[type(control)]()
@@ -73,8 +66,6 @@ def plan_image(job: Job, survey: Survey) -> list[Stretch]:
     ----------
     job : Job
         Its surface may be any part of the image's.
-    survey : Survey
-        Of the whole surface.
     """
     simulator, before = simulator_of(job.control), None
     stretches = []

@@ -6,8 +6,6 @@ tag, a count and its entries. One wrong bit of a count makes the library take gi
 
 from __future__ import annotations
 
-__all__ = ["check_classic", "is_classic"]
-
 MAGIC = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}  # byte of an external type
 DIMENSIONS, VARIABLES, ATTRIBUTES = 10, 11, 12  # tags

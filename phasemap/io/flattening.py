@@ -9,8 +9,6 @@ from phasemap._shared.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["finite_map", "level_height", "level_rows", "on_one_turn", "row_medians"]
-
 MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
 
 

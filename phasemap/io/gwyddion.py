@@ -21,8 +21,6 @@ from phasemap.io.container import check_container
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
-
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
 HEAD = 1 << 18  # bytes of a file that say what it is
 OTHER_KINDS = {
@@ -169,8 +167,6 @@ def extra(module: str, purpose: str, name: str) -> Any:
 
     Parameters
     ----------
-    module : str
-        To import.
     purpose : str
         What needs it: ``"reading measured files"``.
     name : str

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["align_and_segment", "one_scan", "segment_height", "segment_phase"]
-
 
 def one_scan(
     image: xr.Dataset, needed: Iterable[str] = ("height", "phase"), direction: str | None = None
@@ -30,8 +28,6 @@ def one_scan(
     ----------
     image : xarray.Dataset
         As `phasemap.read_image` gives it.
-    needed : iterable of str
-        Names of variables.
     direction : str, optional
         "trace" or "retrace"; None takes the first there is.
 
@@ -44,8 +40,6 @@ def one_scan(
     ------
     FileError
         If a variable is not there.
-    InputError
-        If the direction is not there.
 
     Examples
     --------
@@ -87,11 +81,6 @@ def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
     ndarray of int, shape (rows, columns)
         0 where the phase is lowest, up to n - 1.
 
-    Raises
-    ------
-    InputError
-        If `phase` is not a finite 2-D map, or does not hold `n` populations.
-
     Examples
     --------
     >>> import numpy as np
@@ -117,11 +106,6 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
     -------
     ndarray of int, shape (rows, columns)
         0 where the surface is lowest, up to n - 1.
-
-    Raises
-    ------
-    InputError
-        If `height` is not a finite 2-D map, or does not hold `n` populations.
 
     Examples
     --------
@@ -173,11 +157,6 @@ def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray
         [degree]; the median of the whole image is kept.
     labels : ndarray of int, shape (rows, columns)
         As `segment_phase` gives them.
-
-    Raises
-    ------
-    InputError
-        As `segment_phase`.
 
     Examples
     --------

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["CANONICAL", "ScanData", "of_simulation", "off_resonance", "quantity"]
-
 CANONICAL = {
     "drive_frequency": "Hz",
     "free_amplitude": "m",  # of the free lever at the drive frequency
@@ -65,11 +63,6 @@ class ScanData:
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """The canonical values of an image that phasemap simulated.
 
-    Parameters
-    ----------
-    attrs : mapping
-        Attributes of the image.
-
     Returns
     -------
     dict
@@ -113,7 +106,6 @@ def off_resonance(ratio: float, quality: float, deflection: bool = False) -> flo
 
     Parameters
     ----------
-    ratio, quality : float
     deflection : bool
         Whether the detector sees the deflection of a lever whose base is driven, and not the position of the tip.
 

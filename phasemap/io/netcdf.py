@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     import netCDF4
     import xarray as xr
 
-__all__ = ["check_target", "load", "load_sample", "opened", "replacing", "save"]
-
 LIMIT = 10.0  # seconds to open a file, which takes some thousandths
 HEADER = 1 << 24  # byte: longer headers of classic files are not read
 LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one
@@ -41,8 +39,6 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
     Parameters
     ----------
-    path : path-like
-        The file to be written.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -79,14 +75,11 @@ def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path
 
     Parameters
     ----------
-    path : path-like
     overwrite : bool
         Whether an existing file may be replaced.
 
     Raises
     ------
-    InputError
-        If the suffix is that of a scene or a picture.
     FileError
         As in `check_target`.
 
@@ -113,8 +106,6 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
     ----------
     ds : xarray.Dataset
         What `phasemap.simulate` returned.
-    path : path-like
-        The file to write.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -152,8 +143,6 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
 
     Parameters
     ----------
-    path : path-like
-        The file to write.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -265,8 +254,6 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
     ----------
     path : path-like
         A netCDF file or zarr store with a dimension "sample".
-    sample : int
-        From 0.
 
     Returns
     -------
@@ -275,8 +262,6 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
 
     Raises
     ------
-    InputError
-        If there is no such sample.
     FileError
         As in `load`.
 

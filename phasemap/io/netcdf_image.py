@@ -14,8 +14,6 @@ from phasemap.io.netcdf import load
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NETCDF", "read_netcdf"]
-
 NETCDF = (".nc", ".nc4", ".cdf")
 """Suffixes of such files."""
 

@@ -15,8 +15,6 @@ from phasemap._shared.units import say
 from phasemap.io.jpk import amplitude_sensitivity, is_quantitative_imaging
 from phasemap.io.metadata import CANONICAL, ScanData, quantity
 
-__all__ = ["mode_of", "scan_data"]
-
 MODE_KEYS = ("Op. mode", "ImagingMode", "MicroscopeList")  # Nanosurf, Asylum Research, Bruker
 TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "tapping", "tapping mode")
 OTHER_MODE_KEYS = ("Feedback Mode", "Image mode", "Feedback settings::Input channel")  # JPK, Park, WSxM ...
@@ -43,8 +41,6 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     ----------
     path : Path
         The file, for what Gwyddion leaves out of its header.
-    metadata : mapping of str to str
-        The vendor's own.
 
     Examples
     --------

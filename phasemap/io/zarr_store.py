@@ -14,8 +14,6 @@ from phasemap.io.netcdf import check_target, replacing
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["SUFFIX", "check_store", "opened_store", "write_store"]
-
 SUFFIX = ".zarr"
 AT_ONCE = 1 << 26  # byte of samples in memory
 FORMAT = 2  # which every reader knows; text in version 3 has no agreed form yet

@@ -21,20 +21,6 @@ if TYPE_CHECKING:
 
     Given = Scalar | Mapping[str, Scalar] | None
 
-__all__ = [
-    "CHOSEN",
-    "FAILED",
-    "FAILED_TEXT",
-    "MAPS",
-    "PALETTE",
-    "Colours",
-    "Scale",
-    "given_colours",
-    "limits_of",
-    "scale_of",
-    "units_of",
-]
-
 MAPS = {
     "height": "afmhot", "phase": "cividis", "amplitude_error": "gray", "contrast": "coolwarm", "residual": "coolwarm",
     "modulus": "plasma", "adhesion": "plasma", "damping": "plasma", "error": "magma_r",
@@ -119,15 +105,6 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
     variables : mapping of str to str
         What is drawn, with its units.
 
-    Returns
-    -------
-    dict of str to Colours
-
-    Raises
-    ------
-    InputError
-        If a variable is not drawn, or a limit or a colour map is not valid.
-
     Examples
     --------
     >>> given_colours({"height": "2 nm"}, 60, None, {"height": "m", "phase": "degree"})["phase"].vmax
@@ -160,14 +137,8 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
 
     Parameters
     ----------
-    variable : xarray.DataArray
-        With its name and units.
     asked : Colours, optional
         Limits in the unit of the variable; those of a height count from the lowest that is shown.
-
-    Returns
-    -------
-    Scale
     """
     name = str(variable.name)
     low, high = limits_of(variable.values)

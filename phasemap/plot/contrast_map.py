@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-__all__ = ["colours_of", "draw_map", "edges_of", "keys_of", "ticks_of"]
-
 BISTABLE = 3
 HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable
 REGIMES = {1: ("attractive", "#9ecae1"), 2: ("repulsive", "#fdae6b"), 3: ("bistable", "#bdbdbd"), 0: ("none", "white")}
@@ -41,19 +39,14 @@ def draw_map(
 
     Parameters
     ----------
-    axes : Axes
     ds : xarray.Dataset
         What `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
     y_name : str
         What is up: "free_amplitude" or "frequency".
-    unit : Unit
-        That it is shown in.
     size : tuple of float
         Width and height of the axes on the page [inch].
     norm : Normalize
         Of `colours_of`.
-    cmap : str, optional
-        Colour map.
 
     Returns
     -------
@@ -96,10 +89,6 @@ def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
     asked : Colours
         Limits that were asked for; one alone stands for both sides of 0.
 
-    Returns
-    -------
-    Normalize
-
     Examples
     --------
     >>> colours_of(np.array([-3.0, 2.0])).vmax, colours_of(np.array([1.0, 1.0, -90.0])).linear_width
@@ -125,10 +114,6 @@ def ticks_of(norm: Any) -> list[float] | None:
     ----------
     norm : Normalize
         Of `colours_of`.
-
-    Returns
-    -------
-    list of float, or None
 
     Examples
     --------
@@ -165,18 +150,7 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
 
 
 def keys_of(ds: xr.Dataset, names: list[str]) -> list[Any]:
-    """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-    names : list of str
-        Of the materials.
-
-    Returns
-    -------
-    list of Artist
-    """
+    """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

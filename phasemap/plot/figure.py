@@ -17,12 +17,7 @@ RESOLUTION = 200  # of a saved picture [dots per inch]
 
 
 def check_format(path: str | os.PathLike[str]) -> None:
-    """Refuse a suffix that is no format of pictures.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a suffix that is no format of pictures."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     suffix, formats = os.path.splitext(path)[1], sorted(FigureCanvasBase.get_supported_filetypes())

@@ -20,8 +20,6 @@ from matplotlib.transforms import Bbox
 
 from phasemap.plot.figure import RESOLUTION, check_format
 
-__all__ = ["Page"]
-
 LINE, KEYS, EDGE = 0.17, 0.23, 0.12  # heights of a line and of a row of the legend, and the page's edge [inch]
 BAR_GAP, BAR = 0.07, 0.12  # beside a map, and width of its colour bar [inch]
 LETTERS = 15.5  # of a line of small print [1/inch]
@@ -122,8 +120,6 @@ class Page(Figure):
 
         Raises
         ------
-        InputError
-            If the format is unknown.
         FileError
             If `path` cannot be written.
         """

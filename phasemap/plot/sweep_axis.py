@@ -13,8 +13,6 @@ from phasemap._shared.units import Unit, readable
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Sweep"]
-
 FLAT = 0.02  # of a quantity's range: where it changes by less towards the far end, the tip is free
 FREE_SHARE = 0.15  # of the shown axis that may be free
 

@@ -18,8 +18,6 @@ from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
 from phasemap.experiment.microscope import Microscope, Mode
 
-__all__ = ["CHANNELS", "Channel", "Motion", "motion_of"]
-
 Array = NDArray[np.float64]
 
 FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is not a contact to divide by
@@ -33,7 +31,6 @@ class Motion:
     ----------
     lever : ndarray, shape (5,)
         As of `phasemap.experiment.lever.lever_of`.
-    scope : Microscope
     amplitude, phase : ndarray
         Of the first harmonic of the tip's position [m, rad].
     orbit : mapping of str to ndarray
@@ -69,7 +66,6 @@ class Channel:
 
     Parameters
     ----------
-    name, long_name, units : str
     value : callable
         ``value(motion)``, of a `Motion`.
     source : str

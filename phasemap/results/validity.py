@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-__all__ = ["FORCES", "describe_validity"]
-
 FORCES = ("adhesion_force", "lever_force")
 """Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""
 LOW_Q = 20.0  # below this, first-order averaging is off by degrees
@@ -36,8 +34,6 @@ def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     ----------
     ds : xarray.Dataset
         An image, a sweep or a map of contrast, with its configuration.
-    what : str
-        What there are many of.
 
     Returns
     -------

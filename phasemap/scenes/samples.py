@@ -19,8 +19,6 @@ from phasemap.scenes.tables import check_choice, check_keys, construct, value_of
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["Choice", "Law", "Range", "laws_of", "make_samples"]
-
 Table = dict[str, Any]
 
 CELLS = 64  # byte of memory at most for a byte of the table
@@ -35,8 +33,6 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     ----------
     table : dict
         The table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
-    folder : Path
-        Where relative file names start.
 
     Returns
     -------
@@ -45,8 +41,6 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
 
     Raises
     ------
-    InputError
-        If a key or value of the table is not allowed.
     FileError
         If the CSV file cannot be used.
 

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Microscope, Tip
     from phasemap.experiment.surface import Surface
 
-__all__ = ["Built", "Labels", "build_surface", "dilate", "seen"]
-
 QUANTITIES = (
     "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
     "topography",
@@ -72,7 +70,6 @@ class Built(NamedTuple):
 
     Parameters
     ----------
-    surface : Surface
     files : dict
         The SHA-256 of each file that was read, by the name that the scene gives it.
     labels : Labels, optional
@@ -87,23 +84,8 @@ class Built(NamedTuple):
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
     """Make the surface that the ``[surface]`` table of a scene describes.
 
-    Parameters
-    ----------
-    table : dict
-        The table.
-    materials : mapping of str to Material
-        The scene's materials by name.
-    folder : Path
-        Where relative file names start.
-
-    Returns
-    -------
-    Built
-
     Raises
     ------
-    InputError
-        If a key or value is not allowed.
     FileError
         If a file cannot be read.
 
@@ -139,13 +121,6 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     ----------
     table : mapping
         The table, with the keys dilate and half_angle if there are any.
-    surface : Surface
-    tip : Tip
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed, or there is a half angle and nothing to dilate.
     """
     from phasemap.scenes.tables import construct
 
@@ -160,13 +135,7 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
 
 
 def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
-    """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true.
-
-    Raises
-    ------
-    InputError
-        If the value is not allowed.
-    """
+    """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true."""
     wanted = table.get("seen_by_tip", False)
     if not isinstance(wanted, bool):
         raise InputError("[surface] seen_by_tip", wanted, "true or false")

@@ -61,8 +61,6 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
         The table, as the user writes it: ``"[drive]"``.
     table : object
         What the file has under that name.
-    allowed, required : iterable of str
-        Names of keys.
 
     Examples
     --------
@@ -110,8 +108,6 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
 
     Raises
     ------
-    InputError
-        If an override has not the form ``"table.key=value"``.
     FileError
         If the file cannot be read.
 
@@ -157,14 +153,8 @@ def with_override(tables: Table, override: str) -> Table:
 
     Parameters
     ----------
-    tables : dict
     override : str
         As in `load_scene`.
-
-    Raises
-    ------
-    InputError
-        If it has not that form.
 
     Examples
     --------
@@ -186,15 +176,8 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
 
     Parameters
     ----------
-    tables : dict
     name : str
         ``"table.key"``; tables on the way are made where there are none.
-    value : object
-
-    Raises
-    ------
-    InputError
-        If what is on the way is not a table.
 
     Examples
     --------

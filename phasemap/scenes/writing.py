@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping
 
 from phasemap.scenes.tables import Table
 
-__all__ = ["toml_of", "written"]
-
 BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
 UNITS = {
     "stiffness": "N/m",

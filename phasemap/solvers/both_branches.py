@@ -74,15 +74,12 @@ def stable_branches(
 
     Parameters
     ----------
-    work : Work
     solver : Solver
         What it finds by engagement is kept bit for bit. The other branch has an averaged orbit with "averaging", or
         where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with "march", what time makes
         of that.
-    accuracy : Accuracy
     workers : int
         Threads; the numbers do not depend on it.
-    progress : callable, optional
 
     Examples
     --------

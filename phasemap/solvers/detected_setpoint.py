@@ -46,7 +46,6 @@ def hold(
 
     Parameters
     ----------
-    work : Work
     solve : callable
         Gives the orbits of a work at amplitudes of z.
     periods : int

@@ -23,7 +23,6 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
     ----------
     stiffness : ndarray, shape (n,)
         K [Pa].
-    scope : Microscope
     film : ndarray, shape (n, 2), optional
         Of `phasemap.experiment.properties.film_of`.
     """
@@ -41,8 +40,6 @@ def with_adhesion(rows: Array, work: Work, bare: Array) -> Array:
     ----------
     rows : ndarray, shape (..., n, COLUMNS or WIDE)
         As the detector sees them.
-    work : Work
-        Of the n materials.
     bare : ndarray, shape (n, 12)
         See `bare_rows`.
 

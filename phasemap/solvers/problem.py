@@ -64,13 +64,7 @@ LEAST_USUAL = 1e-3  # setpoint used in practice; an amplitude in metres is far b
 
 
 def check_setpoint(setpoint: object) -> float:
-    """Return the setpoint as a float.
-
-    Raises
-    ------
-    InputError
-        If it is not a number between 0 and 1.
-    """
+    """Return the setpoint as a float."""
     try:
         found = number("setpoint", setpoint, "1", above=0, below=1)
     except InputError:
@@ -91,13 +85,7 @@ def work_of(
     *,
     marched: bool = False,
 ) -> Work:
-    """Work of what `properties`, `film_of` and `relaxation_of` give, at setpoint amplitudes [m].
-
-    Raises
-    ------
-    InputError
-        If a surface remembers, and what asks does not leave its orbits to the march (`marched`).
-    """
+    """Work of what `properties`, `film_of` and `relaxation_of` give, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     remembers = scope.interaction.remembering(rows, relaxation)
@@ -127,8 +115,6 @@ def make_work(
     ----------
     materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
         As for `properties`.
-    viscous : bool
-    scope : Microscope
     amplitudes : float or ndarray, shape (n,)
         Setpoint amplitudes [m].
     marched : bool
@@ -139,13 +125,7 @@ def make_work(
 
 
 def work_of_material(material: Material, scope: Microscope, amplitude: float, *, marched: bool = False) -> Work:
-    """Work of one material, at a setpoint amplitude [m].
-
-    Raises
-    ------
-    InputError
-        If the laws of interaction cannot have this material.
-    """
+    """Work of one material, at a setpoint amplitude [m]."""
     row, viscous = material_row(material)
     stiffness, adhesion, _ = properties(row, viscous, scope)
     scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius, film_of(row))

@@ -141,7 +141,6 @@ class Cost:
 
     Attributes
     ----------
-    kind : str
     seconds : float
         Of the processor.
     functions : int

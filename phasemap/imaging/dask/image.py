@@ -57,20 +57,10 @@ def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: obj
 def simulate_lazily(job: Job) -> xr.Dataset:
     """Make the image of a surface in Dask arrays, as Dask arrays.
 
-    Parameters
-    ----------
-    job : Job
-        For the whole image.
-
     Returns
     -------
     xarray.Dataset
         The image variables, and what a control finds out (gains of a feedback) as variables without dimension.
-
-    Raises
-    ------
-    InputError
-        If Dask is not there.
     """
     try:
         import dask.array as da

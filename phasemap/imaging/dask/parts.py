@@ -22,7 +22,6 @@ class Part(NamedTuple):
 
     Attributes
     ----------
-    place : Place
     lines : slice
         Of the blocks.
     pieces : list
@@ -41,11 +40,6 @@ class Part(NamedTuple):
         ----------
         like : Surface
             With the same size of pixels.
-
-        Raises
-        ------
-        InputError
-            If a value is out of range; it says where the part begins.
         """
         maps = [self._whole(piece) if isinstance(piece, list) else piece for piece in self.pieces]
         shape = next(value.shape for value in maps if isinstance(value, np.ndarray))
@@ -71,7 +65,6 @@ class Maps(NamedTuple):
         Of each quantity None, an array in memory, or a Dask array.
     chunks : (tuple of int, tuple of int)
         Heights and widths of the blocks, those of the first Dask array.
-    place : Place
     """
 
     values: list[Any]

@@ -73,7 +73,6 @@ class Lines:
 
     Parameters
     ----------
-    job : Job
     control : Feedback
         With gains.
     work : Work

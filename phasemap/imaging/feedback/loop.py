@@ -37,13 +37,7 @@ def bandwidth_of(control: Feedback, scope: Microscope) -> float:
 
 
 def check(control: Feedback, scope: Microscope, pixels: int) -> None:
-    """Refuse what cannot work with this lever and this many pixels a line.
-
-    Raises
-    ------
-    InputError
-        If a pixel has fewer than 5 periods, or lock-in, scanner or gains are too fast for the drive.
-    """
+    """Refuse what cannot work with this lever and this many pixels a line."""
     frequency = drive_frequency(scope)
     if control.dwell(pixels) * frequency < FEWEST_PERIODS:
         most = control.dwell(pixels) * control.line_rate * frequency / FEWEST_PERIODS
@@ -76,8 +70,6 @@ def loop_of(
 
     Parameters
     ----------
-    control : Feedback
-    scope : Microscope
     amplitude : float
         At the setpoint [m].
     temperature : float

@@ -28,9 +28,6 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
 
     Parameters
     ----------
-    control : Feedback
-        With gains.
-    job : Job
     work : Work
         The scene's materials at the setpoint.
     engine : int

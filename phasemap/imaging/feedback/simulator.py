@@ -85,11 +85,6 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
     """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
 
     The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not.
-
-    Raises
-    ------
-    InputError
-        If the averaged lever is asked for, and cannot follow a material.
     """
     name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
     if name == "auto":

@@ -46,8 +46,6 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
 
     Parameters
     ----------
-    control : Feedback
-    scope : Microscope
     work : Work
         The scene's materials at the setpoint.
 
@@ -56,11 +54,6 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     Feedback
         With both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of the free
         lever, which follows the scanner with a lag, settles without overshoot.
-
-    Raises
-    ------
-    InputError
-        If the derivative gain leaves no stable gains.
     """
     return LinearLoop(control, scope, work).tuned()
 

@@ -28,7 +28,6 @@ class Atlas:
 
     Parameters
     ----------
-    tree : Tree
     sums : tuple of ndarray
         Arguments of `evaluate` after what is wanted.
     errors : ndarray, shape (pieces, 2)

@@ -31,7 +31,6 @@ def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> A
 
     Parameters
     ----------
-    exact : ExactOrbits
     sample : ndarray, shape (n, 3)
         Points drawn from the image, each once; without any, the atlas is empty.
     count : int

@@ -104,7 +104,6 @@ class Piece:
 
     Parameters
     ----------
-    cell : Cell
     coefficients : ndarray, shape (n0, n1, n2, functions)
     errors : ndarray, shape (2,)
         Estimated, of height [m] and phase [rad].
@@ -214,12 +213,9 @@ def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, bud
 
     Parameters
     ----------
-    exact : ExactOrbits
-    cell : Cell
     tolerances : ndarray, shape (functions,)
     materials : ndarray, shape (n, 3)
         Points of the image in this cell, on some of which the interpolant is tried.
-    budget : int
     """
     asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:

@@ -28,10 +28,8 @@ class ExactOrbits:
 
     Parameters
     ----------
-    scope : Microscope
     amplitude : float
         At the setpoint [m].
-    axes : Axes
     workers : int
         Threads.
     accuracy : Accuracy, optional

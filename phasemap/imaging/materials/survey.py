@@ -104,7 +104,6 @@ def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
 
     Parameters
     ----------
-    surface : Surface
     most : int
         Distinct materials up to which all of them are wanted.
     place : Place, optional

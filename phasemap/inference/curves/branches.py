@@ -41,9 +41,6 @@ def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
 
     Parameters
     ----------
-    setup : Setup
-    axis : str
-        "frequency" or "tip_offset".
     values : ndarray
         [Hz or m].
     """

@@ -26,7 +26,6 @@ class Data:
         "frequency" or "tip_offset".
     values : ndarray, shape (n,)
         [Hz or m].
-    directions : tuple of str
     measured, errors : dict of ndarray, shape (directions, n)
         "amplitude" [m] and "phase" [degree], or one of them, and their standard errors.
     """
@@ -53,19 +52,10 @@ def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[st
 
     Parameters
     ----------
-    axis : str
-        "frequency" or "tip_offset".
     name : str
         What the user calls its values.
-    values, direction
-        As given.
     given : dict
         Measured values and their errors of each of `QUANTITIES`, as given.
-
-    Raises
-    ------
-    InputError
-        If something is missing, of the wrong shape, not finite, or an error is not above 0.
     """
     unit = "Hz" if axis == "frequency" else "m"
     along = check_axis(name, values, unit, above=0 if axis == "frequency" else -np.inf)

@@ -32,8 +32,6 @@ class Setup:
 
     Parameters
     ----------
-    material : Material
-    scope : Microscope
     height : float
         Tip offset of a frequency sweep, or what is added to the tip offsets of a distance sweep [m].
     amplitude_scale : float
@@ -76,11 +74,8 @@ class Parameter:
 
     Parameters
     ----------
-    name : str
     start : float
         Value at q = 0, in `units`.
-    units : str
-    logarithmic : bool
     size : float
         Change of the value, or of its logarithm, that counts as one.
     reach : float
@@ -104,13 +99,7 @@ class Parameter:
 
 
 def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter, ...]:
-    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or occurs twice, or the start value cannot be varied.
-    """
+    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping."""
     loss, other = ("damping", "viscosity") if setup.material.viscosity is None else ("viscosity", "damping")
     if names is None:
         names = ("modulus", "adhesion", loss)

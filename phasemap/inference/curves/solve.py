@@ -69,7 +69,6 @@ def search(problem: Problem, starts: int) -> tuple[Solution, int]:
 
     Returns
     -------
-    solution : Solution
     tried : int
         Starts that were used.
     """

@@ -59,7 +59,6 @@ def descend(problems: Problems, todo: NDArray[np.bool_], q: Array, places: Array
 
     Parameters
     ----------
-    problems : Problems
     todo : ndarray of bool, shape (n,)
         Which have data at all.
     q : ndarray, shape (n, p)

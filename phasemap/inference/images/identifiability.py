@@ -26,8 +26,6 @@ def codes_of(errors: Array, held: Array) -> NDArray[np.int8]:
     ----------
     errors : ndarray
         With what all others and the zeros leave open.
-    held : ndarray
-        With all others held.
 
     Examples
     --------

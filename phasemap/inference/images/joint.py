@@ -39,7 +39,6 @@ class Joint:
 
     Parameters
     ----------
-    model : Model
     unknown : ndarray of int
         Regions whose material is sought, u of r.
     data : ndarray, shape (n, r, m, 2)
@@ -49,7 +48,6 @@ class Joint:
     sides : ndarray of int8, shape (n, r, m)
     fixed : ndarray, shape (n, r, m, 2)
         Of regions of known materials.
-    projection : Projection
     held : ndarray, shape (n, p)
         What is known of the zeros beforehand, over its standard error.
     centre : ndarray, shape (n, 3 u)
@@ -156,7 +154,6 @@ class Fitted(NamedTuple):
         Derivatives of phase and tip offset.
     data : int
         Number of data, less those that zeros take up.
-    chi2, degrees : float
     others : list of ndarray
         Logarithms of other solutions that fit as well.
     exact : bool
@@ -186,12 +183,6 @@ def fit(joint: Joint, starts: Starts) -> Fitted:
     ----------
     joint : Joint
         Of as many problems as there are starts.
-    starts : Starts
-
-    Raises
-    ------
-    InputError
-        If no material has orbits in every image.
     """
     q, places = starts.q.copy(), np.full(joint.sides.shape, np.nan)
     found, cost, defect, exact = _solve(joint, q, places, DEFECTS)

@@ -39,9 +39,6 @@ class Model:
         Mean and standard deviation of the logarithms by the prior.
     reach : float
         Largest logarithm that is tried.
-    poisson_ratio : float
-    scope : Microscope
-    law : Law
     levers : ndarray, shape (m, 5)
     amplitudes : ndarray, shape (m,)
         At the setpoint [m].

@@ -69,8 +69,6 @@ def make_starts(
     ----------
     stack : Stack
         Regions; zeros that are known are taken off.
-    candidates : list of Candidates
-        Of each region.
     known : list of int
         Regions that are of a known material.
     kinds : tuple

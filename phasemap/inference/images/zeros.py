@@ -145,13 +145,7 @@ class Plan:
 def make_plan(
     images: list[xr.Dataset], phase: tuple[Any, Any], height: tuple[Any, Any], topography_error: object
 ) -> Plan:
-    """Check what is said of the zeros: what is given, and its standard error.
-
-    Raises
-    ------
-    InputError
-        If it is neither a word nor numbers.
-    """
+    """Check what is said of the zeros: what is given, and its standard error."""
     count = len(images)
     if phase[0] is None:
         phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]

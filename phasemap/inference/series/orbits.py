@@ -34,7 +34,6 @@ class Lever:
     ----------
     model : Model
         Of any settings.
-    scope : Microscope
     """
 
     model: Model
@@ -131,7 +130,6 @@ def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], leve
 
     Parameters
     ----------
-    lever : Lever
     reach : ndarray, shape (3,)
         Largest logarithms of the materials.
     amplitudes : (float, float)

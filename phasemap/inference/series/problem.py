@@ -45,9 +45,6 @@ class Problem:
 
     Parameters
     ----------
-    lever : Lever
-    table : Table
-    settings : Settings
     values, errors : ndarray, shape (r, m)
         Median phases as recorded and their standard errors [degree]; infinite errors where there is no datum.
     known : ndarray, shape (r, 3)

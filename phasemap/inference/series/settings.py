@@ -45,7 +45,6 @@ class Settings:
 
     Parameters
     ----------
-    names : tuple of str
     ratios : ndarray, shape (m,)
         Setpoints; where they are not known, what is recorded of the setpoint over what is of the free amplitude.
     relative : ndarray, shape (m,)
@@ -136,13 +135,7 @@ class Settings:
 
 
 def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Microscope, list[str]]:
-    """The microscope, of what the files say and what has to be assumed, which is told.
-
-    Raises
-    ------
-    InputError
-        If the files are of different drive frequencies.
-    """
+    """The microscope, of what the files say and what has to be assumed, which is told."""
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
@@ -189,13 +182,7 @@ def _of_lever(known: list[dict[str, Any]], names: list[str]) -> tuple[dict[str, 
 
 
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
-    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`.
-
-    Raises
-    ------
-    InputError
-        If what is given does not fit.
-    """
+    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`."""
     count, told = len(images), list[str]()
     known = recorded_of(images, names, told)
     amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)

@@ -28,11 +28,8 @@ class OffOrbit:
 
         Parameters
         ----------
-        curves : Curves
         column : int
             Of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
-        x : float
-            Its value.
         """
         from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_at
         from phasemap._kernels.engagement.in_time import carry_on, carry_to

@@ -48,10 +48,8 @@ class Curves:
 
     Parameters
     ----------
-    path : Path
     index : int
         Entry of a point whose values are wanted.
-    wanted : ndarray, sorted
     box : tuple of float
         Smallest and largest control, smallest amplitude [m].
     samples : int
@@ -139,8 +137,6 @@ class Curves:
 
         Parameters
         ----------
-        column : int
-            Of the control.
         beside : float
             How far past the end the tip is let go, in the control.
         close : float

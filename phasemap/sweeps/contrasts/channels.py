@@ -33,12 +33,6 @@ def derived(
     ----------
     names : tuple of str
         Of `phasemap.results.quantities.CHANNELS`.
-    pair : Pair
-    materials : pair of Material
-        Those of the pair.
-    labels : pair of str
-        What they are called.
-    axes : tuple of ndarray
     engaged : Engaged
         Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     """

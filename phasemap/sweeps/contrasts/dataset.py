@@ -36,14 +36,9 @@ def record(
 
     Parameters
     ----------
-    axes : tuple of ndarray
-    names : sequence of str
-        Of the two materials.
     engaged : Engaged
         Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     regime : ndarray of int8, shape (2, frequencies, free amplitudes, setpoints)
-    jumps : sequence of Jump
-    inversions : sequence of Inversion
 
     Returns
     -------

@@ -93,13 +93,10 @@ def borders(
 
     Parameters
     ----------
-    pair : Pair
     axes : tuple of ndarray
         Frequencies, free amplitudes and setpoints, each rising.
     phases, branch : ndarray, shape (2, frequencies, free amplitudes, setpoints)
         Of both materials [degree, code].
-    workers : int
-        How many threads.
     progress : callable, optional
         Called in lines between neighbours that are looked into.
     """

@@ -52,8 +52,6 @@ class Pair:
         A row for each.
     scope : Microscope
         Its drive is replaced by that of the working point.
-    solver : Solver
-    accuracy : Accuracy
     """
 
     materials: Work
@@ -63,13 +61,7 @@ class Pair:
 
     @classmethod
     def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
-        """Make a pair.
-
-        Raises
-        ------
-        InputError
-            If the laws of interaction cannot have one of the materials.
-        """
+        """Make a pair."""
         one, other = (work_of_material(material, scope, 0.0) for material in (first, second))
         both = Work(one.law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
         return cls(both, scope, solver, accuracy)

@@ -59,12 +59,9 @@ def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, ju
     ----------
     axes : tuple of ndarray
         Frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
-    names : sequence of str
-        Of the two materials.
     engaged : Engaged
         Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     regime : ndarray, shape (2, frequencies, free amplitudes, setpoints)
-    jumps : sequence of Jump
     """
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)

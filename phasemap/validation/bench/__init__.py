@@ -33,14 +33,10 @@ def bench(
     ----------
     pixels : int
         Cases of each regime that are compared with the reference; more pixels are timed.
-    seed : int
-        Of the cases drawn.
     peers : bool
         Whether numbalsoda, heyoka and scipy are measured too, as far as they are installed.
     quick : bool
         Repeat timings less often, and do not time compilation from scratch.
-    progress : callable, optional
-        Told what is being done.
 
     Returns
     -------
@@ -49,11 +45,6 @@ def bench(
         compile_time [s], the parameters of the cases and the references; ("image",): whole images in which every
         pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
         `phasemap.validation.bench.picture.draw` show it.
-
-    Raises
-    ------
-    InputError
-        If `pixels` or `seed` is not a whole number of at least 1 or 0.
     """
     whole("pixels", pixels, 1)
     whole("seed", seed, 0)

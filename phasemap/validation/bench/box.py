@@ -23,8 +23,6 @@ from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
 from phasemap.validation.bench.regimes import POISSON_RATIO, RESONANCE, Batch
 
-__all__ = ["Solved", "box", "draw", "solve"]
-
 Array = np.ndarray
 Range = tuple[float, float]
 
@@ -51,10 +49,8 @@ class Solved:
 
     Attributes
     ----------
-    batch : Batch
     seconds : ndarray
         Processor time of each material.
-    status : ndarray of int8
     irregular : ndarray of bool
         Whether the motion that holds the setpoint is not periodic.
     """
@@ -144,11 +140,6 @@ def box(
 
     Parameters
     ----------
-    materials : int
-        In all.
-    microscopes : int
-    seed : int
-        Of what is drawn.
     progress : callable, optional
         Told how many microscopes are done.
 

@@ -38,7 +38,6 @@ class Known:
 
     Parameters
     ----------
-    case : Case
     batch, index : int
         Where it stands among the batches.
     outcome : int
@@ -63,7 +62,6 @@ class Field:
 
     Parameters
     ----------
-    name : str
     works : tuple of Work
         All pixels, which are timed.
     known : tuple of Known
@@ -82,14 +80,10 @@ def prepare(
 
     Parameters
     ----------
-    regime : Regime
     batches, pixels : int
         How many microscopes, and how many materials under each.
     references : int
         How many of these are compared with the reference.
-    rng : numpy.random.Generator
-    tick : callable
-        Called after each reference.
     """
     drawn = draw(regime, batches, pixels, rng)
     known: list[Known] = []

@@ -35,10 +35,6 @@ CURVES: dict[str, Callable[[], xr.Dataset]] = {"distance": _distance, "frequency
 def measure_curves(progress: Callable[[str], None]) -> xr.Dataset:
     """Sweep over a bistable material, there and back, with every branch and fold behind.
 
-    Parameters
-    ----------
-    progress : callable
-
     Returns
     -------
     xarray.Dataset

@@ -39,9 +39,6 @@ class Map:
 
     Parameters
     ----------
-    name : str
-    scope : Microscope
-    setpoint : float
     modulus, adhesion, damping : (float, float)
         Least and largest [Pa, J/m2, 1]; modulus and damping are spread over the decades between.
     """
@@ -82,13 +79,6 @@ def surface_of(one: Map, size: int, seed: int) -> Surface:
 
 def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:
     """Simulate every map, and solve random pixels of it by collocation.
-
-    Parameters
-    ----------
-    quick : bool
-        Smaller images.
-    seed : int
-    progress : callable
 
     Returns
     -------

@@ -47,7 +47,6 @@ class Plan:
         How often everything is timed in turn.
     cold : bool
         Whether compilation is timed too, with an empty cache.
-    regimes : tuple of Regime
     """
 
     batches: int = 5
@@ -120,13 +119,8 @@ def measure(plan: Plan, peers: list[Peer], absent: list[str], say: Say) -> Measu
 
     Parameters
     ----------
-    plan : Plan
-    peers : list of Peer
-        Those to be measured.
     absent : list of str
         Names of those that are not installed.
-    say : callable
-        Told what is going on.
     """
     started = time.perf_counter()
     methods = methods_of(peers)

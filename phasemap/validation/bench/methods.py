@@ -26,10 +26,8 @@ class Method:
         What shares a line in the diagram: the name of the solver or peer.
     setting : str
         The tolerance in words; empty where there is none.
-    solver : Solver, optional
     accuracy : Accuracy
         Asked of the solver.
-    peer : Peer, optional
     tolerance : float
         Of the peer's integrator, or eta of the march [1].
     """
@@ -59,13 +57,7 @@ class Method:
 
 
 def methods_of(peers: list[Peer]) -> tuple[Method, ...]:
-    """Every method, in the order of the table.
-
-    Parameters
-    ----------
-    peers : list of Peer
-        Those to be measured.
-    """
+    """Every method, in the order of the table."""
     auto = [
         Method("auto", f"{phase:g}°", by_name("auto"), Accuracy(phase, HEIGHT_PER_DEGREE * phase)) for phase in PHASES
     ]

@@ -20,10 +20,6 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     ----------
     work : Work
         Holds the case in row ``known.index``.
-    known : Known
-        With a reference.
-    eta : float
-        Size of the steps.
     """
     from phasemap._kernels.orbits.time.march import march_period
 

@@ -70,8 +70,6 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
 
     Raises
     ------
-    InputError
-        If the format is unknown.
     FileError
         If `path` cannot be written.
     """

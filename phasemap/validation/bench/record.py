@@ -158,7 +158,6 @@ def meets(ds: xr.Dataset, phase: float, height: float) -> xr.DataArray:
 
     Parameters
     ----------
-    ds : xarray.Dataset
     phase, height : float
         [degree, m]
     """
@@ -172,7 +171,6 @@ def cheapest(ds: xr.Dataset, phase: float, height: float) -> dict[str, list[tupl
 
     Parameters
     ----------
-    ds : xarray.Dataset
     phase, height : float
         [degree, m]
 
@@ -201,7 +199,6 @@ def period_time_at(ds: xr.Dataset, phase: float) -> dict[str, list[float]]:
 
     Parameters
     ----------
-    ds : xarray.Dataset
     phase : float
         [degree]
 

@@ -34,10 +34,8 @@ class Batch:
 
     Parameters
     ----------
-    scope : Microscope
     materials : ndarray, shape (n, 4)
         Modulus [Pa], adhesion [J/m2], damping [1], Poisson's ratio [1].
-    setpoint : float
     """
 
     scope: Microscope
@@ -92,7 +90,6 @@ class Ranges:
 
     Parameters
     ----------
-    name : str
     stiffness, quality_factor, free_amplitude, radius : (float, float)
         Of the microscope [N/m, 1, m, m].
     modulus, adhesion, damping : (float, float)
@@ -163,11 +160,8 @@ class Image:
 
     Parameters
     ----------
-    name : str
-    scope : Microscope
     first, second : Material
         The parts.
-    setpoint : float
     """
 
     name: str
@@ -230,12 +224,8 @@ def draw(regime: Regime, batches: int, pixels: int, rng: np.random.Generator) ->
 
     Parameters
     ----------
-    regime : Regime
     batches : int
         How many microscopes (for `Image`: images).
-    pixels : int
-        How many materials under each.
-    rng : numpy.random.Generator
 
     Examples
     --------

@@ -67,7 +67,6 @@ def runner_of(method: Method, budget: float) -> Runner:
 
     Parameters
     ----------
-    method : Method
     budget : float
         Seconds for which the timing of a solver is repeated in each regime.
     """

@@ -16,13 +16,11 @@ def best_of(call: Callable[[], T], budget: float) -> tuple[float, T]:
 
     Parameters
     ----------
-    call : callable
     budget : float
         [s]
 
     Returns
     -------
-    seconds : float
     result
         Of the last call.
 

@@ -27,8 +27,6 @@ from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 from phasemap.validation.checking.picture import Picture
 
-__all__ = ["Again", "other_solver", "solve_again"]
-
 Array = NDArray[np.float64]
 Pixels = NDArray[np.intp]
 Codes = NDArray[np.int8]
@@ -65,13 +63,7 @@ class _Part:
 
 
 def other_solver(made_by: str, wanted: str | None) -> Solver:
-    """The solver that shares nothing with the one that made the image: the march from far, or the orbit for a march.
-
-    Raises
-    ------
-    InputError
-        If another is wanted that is not independent.
-    """
+    """The solver that shares nothing with the one that made the image: the march from far, or the orbit for a march."""
     independent: dict[str, Solver] = {"march": FromFar(), "orbit": Orbit(complete=True)}
     if made_by == "march":
         del independent["march"]
@@ -92,12 +84,10 @@ def solve_again(
 
     Parameters
     ----------
-    picture : Picture
     surface : Surface
         As it passed under the tip.
     pixels : ndarray of int, shape (n,)
         Flat.
-    solver : Solver
     threads, progress
         As in `phasemap.simulate`.
     """

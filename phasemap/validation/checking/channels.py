@@ -15,8 +15,6 @@ from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import Claim, judged
 
-__all__ = ["derived_in", "follows", "solved_again"]
-
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # of a channel that is computed from the same numbers again
@@ -57,8 +55,6 @@ def solved_again(
 
     Parameters
     ----------
-    picture : Picture
-    again : Again
     values : mapping of str to ndarray
         Variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
     largest : mapping of str to ndarray

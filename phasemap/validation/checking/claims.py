@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-__all__ = ["Claims", "claims_of", "microscope_from", "scene_of"]
-
 T = TypeVar("T")
 
 KINDS: dict[str, type[Any]] = {
@@ -50,12 +48,6 @@ class Claims:
 
     Parameters
     ----------
-    microscope : Microscope
-    setpoint : float
-    solver : str
-    control : Engage, Raster or Feedback
-    accuracy : Accuracy
-    realism : Realism
     shape : (int, int)
         Rows and columns.
     pixel_size : (float, float)
@@ -86,11 +78,6 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
         What `phasemap.simulate` returned.
     scope : Microscope, optional
         Needed where its contact law is a user's own.
-
-    Raises
-    ------
-    InputError
-        If the image has no such configuration, or `scope` is another microscope.
 
     Examples
     --------
@@ -133,11 +120,6 @@ def _table(text: object) -> dict[str, Any]:
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
     """Make a microscope again from what `phasemap.results.variables.describe` gave.
 
-    Raises
-    ------
-    InputError
-        If a part is none of phasemap's, such as a user's contact law.
-
     Examples
     --------
     >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9), Interaction("maugis"))
@@ -155,13 +137,7 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
 
 
 def _made(stored: Any, *kinds: type[T]) -> T:
-    """The object, of one of these kinds, that `phasemap.results.variables.describe` described.
-
-    Raises
-    ------
-    InputError
-        If it is of no known kind, or a value is not allowed.
-    """
+    """The object, of one of these kinds, that `phasemap.results.variables.describe` described."""
     try:
         with unquestioned():  # who made the image was told already
             thing = _object(stored)
@@ -208,8 +184,6 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape
     ------
     PhasemapError
         If the image has no scene.
-    InputError
-        If it is none, or has another shape.
     FileError
         If a file that the scene names is in none of the folders, or has changed.
     """

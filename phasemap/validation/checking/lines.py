@@ -21,8 +21,6 @@ from phasemap.solvers.solver import by_name
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import HOLDS, OPEN, Claim, judged
 
-__all__ = ["scan_again"]
-
 Rows = NDArray[np.intp]
 Values = dict[str, Any]
 """Of each variable an array of shape (directions, lines, nx)."""
@@ -51,7 +49,6 @@ def scan_again(
     count : int
         How many lines: the first ones where the tip was engaged once, or else some with most changes of branch, and
         any others.
-    seed : int
     threads, progress
         As in `phasemap.simulate`; progress is in lines.
     """

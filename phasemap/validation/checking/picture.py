@@ -33,7 +33,6 @@ class Picture:
     ----------
     image : xarray.Dataset
         Of the dims and shape that `claims` has.
-    claims : Claims
     """
 
     image: xr.Dataset

@@ -23,8 +23,6 @@ from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import FAILS, OPEN, Claim, judged
 from phasemap.validation.checking.tolerance import Errors, allowed, spread, values_again
 
-__all__ = ["repeat"]
-
 Array = NDArray[Any]
 Pixels = NDArray[np.intp]
 
@@ -40,12 +38,10 @@ def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | No
 
     Parameters
     ----------
-    picture : Picture
     surface : Surface
         As it passed under the tip.
     pixels : ndarray of int, shape (n,)
         Flat.
-    threads : int, optional
     """
     again = _made_again(picture, surface, pixels, threads)
     names = [str(name) for name in picture.image.data_vars if name in again]  # not integrals over orbits, where asked

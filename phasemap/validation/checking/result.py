@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from phasemap.validation.checking.picture import Picture
 
-__all__ = ["FAILS", "HOLDS", "OPEN", "Check", "Claim", "judged", "pixels_in_words"]
-
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"
 SHOWN = 3  # of the pixels that fail
 WIDTH = 62  # of what was found, in letters
@@ -104,9 +102,6 @@ def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked
 
     Parameters
     ----------
-    about : str
-    picture : Picture
-        Whose pixels they are.
     bad, looked_at : ndarray of bool, shape (directions, ny, nx)
     by : ndarray
         How bad each is, of that shape; the worst are named.

@@ -7,18 +7,14 @@ from numpy.typing import NDArray
 
 from phasemap.validation.checking.picture import Picture
 
-__all__ = ["kinds", "sample"]
-
 
 def sample(picture: Picture, pixels: int, seed: int) -> NDArray[np.intp]:
     """Draw pixels, as many of each kind as there is room for, and then any.
 
     Parameters
     ----------
-    picture : Picture
     pixels : int
         How many; all if there are no more.
-    seed : int
 
     Returns
     -------

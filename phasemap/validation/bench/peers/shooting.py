@@ -70,8 +70,6 @@ def shoot(period: Period, p: Array, start: Array, tolerance: float) -> Array:
         See `constants`.
     start : ndarray, shape (3,)
         (z, z', z0) at time p[BEGIN].
-    tolerance : float
-        Of the integrator.
 
     Returns
     -------
