@@ -19,25 +19,17 @@ ESTIMATE = "estimate"
 class Quoted:
     """A number as it is quoted.
 
-    Parameters
-    ----------
-    value : float
-        In the SI unit of its field.
-    low, high : float
-        The range in which it is found.
-    source : str
-        Where it comes from.
-
     Examples
     --------
     >>> materials()["PS"].numbers["adhesion"].is_estimate
     True
     """
 
-    value: float
+    value: float  # in the SI unit of its field
+    # low, high: the range in which it is found
     low: float
     high: float
-    source: str
+    source: str  # where it comes from
 
     @property
     def is_estimate(self) -> bool:
@@ -49,13 +41,6 @@ class Quoted:
 class Preset:
     """A material or a lever.
 
-    Parameters
-    ----------
-    title : str
-        In words.
-    numbers : mapping of str to Quoted
-        By the arguments of `phasemap.Material` or `phasemap.Cantilever`.
-
     Examples
     --------
     >>> materials()["PS"].title, materials()["PS"].values["modulus"]
@@ -63,8 +48,8 @@ class Preset:
     """
 
     name: str
-    title: str
-    numbers: Mapping[str, Quoted]
+    title: str  # in words
+    numbers: Mapping[str, Quoted]  # by the arguments of `phasemap.Material` or `phasemap.Cantilever`
 
     @property
     def values(self) -> dict[str, float]:

@@ -50,17 +50,11 @@ SAME = 1.0  # degrees between the orbit that engaging finds and the same on a cu
 
 
 class Picture(NamedTuple):
-    """An image as the page draws it.
+    """An image as the page draws it."""
 
-    Attributes
-    ----------
-    about : dict
-        Everything but the maps, as JSON has it.
-    height, phase : ndarray of float32, shape (ny, nx)
-        [nm] above the lowest point, and [degree]; NaN where a pixel has no solution.
-    """
-
-    about: dict[str, Any]
+    about: dict[str, Any]  # everything but the maps, as JSON has it
+    # height, phase: float32, shape (ny, nx) [nm] above the lowest point, and [degree]; NaN where a pixel has no
+    # solution
     height: NDArray[np.float32]
     phase: NDArray[np.float32]
 

@@ -25,14 +25,9 @@ HEADING = ["Saved from phasemap explore.", "Every length is in m, every other qu
 
 
 class File(NamedTuple):
-    """What the browser downloads.
+    """What the browser downloads."""
 
-    Attributes
-    ----------
-    name, kind : str
-        Of the file, and its media type.
-    """
-
+    # name, kind: of the file, and its media type
     name: str
     kind: str
     content: bytes

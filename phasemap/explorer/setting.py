@@ -22,22 +22,14 @@ KEYS = ("setpoint", "free_amplitude", "frequency", "radius", "materials", "pair"
 
 @dataclass(frozen=True)
 class Setting:
-    """One position of all sliders.
-
-    Parameters
-    ----------
-    pair : (str, str)
-        The two materials that are compared; twice the same where there is one only.
-    exact : bool
-        Whether every orbit is exact, or averaged where that is within the accuracy.
-    """
+    """One position of all sliders."""
 
     subject: Subject
     scope: Microscope
     setpoint: float
     materials: Mapping[str, Material]
-    pair: tuple[str, str]
-    exact: bool = False
+    pair: tuple[str, str]  # the two materials that are compared; twice the same where there is one only
+    exact: bool = False  # whether every orbit is exact, or averaged where that is within the accuracy
 
     @classmethod
     def of(cls, subject: Subject, message: object) -> Setting:

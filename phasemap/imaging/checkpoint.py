@@ -38,23 +38,14 @@ PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 
 
 class Lines(NamedTuple):
-    """Lines that were filled.
+    """Lines that were filled."""
 
-    Attributes
-    ----------
-    first, last : int
-        From this line to before that one.
-    arrays : dict of str to ndarray
-        Their variables.
-    state : dict of str to ndarray
-        In which the tip left them, as `Simulator.freeze` gives it.
-    """
-
+    # first, last: from this line to before that one
     first: int
     last: int
-    arrays: Values
+    arrays: Values  # their variables
     notes: dict[str, float]
-    state: Values
+    state: Values  # in which the tip left them, as `Simulator.freeze` gives it
 
 
 class Checkpoint:

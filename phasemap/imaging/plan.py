@@ -36,20 +36,13 @@ SIMULATORS: dict[type[Control], Callable[[], Simulator]] = {
 
 
 class Stretch(NamedTuple):
-    """Lines that one tip scans.
+    """Lines that one tip scans."""
 
-    Attributes
-    ----------
-    first, last : int
-        From this line of the image to before that one.
-    plan : object
-        What the simulator planned for them.
-    """
-
+    # first, last: from this line of the image to before that one
     first: int
     last: int
     scope: Microscope
-    plan: Any
+    plan: Any  # what the simulator planned for them
 
 
 def simulator_of(control: Control) -> Simulator:

@@ -46,28 +46,15 @@ _NO_REASON = re.compile(r"unknown error|No module can load|[A-Za-z_.]*Error\b")
 
 @dataclass(frozen=True)
 class Channel:
-    """One image of a file.
+    """One image of a file."""
 
-    Parameters
-    ----------
-    name : str
-        As the file has it, such as ``"PhaseRetrace"``.
-    data : ndarray, shape (rows, columns)
-        In `unit`, row 0 at the top; NaN where there is no value.
-    unit, lateral_unit : str
-        SI units.
-    size : (float, float)
-        Height and width of the whole image, in `lateral_unit`.
-    metadata : mapping of str to str
-        The vendor's own.
-    """
-
-    name: str
-    data: np.ndarray
+    name: str  # as the file has it, such as ``"PhaseRetrace"``
+    data: np.ndarray  # shape (rows, columns); in `unit`, row 0 at the top; NaN where there is no value
+    # unit, lateral_unit: SI units
     unit: str
     lateral_unit: str
-    size: tuple[float, float]
-    metadata: Mapping[str, str]
+    size: tuple[float, float]  # height and width of the whole image, in `lateral_unit`
+    metadata: Mapping[str, str]  # the vendor's own
 
     @property
     def direction(self) -> str:

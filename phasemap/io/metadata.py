@@ -36,23 +36,14 @@ _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)", re.
 
 @dataclass
 class ScanData:
-    """What is known about a scan.
+    """What is known about a scan."""
 
-    Parameters
-    ----------
-    values : dict
-        By names of `CANONICAL`, in their units; what is not known is absent.
-    warnings : list of str
-        Sentences on what must not be taken for more than it is.
-    nominal : list of str
-        Names of the values that are of the lever's type and not of this lever.
-    size : (float, float), optional
-        Height and width of the image [m], where the file says it better than Gwyddion.
-    """
-
+    # By names of `CANONICAL`, in their units; what is not known is absent
     values: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)  # sentences on what must not be taken for more than it is
+    # Names of the values that are of the lever's type and not of this lever
     nominal: list[str] = field(default_factory=list)
+    # Height and width of the image [m], where the file says it better than Gwyddion
     size: tuple[float, float] | None = None
 
     def take(self, **found: float | None) -> None:

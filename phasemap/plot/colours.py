@@ -52,26 +52,16 @@ CHOSEN = Colours()
 
 @dataclass(frozen=True)
 class Scale:
-    """How the values of one quantity turn into colours.
+    """How the values of one quantity turn into colours."""
 
-    Parameters
-    ----------
-    label : str
-        Of axes and colour bars, with the unit.
-    factor, offset : float
-        What is shown is the value less the offset, times the factor.
-    low, high : float
-        Limits of what is shown.
-    name : str
-        Of the colour map.
-    """
-
-    label: str
+    label: str  # of axes and colour bars, with the unit
+    # factor, offset: what is shown is the value less the offset, times the factor
     factor: float
     offset: float
+    # low, high: limits of what is shown
     low: float
     high: float
-    name: str
+    name: str  # of the colour map
 
     @property
     def cmap(self) -> Colormap:

@@ -69,15 +69,6 @@ class Law(Protocol):
 class Range:
     """Numbers drawn uniformly from `low` to `high`.
 
-    Parameters
-    ----------
-    low, high : float
-        In the SI unit of the key.
-    scale : {"linear", "log"}
-        "log" draws the logarithm uniformly.
-    whole : bool
-        Draw whole numbers, both ends included.
-
     Raises
     ------
     InputError
@@ -91,10 +82,11 @@ class Range:
     phasemap.InputError: high is 100000000.0; allowed: a finite number of at least 1e+09, which is low.
     """
 
+    # low, high: in the SI unit of the key
     low: float
     high: float
-    scale: str = "linear"
-    whole: bool = False
+    scale: str = "linear"  # "linear" or "log"; "log" draws the logarithm uniformly
+    whole: bool = False  # draw whole numbers, both ends included
 
     def __post_init__(self) -> None:
         check_choice("scale", self.scale, ("linear", "log"))
@@ -125,11 +117,6 @@ class Range:
 class Choice:
     """One of several values, each as likely.
 
-    Parameters
-    ----------
-    options : tuple
-        Values that the key may have.
-
     Examples
     --------
     >>> import numpy as np
@@ -137,7 +124,7 @@ class Choice:
     'orbit'
     """
 
-    options: tuple[Any, ...]
+    options: tuple[Any, ...]  # values that the key may have
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Draw one value."""

@@ -148,16 +148,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a scene says besides its surface: all that a sweep needs.
-
-    Parameters
-    ----------
-    materials : mapping of str to Material
-        By their names, in the order of the file.
-    """
+    """What a scene says besides its surface: all that a sweep needs."""
 
     microscope: Microscope
-    materials: Mapping[str, Material]
+    materials: Mapping[str, Material]  # by their names, in the order of the file
     setpoint: float | None
 
 

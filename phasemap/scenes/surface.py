@@ -52,33 +52,18 @@ TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; th
 
 
 class Labels(NamedTuple):
-    """Which material each pixel of a surface is made of.
+    """Which material each pixel of a surface is made of."""
 
-    Parameters
-    ----------
-    values : ndarray of int, shape (ny, nx)
-    names : mapping of int to str
-        The material of each label.
-    """
-
-    values: np.ndarray
-    names: Mapping[int, str]
+    values: np.ndarray  # int, shape (ny, nx)
+    names: Mapping[int, str]  # the material of each label
 
 
 class Built(NamedTuple):
-    """What a ``[surface]`` table describes.
-
-    Parameters
-    ----------
-    files : dict
-        The SHA-256 of each file that was read, by the name that the scene gives it.
-    labels : Labels, optional
-        None where the surface is made of maps.
-    """
+    """What a ``[surface]`` table describes."""
 
     surface: Surface
-    files: dict[str, str]
-    labels: Labels | None
+    files: dict[str, str]  # the SHA-256 of each file that was read, by the name that the scene gives it
+    labels: Labels | None  # none where the surface is made of maps
 
 
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:

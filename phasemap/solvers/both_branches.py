@@ -28,22 +28,15 @@ Codes = NDArray[np.int8]
 
 
 class Branches(NamedTuple):
-    """What holds the setpoint, for n materials.
+    """What holds the setpoint, for n materials."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (3, n, COLUMNS)
-        Result rows of the attractive orbit, of the repulsive one, and of the one that engagement from far finds (which
-        is one of the other two); NaN where there is none.
-    status, solver : ndarray of int8, shape (3, n)
-        Codes that go with them.
-    reach : ndarray, shape (2, n)
-        Highest tip offset [m] from which a tip comes to each branch; infinite where it does from any.
-    """
-
+    # shape (3, n, COLUMNS); result rows of the attractive orbit, of the repulsive one, and of the one that
+    # engagement from far finds (which is one of the other two); NaN where there is none
     rows: Array
+    # status, solver: int8, shape (3, n); codes that go with them
     status: Codes
     solver: Codes
+    # shape (2, n); highest tip offset [m] from which a tip comes to each branch; infinite where it does from any
     reach: Array
 
     @property

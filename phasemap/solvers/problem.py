@@ -26,24 +26,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Distinct pixels, ready for a solver.
+    """Distinct pixels, ready for a solver."""
 
-    Parameters
-    ----------
-    law : Law
-        The formulas of the interaction.
-    rows : ndarray, shape (n, 12)
-        Their parameters, one row a pixel.
-    lever : ndarray, shape (5,)
-        See `phasemap.experiment.lever.lever_of`.
-    amplitudes : ndarray, shape (n,)
-        Setpoint amplitude of each pixel [m], as the detector sees it.
-    """
-
-    law: Law
-    rows: Array
-    lever: Array
-    amplitudes: Array
+    law: Law  # the formulas of the interaction
+    rows: Array  # shape (n, 12); their parameters, one row a pixel
+    lever: Array  # shape (5,); see `phasemap.experiment.lever.lever_of`
+    amplitudes: Array  # shape (n,); setpoint amplitude of each pixel [m], as the detector sees it
 
     def __len__(self) -> int:
         return len(self.rows)

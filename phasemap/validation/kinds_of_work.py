@@ -137,22 +137,12 @@ ALL = (
 
 @dataclass(frozen=True)
 class Cost:
-    """What the first use of a kind of work took in a process that had done those before it.
-
-    Attributes
-    ----------
-    seconds : float
-        Of the processor.
-    functions : int
-        Kernels that were compiled.
-    size : int
-        Of what was kept on disk [bytes].
-    """
+    """What the first use of a kind of work took in a process that had done those before it."""
 
     kind: str
-    seconds: float
-    functions: int
-    size: int
+    seconds: float  # of the processor
+    functions: int  # kernels that were compiled
+    size: int  # of what was kept on disk [bytes]
 
     def __str__(self) -> str:
         """In a line."""

@@ -83,21 +83,11 @@ def simulate_lazily(job: Job) -> xr.Dataset:
 
 
 class Filling(NamedTuple):
-    """Tasks that fill an image and give a `Filled` of each part.
+    """Tasks that fill an image and give a `Filled` of each part."""
 
-    Attributes
-    ----------
-    keys : dict
-        Their keys, by the number of the part from the top and from the left.
-    chunks : (tuple of int, tuple of int)
-        Heights and widths of the parts.
-    last : Delayed
-        Of the last of them, whose graph has all others in it.
-    """
-
-    keys: dict[tuple[int, int], Key]
-    chunks: tuple[tuple[int, ...], tuple[int, ...]]
-    last: Any
+    keys: dict[tuple[int, int], Key]  # their keys, by the number of the part from the top and from the left
+    chunks: tuple[tuple[int, ...], tuple[int, ...]]  # heights and widths of the parts
+    last: Any  # of the last of them, whose graph has all others in it
 
 
 def _token(name: str) -> str:

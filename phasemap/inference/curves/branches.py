@@ -19,20 +19,11 @@ MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """Stable branches, each continued at its ends as a constant.
+    """Stable branches, each continued at its ends as a constant."""
 
-    Parameters
-    ----------
-    amplitude : ndarray, shape (branches, n)
-        [m].
-    phase : ndarray, shape (branches, n)
-        [degree].
-    gap : ndarray, shape (branches, n)
-        How far the point is beyond the branch's end [units of the axis]; 0 on the branch.
-    """
-
-    amplitude: np.ndarray
-    phase: np.ndarray
+    amplitude: np.ndarray  # shape (branches, n) [m]
+    phase: np.ndarray  # shape (branches, n) [degree]
+    # shape (branches, n); how far the point is beyond the branch's end [units of the axis]; 0 on the branch
     gap: np.ndarray
 
 

@@ -18,21 +18,12 @@ DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Amplitudes and phases along an axis, in one direction or both.
+    """Amplitudes and phases along an axis, in one direction or both."""
 
-    Parameters
-    ----------
-    axis : str
-        "frequency" or "tip_offset".
-    values : ndarray, shape (n,)
-        [Hz or m].
-    measured, errors : dict of ndarray, shape (directions, n)
-        "amplitude" [m] and "phase" [degree], or one of them, and their standard errors.
-    """
-
-    axis: str
-    values: np.ndarray
+    axis: str  # "frequency" or "tip_offset"
+    values: np.ndarray  # shape (n,) [Hz or m]
     directions: tuple[str, ...]
+    # measured, errors: "amplitude" [m] and "phase" [degree], or one of them, and their standard errors
     measured: dict[str, np.ndarray]
     errors: dict[str, np.ndarray]
 

@@ -25,14 +25,10 @@ PHASE, HEIGHT = 0, 1
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Data of n pixels or regions in m images.
+    """Data of n pixels or regions in m images."""
 
-    Parameters
-    ----------
-    values, errors : ndarray, shape (n, m, 2)
-        Phase [rad] and height [m], and their standard errors, infinite where there is no datum.
-    """
-
+    # values, errors: shape (n, m, 2); phase [rad] and height [m], and their standard errors, infinite where there
+    # is no datum
     values: Array
     errors: Array
     scopes: tuple[Microscope, ...]

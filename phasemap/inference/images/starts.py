@@ -33,20 +33,13 @@ class Starts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Materials a region may be of.
+    """Materials a region may be of."""
 
-    Parameters
-    ----------
-    q : ndarray, shape (g, 3)
-    values : ndarray, shape (2, g, m, 2)
-        Phase [rad] and tip offset [m] on the attractive and the repulsive branch; NaN without an orbit.
-    cost : ndarray, shape (g,)
-        Of the prior.
-    """
-
-    q: Array
+    q: Array  # shape (g, 3)
+    # shape (2, g, m, 2); phase [rad] and tip offset [m] on the attractive and the repulsive branch; NaN without
+    # an orbit
     values: Array
-    cost: Array
+    cost: Array  # shape (g,); of the prior
 
 
 def patterns(stack: Stack) -> Codes:

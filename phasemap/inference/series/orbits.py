@@ -28,15 +28,9 @@ HALF = 0.5  # share of a cell's corners where there is an orbit, above which the
 
 @dataclass(frozen=True, eq=False)
 class Lever:
-    """A model of materials under one lever, whose free amplitude may be any.
+    """A model of materials under one lever, whose free amplitude may be any."""
 
-    Parameters
-    ----------
-    model : Model
-        Of any settings.
-    """
-
-    model: Model
+    model: Model  # of any settings
     scope: Microscope
 
     def at(self, amplitudes: Array, ratios: Array) -> Model:
@@ -94,18 +88,10 @@ class Lever:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint.
+    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint."""
 
-    Parameters
-    ----------
-    axes : list of ndarray
-        Five.
-    values : ndarray, shape (..., 6)
-        Phase [rad], place and whether there is an orbit, of both branches.
-    """
-
-    axes: list[Array]
-    values: Array
+    axes: list[Array]  # five
+    values: Array  # shape (..., 6); phase [rad], place and whether there is an orbit, of both branches
 
     def look(self, points: Array) -> tuple[Array, Array, Array]:
         """Phases [rad], NaN without an orbit, places, and shares of the corners that have one, shape (2, ...).

@@ -26,21 +26,11 @@ TIGHT = 0.1  # of the tolerance that pixels use
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One connected piece of a curve, in the order in which it was followed.
+    """One connected piece of a curve, in the order in which it was followed."""
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n, FULL)
-        Full rows of `phasemap._kernels.columns`.
-    traces : ndarray, shape (n, 2, samples)
-        Deflection [m] and force [N] over one period.
-    ended : int
-        How it ended, a code of `phasemap._kernels.continuation.piece`.
-    """
-
-    rows: np.ndarray
-    traces: np.ndarray
-    ended: int
+    rows: np.ndarray  # shape (n, FULL); full rows of `phasemap._kernels.columns`
+    traces: np.ndarray  # shape (n, 2, samples); deflection [m] and force [N] over one period
+    ended: int  # how it ended, a code of `phasemap._kernels.continuation.piece`
 
 
 class Curves:

@@ -29,33 +29,20 @@ REGIMES = ("none", "attractive", "repulsive", "bistable")
 
 
 class Engaged(NamedTuple):
-    """What the controller finds after engaging from far, on each of the two materials.
+    """What the controller finds after engaging from far, on each of the two materials."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (2, n, COLUMNS)
-    status, solver : ndarray of int8, shape (2, n)
-    """
-
-    rows: Array
+    rows: Array  # shape (2, n, COLUMNS)
+    # status, solver: int8, shape (2, n)
     status: Array
     solver: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two materials, and how they are solved.
+    """Two materials, and how they are solved."""
 
-    Parameters
-    ----------
-    materials : Work
-        A row for each.
-    scope : Microscope
-        Its drive is replaced by that of the working point.
-    """
-
-    materials: Work
-    scope: Microscope
+    materials: Work  # a row for each
+    scope: Microscope  # its drive is replaced by that of the working point
     solver: Solver
     accuracy: Accuracy
 

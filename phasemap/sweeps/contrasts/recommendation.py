@@ -38,18 +38,10 @@ RULE = (
 
 
 class Choice(NamedTuple):
-    """The point recommended.
+    """The point recommended."""
 
-    Attributes
-    ----------
-    place : tuple of int, or None
-        Its indices in the map, None if no point holds both materials.
-    sentence : str
-        Where it is, and why.
-    """
-
-    place: tuple[int, int, int] | None
-    sentence: str
+    place: tuple[int, int, int] | None  # its indices in the map, None if no point holds both materials
+    sentence: str  # where it is, and why
 
 
 def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, jumps: Sequence[Jump]) -> Choice:

@@ -45,20 +45,12 @@ EVENLY = ("frequency_ratio", "setpoint")  # the others over decades
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What became of the materials of a batch.
-
-    Attributes
-    ----------
-    seconds : ndarray
-        Processor time of each material.
-    irregular : ndarray of bool
-        Whether the motion that holds the setpoint is not periodic.
-    """
+    """What became of the materials of a batch."""
 
     batch: Batch
-    seconds: Array
+    seconds: Array  # processor time of each material
     status: Array
-    irregular: Array
+    irregular: Array  # bool; whether the motion that holds the setpoint is not periodic
 
     @property
     def law(self) -> str:

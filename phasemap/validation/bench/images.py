@@ -35,17 +35,13 @@ _SOFT = Microscope(Cantilever(2.0, 70e3, 150.0), Tip(10e-9), Drive(30e-9))
 
 @dataclass(frozen=True)
 class Map:
-    """An image with three independent rough maps.
-
-    Parameters
-    ----------
-    modulus, adhesion, damping : (float, float)
-        Least and largest [Pa, J/m2, 1]; modulus and damping are spread over the decades between.
-    """
+    """An image with three independent rough maps."""
 
     name: str
     scope: Microscope
     setpoint: float
+    # modulus, adhesion, damping: least and largest [Pa, J/m2, 1]; modulus and damping are spread over the decades
+    # between
     modulus: Range
     adhesion: Range
     damping: Range

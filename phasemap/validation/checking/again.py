@@ -33,23 +33,14 @@ Codes = NDArray[np.int8]
 
 
 class Again(NamedTuple):
-    """What a solver found, for n pixels.
+    """What a solver found, for n pixels."""
 
-    Attributes
-    ----------
-    pixels : ndarray of int, shape (n,)
-        Flat, in the order of the picture.
-    rows : ndarray, shape (n, WIDE)
-    status, solver : ndarray of int8, shape (n,)
-    materials : int
-        How many distinct ones these pixels have.
-    """
-
-    pixels: Pixels
-    rows: Array
+    pixels: Pixels  # int, shape (n,); Flat, in the order of the picture
+    rows: Array  # shape (n, WIDE)
+    # status, solver: int8, shape (n,)
     status: Codes
     solver: Codes
-    materials: int
+    materials: int  # how many distinct ones these pixels have
 
 
 @dataclass(frozen=True)

@@ -44,15 +44,7 @@ NEEDED = ("microscope", "setpoint", "solver", "control", "accuracy", "realism", 
 
 @dataclass(frozen=True)
 class Claims:
-    """What was asked for when an image was made; the arguments of `phasemap.simulate`.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns.
-    pixel_size : (float, float)
-        (dy, dx) [m].
-    """
+    """What was asked for when an image was made; the arguments of `phasemap.simulate`."""
 
     microscope: Microscope
     setpoint: float
@@ -60,8 +52,8 @@ class Claims:
     control: Control
     accuracy: Accuracy
     realism: Realism
-    shape: tuple[int, int]
-    pixel_size: tuple[float, float]
+    shape: tuple[int, int]  # rows and columns
+    pixel_size: tuple[float, float]  # (dy, dx) [m]
 
     @property
     def amplitude(self) -> float:

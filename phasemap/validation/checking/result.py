@@ -23,27 +23,15 @@ LAYOUT = "{:<46}  {:<10}  {:>9}  "
 
 @dataclass(frozen=True)
 class Claim:
-    """One thing that an image says of itself.
+    """One thing that an image says of itself."""
 
-    Attributes
-    ----------
-    about : str
-        The claim, in words.
-    result : {"holds", "FAILS", "not judged"}
-        "not judged" where nothing was claimed that could be contradicted, or what could contradict it comes to no
-        result.
-    pixels : int
-        In how many pixels it was looked at.
-    found : str
-        What was found, in words.
-    worst : tuple of (int, int, int)
-        Direction, row and column of the pixels that contradict it most, none where it holds.
-    """
-
-    about: str
+    about: str  # the claim, in words
+    # "holds" or "FAILS" or "not judged"; "not judged" where nothing was claimed that could be contradicted, or
+    # what could contradict it comes to no result
     result: str
-    pixels: int
-    found: str = ""
+    pixels: int  # in how many pixels it was looked at
+    found: str = ""  # what was found, in words
+    # Direction, row and column of the pixels that contradict it most, none where it holds
     worst: tuple[tuple[int, int, int], ...] = ()
 
 
