@@ -129,6 +129,11 @@ class Maps:
     def rows(self, rows: slice) -> Self:
         """Some rows of it, as a surface that shares its maps.
 
+        Parameters
+        ----------
+        rows : slice
+            At least one row.
+
         Returns
         -------
         Surface

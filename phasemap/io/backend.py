@@ -44,6 +44,9 @@ class PhasemapBackend(BackendEntrypoint):
 
         Parameters
         ----------
+        filename_or_obj : path-like
+        drop_variables : str or iterable of str, optional
+            Variables to leave out.
         height, phase, amplitude : str, optional
             Names of channels, as in `phasemap.read_image`.
         """

@@ -39,6 +39,8 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
     Parameters
     ----------
+    path : path-like
+        The file to be written.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -75,11 +77,14 @@ def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path
 
     Parameters
     ----------
+    path : path-like
     overwrite : bool
         Whether an existing file may be replaced.
 
     Raises
     ------
+    InputError
+        If the suffix is that of a scene or a picture.
     FileError
         As in `check_target`.
 
@@ -106,6 +111,8 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
     ----------
     ds : xarray.Dataset
         What `phasemap.simulate` returned.
+    path : path-like
+        The file to write.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -143,6 +150,8 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
 
     Parameters
     ----------
+    path : path-like
+        The file to write.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -254,6 +263,8 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
     ----------
     path : path-like
         A netCDF file or zarr store with a dimension "sample".
+    sample : int
+        From 0.
 
     Returns
     -------
@@ -262,6 +273,8 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
 
     Raises
     ------
+    InputError
+        If there is no such sample.
     FileError
         As in `load`.
 

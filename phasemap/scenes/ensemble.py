@@ -91,6 +91,11 @@ class Ensemble:
     def scene(self, sample: int) -> Scene:
         """Make the scene of one sample, which gives its image by itself too.
 
+        Parameters
+        ----------
+        sample : int
+            From 0.
+
         Raises
         ------
         InputError, FileError
