@@ -58,10 +58,7 @@ def number(
 def numbers(name: str, values: Any, unit: str) -> Any:
     """Return what may be many numbers, but for those with units, as it is, and those as a float or an array in `unit`.
 
-    Parameters
-    ----------
-    values : object
-        Text ("40 nm", "60 nm:10 nm:100"), a quantity, lists of them, or anything else.
+    `values`: text ("40 nm", "60 nm:10 nm:100"), a quantity, lists of them, or anything else.
 
     Examples
     --------

@@ -133,10 +133,7 @@ class Renamed:
 def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
     """Let a dataclass say which argument was meant where one is given that it does not have.
 
-    Parameters
-    ----------
-    **symbols : str
-        Arguments, by the symbols that formulas have for them.
+    `**symbols`: arguments, by the symbols that formulas have for them.
 
     Examples
     --------

@@ -21,17 +21,9 @@ GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
 def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> None:
     """Refuse what needs more memory than is free.
 
-    Parameters
-    ----------
-    what : str
-        In words, ``"an image of 512 x 512 pixels"``.
-    size : float
-        What it needs [byte].
-
-    Raises
-    ------
-    TooLargeError
-        If it does not fit; the sentence has both numbers.
+    `what`: in words, ``"an image of 512 x 512 pixels"``.
+    `size`: what it needs [byte].
+    Raises TooLargeError if it does not fit; the sentence has both numbers.
 
     Examples
     --------

@@ -29,22 +29,10 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     process alone. The others are stopped at once when the generator raises or is closed, and stop by themselves, after
     the item at hand, if this process is killed.
 
-    Parameters
-    ----------
-    items : iterable
-        Taken one by one, when a worker is free.
-
-    Yields
-    ------
-    object
-        In the order in which they are done.
-
-    Raises
-    ------
-    PhasemapError
-        If a worker ended before its task did.
-    Exception
-        What the task raised.
+    `items`: taken one by one, when a worker is free.
+    Returns: in the order in which they are done.
+    Raises PhasemapError if a worker ended before its task did.
+    Raises Exception: what the task raised.
 
     Examples
     --------

@@ -42,10 +42,7 @@ class Shown:
 def table(caption: str, rows: Mapping[str, str]) -> str:
     """A table of two columns in HTML.
 
-    Parameters
-    ----------
-    rows : mapping of str to str
-        What is said of each name, in HTML.
+    `rows`: what is said of each name, in HTML.
 
     Examples
     --------

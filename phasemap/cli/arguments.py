@@ -73,10 +73,7 @@ def add_strict_units(parser: argparse.ArgumentParser) -> None:
 def check_files(arguments: argparse.Namespace) -> None:
     """Refuse, before any work is done, what cannot or should not be written.
 
-    Raises
-    ------
-    FileError
-        If a folder is missing or not writable, or a file exists and is not to be replaced.
+    Raises FileError if a folder is missing or not writable, or a file exists and is not to be replaced.
     """
     from phasemap.io.netcdf import check_dataset, check_target
 
@@ -95,10 +92,7 @@ def check_files(arguments: argparse.Namespace) -> None:
 def write_files(arguments: argparse.Namespace, found: xr.Dataset, draw: str, **options: Any) -> None:
     """Write what was found, and its picture, where the command names files for them.
 
-    Parameters
-    ----------
-    draw : str
-        The function of `phasemap.plot` that draws it.
+    `draw`: the function of `phasemap.plot` that draws it.
     """
     if arguments.output is not None:
         from phasemap.io.netcdf import save

@@ -11,10 +11,7 @@ NAMES = ("vmin", "vmax", "cmap")
 def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
     """Declare the arguments.
 
-    Parameters
-    ----------
-    of : str
-        What limits and colour map belong to.
+    `of`: what limits and colour map belong to.
     """
     parser.add_argument("--vmin", metavar="VALUE", help=f"of {of}: where colours begin, such as {example}")
     parser.add_argument("--vmax", metavar="VALUE", help=f"of {of}: where they end")

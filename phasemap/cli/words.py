@@ -18,17 +18,9 @@ LABELS = ("labels", "label")  # maps of regions, as files call them
 def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
     """Read a word of the command line.
 
-    Parameters
-    ----------
-    unit : str
-        As in `phasemap._shared.quantities.KINDS`.
-    allowed : str
-        What may be given, but for units.
-
-    Returns
-    -------
-    tuple of float
-        One number, or START, STOP and N.
+    `unit`: as in `phasemap._shared.quantities.KINDS`.
+    `allowed`: what may be given, but for units.
+    Returns one number, or START, STOP and N.
 
     Examples
     --------
@@ -45,17 +37,9 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
 def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[float]:
     """Read as many numbers as there are images or files, or one for all of them.
 
-    Parameters
-    ----------
-    name : str
-        Of the argument, as Python has it.
-    unit : str
-        As in `numbers_in`.
-
-    Returns
-    -------
-    list of float
-        As many as there are.
+    `name`: of the argument, as Python has it.
+    `unit`: as in `numbers_in`.
+    Returns: as many as there are.
 
     Examples
     --------
@@ -73,14 +57,8 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
 def labels_in(path: str) -> np.ndarray:
     """Read the map of regions of a netCDF file.
 
-    Returns
-    -------
-    ndarray of int, shape (rows, columns)
-
-    Raises
-    ------
-    FileError
-        If it cannot be read.
+    Returns an array of shape (rows, columns).
+    Raises FileError if it cannot be read.
     """
     import numpy as np
 

@@ -112,17 +112,9 @@ def level(
 def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     """Take the tilt, and offsets of rows, out of a height map.
 
-    Parameters
-    ----------
-    height : ndarray, shape (rows, columns)
-        [m]; may hold NaN.
-    rows : bool
-        Whether rows have offsets; else a plane is fitted.
-
-    Returns
-    -------
-    ndarray
-        [m]
+    `height` (shape (rows, columns)): [m]; may hold NaN.
+    `rows`: whether rows have offsets; else a plane is fitted.
+    Returns: [m].
     """
     counts = np.isfinite(height) & ~mask
     if counts.sum() < 3:
@@ -152,13 +144,8 @@ def outlier_lines(values: Array) -> Array:
 
     A step between two lines, as a change of the tip leaves it, does not count.
 
-    Parameters
-    ----------
-    values : ndarray, shape (rows, columns)
-
-    Returns
-    -------
-    ndarray of bool, shape (rows,)
+    `values` (shape (rows, columns)).
+    Returns an array of shape (rows,).
     """
     above, below = values[1:-1] - values[:-2], values[1:-1] - values[2:]
     stands_out = np.where(above * below > 0, np.minimum(np.abs(above), np.abs(below)), 0.0)

@@ -26,17 +26,10 @@ LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatArray, IntArray]]:
     """Look up the material of every pixel.
 
-    Parameters
-    ----------
-    labels, materials
-        As `phasemap.Surface.from_labels` takes them.
-
-    Returns
-    -------
-    maps : dict
-        The arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are the same.
-    distinct : (ndarray, ndarray)
-        As `phasemap.Surface.unique` gives them.
+    `labels`, `materials`: as `phasemap.Surface.from_labels` takes them.
+    Returns `maps`: the arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are
+        the same.
+    Returns `distinct`: as `phasemap.Surface.unique` gives them.
 
     Examples
     --------

@@ -82,9 +82,7 @@ def levers() -> Mapping[str, Preset]:
 def preset_of(kind: str, name: object) -> Preset:
     """The preset with a name, in whatever case, or with a title.
 
-    Parameters
-    ----------
-    kind : {"materials", "levers"}
+    `kind` ("materials" or "levers").
 
     Examples
     --------

@@ -47,10 +47,7 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
 def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[str, Material]:
     """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here.
 
-    Parameters
-    ----------
-    scope : Microscope
-        Under which a viscosity is a damping.
+    `scope`: under which a viscosity is a damping.
 
     Examples
     --------
@@ -73,11 +70,9 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
     """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
-        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1], and of films
-        the thickness [m], or of solids that relax the relaxed modulus [Pa] and relaxation time [s].
+    `materials` (shape (n, 4), (n, 5) or (n, 6)): modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if
+        `viscous`), Poisson's ratio [1], and of films the thickness [m], or of solids that relax the relaxed modulus
+        [Pa] and relaxation time [s].
     """
     modulus, adhesion, loss, poisson_ratio = materials.T[:4]
     stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)

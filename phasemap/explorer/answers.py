@@ -80,10 +80,7 @@ def picture(setting: Setting) -> Picture:
 def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
     """The whole image, as the scene of the subject says it is taken; what the page saves.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        As of `phasemap.simulate`.
+    `progress`: as of `phasemap.simulate`.
     """
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
@@ -106,12 +103,9 @@ def scan(setting: Setting, progress: Check) -> Picture:
 def curves(setting: Setting) -> dict[str, Any]:
     """Amplitude and phase against the distance, and one period at the working point, of both materials of the pair.
 
-    Returns
-    -------
-    dict
-        For each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable, piece), the
-        jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a period. None for one
-        that the law of contact cannot have.
+    Returns: for each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable,
+        piece), the jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a
+        period. None for one that the law of contact cannot have.
     """
     found: dict[str, Any] = {}
     for name in dict.fromkeys(setting.pair):
@@ -125,16 +119,9 @@ def curves(setting: Setting) -> dict[str, Any]:
 def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
     """The contrast of the pair against setpoint and free amplitude.
 
-    Parameters
-    ----------
-    progress : callable
-        As of `phasemap.contrast`.
-
-    Returns
-    -------
-    dict
-        Axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence and
-        the point, None where there is none.
+    `progress`: as of `phasemap.contrast`.
+    Returns axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence
+        and the point, None where there is none.
     """
     first, second = setting.pair
     amplitudes = AMPLITUDES * middle_of(setting)

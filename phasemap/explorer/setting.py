@@ -35,11 +35,9 @@ class Setting:
     def of(cls, subject: Subject, message: object) -> Setting:
         """Read what the page sends.
 
-        Parameters
-        ----------
-        message : object
-            A dict with setpoint, free_amplitude, frequency (None is the resonance), radius, exact, materials (a dict
-            for each) and pair (two numbers of materials); what is missing is as it was to begin with.
+        `message`: a dict with setpoint, free_amplitude, frequency (None is the resonance), radius, exact,
+            materials (a dict for each) and pair (two numbers of materials); what is missing is as it was to
+            begin with.
 
         Examples
         --------

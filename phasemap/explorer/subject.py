@@ -100,16 +100,10 @@ def subject_of(
 ) -> Subject:
     """Make the subject of what the user gives.
 
-    Parameters
-    ----------
-    explored : Surface, Scene or path-like
-        A surface, or a scene or its file.
-    scope : Microscope, optional
-        For a surface, which has none.
-    setpoint : float, optional
-        To begin with; that of the scene, or 0.7 for a surface.
-    overrides : iterable of str
-        As in `phasemap.load_scene`, for a file.
+    `explored`: a surface, or a scene or its file.
+    `scope`: for a surface, which has none.
+    `setpoint`: to begin with; that of the scene, or 0.7 for a surface.
+    `overrides`: as in `phasemap.load_scene`, for a file.
 
     Examples
     --------

@@ -72,15 +72,8 @@ class Found(NamedTuple):
 def lines_of(first: Found, second: Found) -> list[str]:
     """Say why the second material is brighter or darker in the phase image than the first.
 
-    Parameters
-    ----------
-    first, second : Found
-        Twice the same where there is one material only.
-
-    Returns
-    -------
-    list of str
-        Sentences, the most important one first.
+    `first`, `second`: twice the same where there is one material only.
+    Returns sentences, the most important one first.
 
     Examples
     --------

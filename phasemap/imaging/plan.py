@@ -55,10 +55,7 @@ def simulator_of(control: Control) -> Simulator:
 def plan_image(job: Job, survey: Survey) -> list[Stretch]:
     """Plan an image for each tip that scans it.
 
-    Parameters
-    ----------
-    job : Job
-        Its surface may be any part of the image's.
+    `job`: its surface may be any part of the image's.
     """
     simulator, before = simulator_of(job.control), None
     stretches = []

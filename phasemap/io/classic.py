@@ -25,15 +25,8 @@ def is_classic(data: bytes) -> bool:
 def check_classic(data: bytes) -> None:
     """Refuse a header of which a count does not fit.
 
-    Parameters
-    ----------
-    data : bytes
-        The file, or as much of it as has the header.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged.
+    `data`: the file, or as much of it as has the header.
+    Raises ValueError if it is damaged.
 
     Examples
     --------

@@ -16,10 +16,7 @@ MOST = 2e11  # byte that the reader would copy, for it copies what is left at ev
 def check_container(data: bytes) -> None:
     """Refuse what is not a Gwyddion container, or has a length that does not fit.
 
-    Raises
-    ------
-    ValueError
-        If it is damaged.
+    Raises ValueError if it is damaged.
 
     Examples
     --------

@@ -72,17 +72,9 @@ class Channel:
 def load_channels(path: Path) -> list[Channel]:
     """Read every image of a file.
 
-    Returns
-    -------
-    list of Channel
-        In the order of the file, without those of a second pass over the line (interleave).
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, or holds no image.
-    PhasemapError
-        If the ``read`` extra is not installed.
+    Returns: in the order of the file, without those of a second pass over the line (interleave).
+    Raises FileError if the file cannot be read, or holds no image.
+    Raises PhasemapError if the ``read`` extra is not installed.
 
     Examples
     --------
@@ -152,17 +144,9 @@ def merged(channels: Iterable[Channel]) -> dict[str, str]:
 def extra(module: str, purpose: str, name: str) -> Any:
     """Import an optional package, or say how to install it.
 
-    Parameters
-    ----------
-    purpose : str
-        What needs it: ``"reading measured files"``.
-    name : str
-        The extra that brings it along.
-
-    Raises
-    ------
-    PhasemapError
-        If it is not installed.
+    `purpose`: what needs it: ``"reading measured files"``.
+    `name`: the extra that brings it along.
+    Raises PhasemapError if it is not installed.
 
     Examples
     --------

@@ -54,10 +54,7 @@ class ScanData:
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """The canonical values of an image that phasemap simulated.
 
-    Returns
-    -------
-    dict
-        Empty for other images; without the zero of a phase that was levelled.
+    Returns empty for other images; without the zero of a phase that was levelled.
     """
     try:
         told = json.loads(attrs["configuration"])
@@ -95,10 +92,8 @@ def _of_tables(
 def off_resonance(ratio: float, quality: float, deflection: bool = False) -> float:
     """Amplitude of the free tip at resonance over what is seen at `ratio` times the resonance frequency [1].
 
-    Parameters
-    ----------
-    deflection : bool
-        Whether the detector sees the deflection of a lever whose base is driven, and not the position of the tip.
+    `deflection`: whether the detector sees the deflection of a lever whose base is driven, and not the position of
+        the tip.
 
     Examples
     --------

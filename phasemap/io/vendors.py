@@ -37,10 +37,7 @@ _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency":
 def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     """Say in canonical names what the metadata of a file say.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for what Gwyddion leaves out of its header.
+    `path`: the file, for what Gwyddion leaves out of its header.
 
     Examples
     --------
@@ -83,10 +80,7 @@ def _doubt(scan: ScanData) -> None:
 def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
     """The operating mode as the instrument wrote it.
 
-    Raises
-    ------
-    FileError
-        If it is not tapping.
+    Raises FileError if it is not tapping.
     """
     mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
     mode = ASYLUM_NUMBERS.get(mode, mode)

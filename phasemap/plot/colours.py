@@ -86,14 +86,10 @@ class Scale:
 def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:
     """Check limits and colour maps that were asked for.
 
-    Parameters
-    ----------
-    vmin, vmax : float or text, or mapping of str to these
-        In SI units or with a unit. One alone is of the phase, or of the first variable where there is no phase.
-    cmap : str, or mapping of str to str
-        Likewise, names of colour maps of matplotlib.
-    variables : mapping of str to str
-        What is drawn, with its units.
+    `vmin`, `vmax`: in SI units or with a unit. One alone is of the phase, or of the first variable where there is
+        no phase.
+    `cmap`: likewise, names of colour maps of matplotlib.
+    `variables`: what is drawn, with its units.
 
     Examples
     --------
@@ -125,10 +121,7 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
 def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     """Choose how a variable is shown: heights from the lowest, errors symmetric about 0, others as they are.
 
-    Parameters
-    ----------
-    asked : Colours, optional
-        Limits in the unit of the variable; those of a height count from the lowest that is shown.
+    `asked`: limits in the unit of the variable; those of a height count from the lowest that is shown.
     """
     name = str(variable.name)
     low, high = limits_of(variable.values)

@@ -37,21 +37,11 @@ def draw_map(
 ) -> Any:
     """Draw one map.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        What `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
-    y_name : str
-        What is up: "free_amplitude" or "frequency".
-    size : tuple of float
-        Width and height of the axes on the page [inch].
-    norm : Normalize
-        Of `colours_of`.
-
-    Returns
-    -------
-    QuadMesh
-        For a colour bar.
+    `ds`: what `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
+    `y_name`: what is up: "free_amplitude" or "frequency".
+    `size`: width and height of the axes on the page [inch].
+    `norm`: of `colours_of`.
+    Returns: for a colour bar.
     """
     x, y = ds["setpoint"].values, ds[y_name].values / unit.size
     edges = edges_of(x), edges_of(y)
@@ -82,12 +72,8 @@ def draw_map(
 def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
     """Choose a scale that is symmetric about 0, compressed at its ends where a few contrasts are far larger.
 
-    Parameters
-    ----------
-    values : ndarray
-        Contrasts [degree].
-    asked : Colours
-        Limits that were asked for; one alone stands for both sides of 0.
+    `values`: contrasts [degree].
+    `asked`: limits that were asked for; one alone stands for both sides of 0.
 
     Examples
     --------
@@ -110,10 +96,7 @@ def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
 def ticks_of(norm: Any) -> list[float] | None:
     """Choose round contrasts on a compressed scale, and leave any other to matplotlib.
 
-    Parameters
-    ----------
-    norm : Normalize
-        Of `colours_of`.
+    `norm`: of `colours_of`.
 
     Examples
     --------
@@ -132,13 +115,8 @@ def ticks_of(norm: Any) -> list[float] | None:
 def edges_of(centres: np.ndarray) -> np.ndarray:
     """Find the edges of cells around values.
 
-    Parameters
-    ----------
-    centres : ndarray, shape (n,)
-
-    Returns
-    -------
-    ndarray, shape (n + 1,)
+    `centres` (shape (n,)).
+    Returns an array of shape (n + 1,).
 
     Examples
     --------

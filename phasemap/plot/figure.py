@@ -53,12 +53,8 @@ def shortened(text: str, most: int) -> str:
 def draw_scale_bar(axes: Axes, width: float) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten, at most a third of the width, white on any ground.
 
-    Parameters
-    ----------
-    axes : Axes
-        Of an image, x in metres from 0.
-    width : float
-        Of the image [m].
+    `axes`: of an image, x in metres from 0.
+    `width`: of the image [m].
     """
     from matplotlib.patheffects import withStroke
 

@@ -118,10 +118,7 @@ class Page(Figure):
     def finished(self, path: str | os.PathLike[str] | None, overwrite: bool) -> Page:
         """Align what is written beside the axes, and save the page, whole or not at all, where it has a path.
 
-        Raises
-        ------
-        FileError
-            If `path` cannot be written.
+        Raises FileError if `path` cannot be written.
         """
         from phasemap.io.netcdf import replacing
 

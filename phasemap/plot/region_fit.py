@@ -29,17 +29,9 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
     Open symbols are properties that the data do not determine, squares those that were given.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        What `phasemap.fit_regions` returned.
-    path, overwrite
-        As of `phasemap.plot.inversion`.
-
-    Raises
-    ------
-    FileError
-        If `path` cannot be written.
+    `ds`: what `phasemap.fit_regions` returned.
+    `path`, `overwrite`: as of `phasemap.plot.inversion`.
+    Raises FileError if `path` cannot be written.
     """
     from phasemap.plot.page import Page
 

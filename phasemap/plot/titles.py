@@ -14,10 +14,7 @@ if TYPE_CHECKING:
 def titles(ds: xr.Dataset) -> list[str]:
     """Title, material and microscope of a sweep, a line each; what is swept is left out.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Of a sweep, with its ``configuration``.
+    `ds`: of a sweep, with its ``configuration``.
 
     Examples
     --------

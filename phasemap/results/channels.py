@@ -289,10 +289,7 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
 def split(variables: object, control: Control, second: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Variables asked for, as those of an image under this control and channels that are to be derived from it.
 
-    Parameters
-    ----------
-    second : bool
-        Whether the drive has a second mode, of which all channels come by default.
+    `second`: whether the drive has a second mode, of which all channels come by default.
     """
     known = all_variables_of(control)
     more = tuple(

@@ -30,15 +30,8 @@ AVERAGING = 0  # among the flags of `solver`
 def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many results are outside the validity of the model, and what cures them.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        An image, a sweep or a map of contrast, with its configuration.
-
-    Returns
-    -------
-    list of str
-        One line for each way to be outside; empty if nothing is, or if the dataset does not say.
+    `ds`: an image, a sweep or a map of contrast, with its configuration.
+    Returns one line for each way to be outside; empty if nothing is, or if the dataset does not say.
 
     Examples
     --------

@@ -51,10 +51,7 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many pixels show the mean of motion that is not periodic, and how far it is spread.
 
-    Returns
-    -------
-    list of str
-        One line; empty if there are none, or if the dataset does not say.
+    Returns one line; empty if there are none, or if the dataset does not say.
 
     Examples
     --------
@@ -79,10 +76,7 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
     """Say so if several materials can hardly be told apart by their phase.
 
-    Returns
-    -------
-    list of str
-        One line, or none.
+    Returns one line, or none.
 
     Examples
     --------

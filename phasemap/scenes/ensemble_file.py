@@ -132,19 +132,10 @@ def _words(thing: Any) -> Iterator[str]:
 def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes: Table, overwrite: bool) -> None:
     """Write the images of all samples into one file, one after the other.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        The file of each sample; its attributes are numbers.
-    keys : sequence of (str, mapping, list)
-        What is varied: name of the variable, its attributes, and a value for each sample.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    `files`: the file of each sample; its attributes are numbers.
+    `keys`: what is varied: name of the variable, its attributes, and a value for each sample.
+    `overwrite`: whether an existing file may be replaced.
+    Raises FileError if the file cannot be written.
     """
     import netCDF4
 

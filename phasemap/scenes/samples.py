@@ -29,20 +29,9 @@ DEEPEST = 8  # tables in tables of ``vary``; the longest key of a scene has four
 def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     """Draw or read what the table ``[ensemble]`` of a scene asks for.
 
-    Parameters
-    ----------
-    table : dict
-        The table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
-
-    Returns
-    -------
-    tuple of dict
-        For each sample the value of each key.
-
-    Raises
-    ------
-    FileError
-        If the CSV file cannot be used.
+    `table`: the table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
+    Returns: for each sample the value of each key.
+    Raises FileError if the CSV file cannot be used.
 
     Examples
     --------

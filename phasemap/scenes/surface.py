@@ -69,10 +69,7 @@ class Built(NamedTuple):
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
     """Make the surface that the ``[surface]`` table of a scene describes.
 
-    Raises
-    ------
-    FileError
-        If a file cannot be read.
+    Raises FileError if a file cannot be read.
 
     Examples
     --------
@@ -102,10 +99,7 @@ def build_surface(table: dict[str, Any], materials: Mapping[str, Material], fold
 def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     """See the surface with a tip of finite size if its ``[surface]`` table asks for that.
 
-    Parameters
-    ----------
-    table : mapping
-        The table, with the keys dilate and half_angle if there are any.
+    `table`: the table, with the keys dilate and half_angle if there are any.
     """
     from phasemap.scenes.tables import construct
 

@@ -55,12 +55,8 @@ class Complaints:
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
     """Refuse a table that has unknown keys or lacks required ones.
 
-    Parameters
-    ----------
-    name : str
-        The table, as the user writes it: ``"[drive]"``.
-    table : object
-        What the file has under that name.
+    `name`: the table, as the user writes it: ``"[drive]"``.
+    `table`: what the file has under that name.
 
     Examples
     --------
@@ -101,15 +97,8 @@ def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T
 def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
     """Read the tables of a scene file, with keys set from outside; nothing is checked yet.
 
-    Parameters
-    ----------
-    path, overrides
-        As in `load_scene`.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read.
+    `path`, `overrides`: as in `load_scene`.
+    Raises FileError if the file cannot be read.
 
     Examples
     --------
@@ -151,10 +140,7 @@ def _parsed(text: str) -> Table:
 def with_override(tables: Table, override: str) -> Table:
     """Return the tables with one key set from ``"table.key=value"``.
 
-    Parameters
-    ----------
-    override : str
-        As in `load_scene`.
+    `override`: as in `load_scene`.
 
     Examples
     --------
@@ -174,10 +160,7 @@ def with_override(tables: Table, override: str) -> Table:
 def with_value(tables: Table, name: str, value: Any) -> Table:
     """Return the tables with one key set; those that are given stay as they are.
 
-    Parameters
-    ----------
-    name : str
-        ``"table.key"``; tables on the way are made where there are none.
+    `name`: ``"table.key"``; tables on the way are made where there are none.
 
     Examples
     --------

@@ -22,14 +22,9 @@ UNITS = {
 def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iterable[str] = ()) -> str:
     """Write the tables of a scene as TOML, with a comment on where a value comes from.
 
-    Parameters
-    ----------
-    tables : dict
-        As `phasemap.scenes.tables.read_tables` gives them.
-    notes : mapping of str to str, optional
-        What to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
-    heading : iterable of str
-        Lines of the comment above it all.
+    `tables`: as `phasemap.scenes.tables.read_tables` gives them.
+    `notes`: what to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
+    `heading`: lines of the comment above it all.
 
     Examples
     --------

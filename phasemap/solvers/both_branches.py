@@ -65,14 +65,10 @@ def stable_branches(
     An orbit counts if its Floquet multipliers are inside the unit circle and the amplitude rises with the tip offset.
     Of several on one branch it is the one that engagement finds, or else the farthest.
 
-    Parameters
-    ----------
-    solver : Solver
-        What it finds by engagement is kept bit for bit. The other branch has an averaged orbit with "averaging", or
-        where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with "march", what time makes
-        of that.
-    workers : int
-        Threads; the numbers do not depend on it.
+    `solver`: what it finds by engagement is kept bit for bit. The other branch has an averaged orbit with
+        "averaging", or where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with
+        "march", what time makes of that.
+    `workers`: threads; the numbers do not depend on it.
 
     Examples
     --------

@@ -99,14 +99,9 @@ def make_work(
 ) -> Work:
     """Turn materials into work.
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
-        As for `properties`.
-    amplitudes : float or ndarray, shape (n,)
-        Setpoint amplitudes [m].
-    marched : bool
-        As for `work_of`.
+    `materials` (shape (n, 4), (n, 5) or (n, 6)): as for `properties`.
+    `amplitudes` (shape (n,)): setpoint amplitudes [m].
+    `marched`: as for `work_of`.
     """
     given = *properties(materials, viscous, scope), scope, amplitudes, film_of(materials)
     return work_of(*given, relaxation_of(materials, scope), marched=marched)

@@ -169,10 +169,7 @@ def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
 def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None], cache: str | None = None) -> None:
     """Do work of these kinds, each group in a process of its own, with compiled code kept in a folder of that name.
 
-    Raises
-    ------
-    subprocess.CalledProcessError
-        If one fails.
+    Raises subprocess.CalledProcessError if one fails.
     """
     import threading
 

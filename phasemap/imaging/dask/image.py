@@ -57,10 +57,7 @@ def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: obj
 def simulate_lazily(job: Job) -> xr.Dataset:
     """Make the image of a surface in Dask arrays, as Dask arrays.
 
-    Returns
-    -------
-    xarray.Dataset
-        The image variables, and what a control finds out (gains of a feedback) as variables without dimension.
+    Returns the image variables, and what a control finds out (gains of a feedback) as variables without dimension.
     """
     try:
         import dask.array as da

@@ -29,10 +29,7 @@ class Part(NamedTuple):
     def surface(self, like: Surface) -> Surface:
         """The surface of the part, when its blocks are computed.
 
-        Parameters
-        ----------
-        like : Surface
-            With the same size of pixels.
+        `like`: with the same size of pixels.
         """
         maps = [self._whole(piece) if isinstance(piece, list) else piece for piece in self.pieces]
         shape = next(value.shape for value in maps if isinstance(value, np.ndarray))

@@ -68,20 +68,11 @@ def loop_of(
 ) -> Array:
     """The loop's numbers; gains that are to be tuned are 0.
 
-    Parameters
-    ----------
-    amplitude : float
-        At the setpoint [m].
-    temperature : float
-        Of the lever's own noise [K].
-    detector_noise : float
-        One-sided density of the deflection signal's noise [m/sqrt(Hz)].
-    periods : int
-        Of the drive, after which an approach is given up.
-
-    Returns
-    -------
-    ndarray, shape (LOOP,)
+    `amplitude`: at the setpoint [m].
+    `temperature`: of the lever's own noise [K].
+    `detector_noise`: One-sided density of the deflection signal's noise [m/sqrt(Hz)].
+    `periods`: of the drive, after which an approach is given up.
+    Returns an array of shape (LOOP,).
     """
     tau = tau_per_second(scope)
     loop = np.zeros(of.LOOP)

@@ -142,10 +142,7 @@ class Undecided(Exception):
 def find_borders(exact: ExactOrbits, box: tuple[float, float, float, float], low: float, high: float) -> list[Border]:
     """Borders above a box of (x0, x1) that matter for adhesions between low and high, from below.
 
-    Raises
-    ------
-    Undecided
-        If a border exists over a part of the box only, or is not smooth.
+    Raises Undecided if a border exists over a part of the box only, or is not smooth.
     """
     bases = _bases(box)
     lines = _scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high))

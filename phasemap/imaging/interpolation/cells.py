@@ -196,11 +196,8 @@ class Fit:
 def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
     """Interpolate in a cell, with at most `budget` exact orbits.
 
-    Parameters
-    ----------
-    tolerances : ndarray, shape (functions,)
-    materials : ndarray, shape (n, 3)
-        Points of the image in this cell, on some of which the interpolant is tried.
+    `tolerances` (shape (functions,)).
+    `materials` (shape (n, 3)): points of the image in this cell, on some of which the interpolant is tried.
     """
     asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:

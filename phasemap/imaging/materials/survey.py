@@ -90,12 +90,8 @@ class Survey:
 def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
     """Look at the materials of a surface, or of a part of one.
 
-    Parameters
-    ----------
-    most : int
-        Distinct materials up to which all of them are wanted.
-    place : Place, optional
-        Where the part lies; without it the surface is the whole.
+    `most`: distinct materials up to which all of them are wanted.
+    `place`: where the part lies; without it the surface is the whole.
 
     Examples
     --------

@@ -30,10 +30,7 @@ class Branches:
 def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
     """The branches of a sweep.
 
-    Parameters
-    ----------
-    values : ndarray
-        [Hz or m].
+    `values`: [Hz or m].
     """
     if axis == "frequency":
         return _of_frequency(setup, values)

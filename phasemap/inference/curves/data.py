@@ -41,12 +41,8 @@ class Data:
 def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[str, tuple[Any, Any]]) -> Data:
     """What was measured, as arrays.
 
-    Parameters
-    ----------
-    name : str
-        What the user calls its values.
-    given : dict
-        Measured values and their errors of each of `QUANTITIES`, as given.
+    `name`: what the user calls its values.
+    `given`: measured values and their errors of each of `QUANTITIES`, as given.
     """
     unit = "Hz" if axis == "frequency" else "m"
     along = check_axis(name, values, unit, above=0 if axis == "frequency" else -np.inf)

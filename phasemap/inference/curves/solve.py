@@ -48,10 +48,7 @@ def likelihood(chi2: float, degrees: int) -> float:
 def search(problem: Problem, starts: int) -> tuple[Solution, int]:
     """The best solution from the start given, and from others as long as none is good.
 
-    Returns
-    -------
-    tried : int
-        Starts that were used.
+    Returns `tried`: starts that were used.
     """
     degrees = problem.data.size - len(problem.parameters)
     best, tried = None, 0

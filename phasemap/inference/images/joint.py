@@ -138,10 +138,7 @@ class Fitted(NamedTuple):
 def fit(joint: Joint, starts: Starts) -> Fitted:
     """Solve from all starts, and draw around the best and what is as good.
 
-    Parameters
-    ----------
-    joint : Joint
-        Of as many problems as there are starts.
+    `joint`: of as many problems as there are starts.
     """
     q, places = starts.q.copy(), np.full(joint.sides.shape, np.nan)
     found, cost, defect, exact = _solve(joint, q, places, DEFECTS)

@@ -45,10 +45,7 @@ class Stack:
 def list_of_images(images: object) -> list[xr.Dataset]:
     """The images of a stack, each a Dataset over ("y", "x").
 
-    Parameters
-    ----------
-    images : xarray.Dataset or sequence of xarray.Dataset
-        A Dataset has a leading dim "setpoint", with its coordinate, or "image".
+    `images`: a Dataset has a leading dim "setpoint", with its coordinate, or "image".
     """
     import xarray as xr
 

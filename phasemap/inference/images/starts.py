@@ -58,16 +58,10 @@ def make_starts(
 ) -> Starts:  # fmt: skip
     """Rank pairs of materials and branches.
 
-    Parameters
-    ----------
-    stack : Stack
-        Regions; zeros that are known are taken off.
-    known : list of int
-        Regions that are of a known material.
-    kinds : tuple
-        Of the zeros of phase and height, as of `Plan`.
-    sides : ndarray of int8, shape (regions, images), optional
-        Branches, if they are known.
+    `stack`: regions; zeros that are known are taken off.
+    `known`: regions that are of a known material.
+    `kinds`: of the zeros of phase and height, as of `Plan`.
+    `sides` (shape (regions, images)): branches, if they are known.
     """
     regions = len(stack)
     first = known[0] if known else 0

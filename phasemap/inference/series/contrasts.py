@@ -41,10 +41,8 @@ class Regions(NamedTuple):
 def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, by: str | None, count: int) -> Regions:
     """Take the labels given, or find them.
 
-    Parameters
-    ----------
-    by : {"phase", "height", "both"}, optional
-        What tells regions apart; by default the phase, or the height where it is much sharper.
+    `by` ("phase" or "height" or "both"): what tells regions apart; by default the phase, or the height where it is
+        much sharper.
     """
     if labels is not None:
         return Regions(_given(labels, images), ["Regions as given."])

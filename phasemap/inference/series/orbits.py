@@ -45,16 +45,11 @@ class Lever:
     ) -> Array:  # fmt: skip
         """Phases [rad] on both branches, shape (2, k), NaN without an orbit; `places` are moved.
 
-        Parameters
-        ----------
-        logs : ndarray, shape (k, 3)
-            Of the material, for each setting.
-        amplitudes, ratios : ndarray, shape (k,)
-        places : ndarray, shape (2, k)
-        asked : ndarray of bool, shape (2, k), optional
-            Where there may be an orbit at all.
-        search : bool
-            Whether to look for orbits everywhere where `places` lead nowhere.
+        `logs` (shape (k, 3)): of the material, for each setting.
+        `amplitudes`, `ratios` (shape (k,)).
+        `places` (shape (2, k)).
+        `asked` (shape (2, k)): where there may be an orbit at all.
+        `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
         asked = np.ones(places.shape, bool) if asked is None else asked
         kinds, which = np.unique(np.stack([amplitudes, ratios]), axis=1, return_inverse=True)
@@ -96,9 +91,7 @@ class Table:
     def look(self, points: Array) -> tuple[Array, Array, Array]:
         """Phases [rad], NaN without an orbit, places, and shares of the corners that have one, shape (2, ...).
 
-        Parameters
-        ----------
-        points : ndarray, shape (..., 5)
+        `points` (shape (..., 5)).
         """
         from scipy.interpolate import RegularGridInterpolator
 
@@ -114,14 +107,9 @@ class Table:
 def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
-    Parameters
-    ----------
-    reach : ndarray, shape (3,)
-        Largest logarithms of the materials.
-    amplitudes : (float, float)
-        Least and largest free amplitude [m].
-    levels : ndarray, shape (k,)
-        Setpoints, rising, two at least.
+    `reach` (shape (3,)): largest logarithms of the materials.
+    `amplitudes`: least and largest free amplitude [m].
+    `levels` (shape (k,)): setpoints, rising, two at least.
     """
     materials = [np.linspace(-most, most, count) for most, count in zip(reach, COUNTS, strict=True)]
     grid = lever.model.centre + np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -114,12 +114,9 @@ class Problem:
         Where the tip may be on either branch, both count, the one it meets first for more: the attractive one, if it
         goes on without a gap to larger setpoints.
 
-        Parameters
-        ----------
-        phases : ndarray, shape (2, n, r, m)
-        zeros : ndarray, shape (n, m)
-        sign : ndarray, shape (n,)
-            Of the recorded phase.
+        `phases` (shape (2, n, r, m)).
+        `zeros` (shape (n, m)).
+        `sign` (shape (n,)): of the recorded phase.
         """
         there = ~np.isnan(phases)
         left = (~there[0]).astype(float) @ self.settings.above > 0  # a gentler file has no attractive orbit

@@ -41,10 +41,7 @@ class Draws(NamedTuple):
 def sample(problem: Problem, seed: int) -> Draws:
     """Draw from what prior and data leave possible.
 
-    Raises
-    ------
-    SolveError
-        If the tip oscillates nowhere within the prior.
+    Raises SolveError if the tip oscillates nowhere within the prior.
     """
     rng = np.random.default_rng(seed)
 

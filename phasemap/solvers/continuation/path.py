@@ -115,10 +115,7 @@ def swept_path(
 ) -> Path:
     """The path of a sweep in a parameter, with z0 or A held.
 
-    Parameters
-    ----------
-    held : callable
-        Tip offset or amplitude [m] that is held under a microscope.
+    `held`: tip offset or amplitude [m] that is held under a microscope.
     """
     from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept
     from phasemap._kernels.quadrature import TABLES

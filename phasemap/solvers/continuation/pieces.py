@@ -125,12 +125,8 @@ class Curves:
     def after_ends(self, column: int, beside: float, close: float) -> None:
         """Follow the pieces on which a tip lands where others end, in contact made or lost.
 
-        Parameters
-        ----------
-        beside : float
-            How far past the end the tip is let go, in the control.
-        close : float
-            How well its motion must have settled [m].
+        `beside`: how far past the end the tip is let go, in the control.
+        `close`: how well its motion must have settled [m].
         """
         from phasemap._kernels.orbits.time.landing import land_free
 

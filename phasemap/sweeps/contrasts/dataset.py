@@ -34,16 +34,9 @@ def record(
 ) -> xr.Dataset:
     """Make the Dataset of a map, with all its dimensions.
 
-    Parameters
-    ----------
-    engaged : Engaged
-        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    regime : ndarray of int8, shape (2, frequencies, free amplitudes, setpoints)
-
-    Returns
-    -------
-    xarray.Dataset
-        As `phasemap.contrast` describes it, without attributes.
+    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    `regime` (shape (2, frequencies, free amplitudes, setpoints)).
+    Returns: as `phasemap.contrast` describes it, without attributes.
     """
     import xarray as xr
 

@@ -75,14 +75,9 @@ def borders(
 ) -> tuple[list[Jump], list[Inversion]]:
     """Find every jump and inversion between neighbours of a map; none of a contrast of one sign that is seen.
 
-    Parameters
-    ----------
-    axes : tuple of ndarray
-        Frequencies, free amplitudes and setpoints, each rising.
-    phases, branch : ndarray, shape (2, frequencies, free amplitudes, setpoints)
-        Of both materials [degree, code].
-    progress : callable, optional
-        Called in lines between neighbours that are looked into.
+    `axes`: frequencies, free amplitudes and setpoints, each rising.
+    `phases`, `branch` (shape (2, frequencies, free amplitudes, setpoints)): of both materials [degree, code].
+    `progress`: called in lines between neighbours that are looked into.
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _suspects(axis, axes, phases, branch, sure)]

@@ -62,14 +62,9 @@ class Pair:
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
         """Both materials at each setpoint: n rows of the first, then n of the second.
 
-        Parameters
-        ----------
-        frequency : float
-            Of the drive [Hz].
-        free_amplitude : float
-            At resonance [m].
-        setpoints : ndarray, shape (n,)
-            Amplitudes over the free amplitude at the drive frequency.
+        `frequency`: of the drive [Hz].
+        `free_amplitude`: at resonance [m].
+        `setpoints` (shape (n,)): amplitudes over the free amplitude at the drive frequency.
         """
         scope = self.at(frequency, free_amplitude)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
@@ -93,10 +88,7 @@ class Pair:
 def regimes(work: Work) -> Array:
     """In which regimes a stable orbit holds each setpoint, whether or not engaging leads to it.
 
-    Returns
-    -------
-    ndarray of int8, shape (n,)
-        NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
+    Returns an array of shape (n,): NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
     """
     attractive, repulsive = stable_branches(work, Orbit(), Accuracy()).stable
     codes: Array = ATTRACTIVE * attractive + REPULSIVE * repulsive

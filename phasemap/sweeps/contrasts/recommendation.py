@@ -47,13 +47,9 @@ class Choice(NamedTuple):
 def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, jumps: Sequence[Jump]) -> Choice:
     """Choose the point to work at.
 
-    Parameters
-    ----------
-    axes : tuple of ndarray
-        Frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
-    engaged : Engaged
-        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    regime : ndarray, shape (2, frequencies, free amplitudes, setpoints)
+    `axes`: frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
+    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    `regime` (shape (2, frequencies, free amplitudes, setpoints)).
     """
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)

@@ -29,21 +29,12 @@ def bench(
 ) -> xr.Dataset:
     """Measure error and time of every method.
 
-    Parameters
-    ----------
-    pixels : int
-        Cases of each regime that are compared with the reference; more pixels are timed.
-    peers : bool
-        Whether numbalsoda, heyoka and scipy are measured too, as far as they are installed.
-    quick : bool
-        Repeat timings less often, and do not time compilation from scratch.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time, period_time,
-        compile_time [s], the parameters of the cases and the references; ("image",): whole images in which every
-        pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
+    `pixels`: cases of each regime that are compared with the reference; more pixels are timed.
+    `peers`: whether numbalsoda, heyoka and scipy are measured too, as far as they are installed.
+    `quick`: repeat timings less often, and do not time compilation from scratch.
+    Returns dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time,
+        period_time, compile_time [s], the parameters of the cases and the references; ("image",): whole images in
+        which every pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
         `phasemap.validation.bench.picture.draw` show it.
     """
     whole("pixels", pixels, 1)

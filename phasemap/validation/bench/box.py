@@ -130,15 +130,8 @@ def box(
 ) -> str:
     """Draw materials and microscopes, solve all, and say how long that took and what became of them.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Told how many microscopes are done.
-
-    Returns
-    -------
-    str
-        A Markdown table with a line a contact law, and the slowest material.
+    `progress`: told how many microscopes are done.
+    Returns a Markdown table with a line a contact law, and the slowest material.
     """
     found: list[Solved] = []
     known: set[str] = set()

@@ -59,12 +59,8 @@ def prepare(
 ) -> Field:
     """Draw a regime's cases and find the references of the first few in each batch.
 
-    Parameters
-    ----------
-    batches, pixels : int
-        How many microscopes, and how many materials under each.
-    references : int
-        How many of these are compared with the reference.
+    `batches`, `pixels`: how many microscopes, and how many materials under each.
+    `references`: how many of these are compared with the reference.
     """
     drawn = draw(regime, batches, pixels, rng)
     known: list[Known] = []

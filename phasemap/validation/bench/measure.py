@@ -84,10 +84,7 @@ class Measured:
 def measure(plan: Plan, peers: list[Peer], absent: list[str], say: Say) -> Measured:
     """Do everything that a plan says.
 
-    Parameters
-    ----------
-    absent : list of str
-        Names of those that are not installed.
+    `absent`: names of those that are not installed.
     """
     started = time.perf_counter()
     methods = methods_of(peers)

@@ -63,10 +63,7 @@ class Reference:
 def find_orbit(case: Case, start: Start) -> Reference:
     """Find the orbit of a case near a start.
 
-    Raises
-    ------
-    NoOrbit
-        If shooting does not converge.
+    Raises NoOrbit if shooting does not converge.
 
     Examples
     --------

@@ -203,10 +203,7 @@ REGIMES: tuple[Regime, ...] = (
 def draw(regime: Regime, batches: int, pixels: int, rng: np.random.Generator) -> tuple[Batch, ...]:
     """Draw microscopes of a regime, and materials under each.
 
-    Parameters
-    ----------
-    batches : int
-        How many microscopes (for `Image`: images).
+    `batches`: how many microscopes (for `Image`: images).
 
     Examples
     --------

@@ -59,10 +59,7 @@ class Runner(Protocol):
 def runner_of(method: Method, budget: float) -> Runner:
     """Make a method ready to run; a peer is compiled by this.
 
-    Parameters
-    ----------
-    budget : float
-        Seconds for which the timing of a solver is repeated in each regime.
+    `budget`: seconds for which the timing of a solver is repeated in each regime.
     """
     if method.peer is not None:
         return PeerRunner(method.peer, method.tolerance)

@@ -73,14 +73,9 @@ def solve_again(
 ) -> Again:
     """Solve pixels again.
 
-    Parameters
-    ----------
-    surface : Surface
-        As it passed under the tip.
-    pixels : ndarray of int, shape (n,)
-        Flat.
-    threads, progress
-        As in `phasemap.simulate`.
+    `surface`: as it passed under the tip.
+    `pixels` (shape (n,)): flat.
+    `threads`, `progress`: as in `phasemap.simulate`.
     """
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
     rows = np.full((len(pixels), WIDE), np.nan)
@@ -142,17 +137,9 @@ def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: 
 def carried(picture: Picture) -> tuple[NDArray[np.int8], Array]:
     """Branch on which the tip comes to each pixel, and its tip offset [m]: of the last pixel before that has an orbit.
 
-    Parameters
-    ----------
-    picture : Picture
-        Of `Raster`.
-
-    Returns
-    -------
-    branch : ndarray of int8, shape (2, ny, nx)
-        NOWHERE where the tip is engaged.
-    offset : ndarray, shape (2, ny, nx)
-        NaN where the image does not say it.
+    `picture`: of `Raster`.
+    Returns `branch` (shape (2, ny, nx)): NOWHERE where the tip is engaged.
+    Returns `offset` (shape (2, ny, nx)): NaN where the image does not say it.
     """
     control, change = picture.claims.control, picture.claims.realism.tip_change
     assert isinstance(control, Raster)

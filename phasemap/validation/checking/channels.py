@@ -53,12 +53,8 @@ def solved_again(
     That is what the largest differences of what a channel is made of change in it, one added to the other. The virial
     of the attraction goes with the root of the indentation.
 
-    Parameters
-    ----------
-    values : mapping of str to ndarray
-        Variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
-    largest : mapping of str to ndarray
-        Largest differences of those, as `phasemap.validation.checking.tolerance.allowed` has them.
+    `values`: variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
+    `largest`: largest differences of those, as `phasemap.validation.checking.tolerance.allowed` has them.
     """
     scope = picture.claims.microscope
     orbit = {name: np.asarray(values[name]) for name in ("dissipation", "virial")}

@@ -64,12 +64,8 @@ class Claims:
 def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
     """Read what an image says it is.
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        What `phasemap.simulate` returned.
-    scope : Microscope, optional
-        Needed where its contact law is a user's own.
+    `image`: what `phasemap.simulate` returned.
+    `scope`: needed where its contact law is a user's own.
 
     Examples
     --------
@@ -163,21 +159,11 @@ def _object(stored: Any) -> Any:
 def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape: tuple[int, int]) -> Scene:
     """Make the scene again that an image carries.
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        Written by ``phasemap run``, or returned by `phasemap.scenes.scene.Scene.simulate`.
-    folders : iterable of path-like
-        Where files that the scene names may be.
-    shape : (int, int)
-        Rows and columns of the image; a scene that says others is not made.
-
-    Raises
-    ------
-    PhasemapError
-        If the image has no scene.
-    FileError
-        If a file that the scene names is in none of the folders, or has changed.
+    `image`: written by ``phasemap run``, or returned by `phasemap.scenes.scene.Scene.simulate`.
+    `folders`: where files that the scene names may be.
+    `shape`: rows and columns of the image; a scene that says others is not made.
+    Raises PhasemapError if the image has no scene.
+    Raises FileError if a file that the scene names is in none of the folders, or has changed.
     """
     if "scene" not in image.attrs:
         raise PhasemapError(

@@ -54,10 +54,7 @@ class _Quantity(NamedTuple):
 def compare(picture: Picture, surface: Surface, again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
     """Judge what the image says of the pixels that were solved again.
 
-    Parameters
-    ----------
-    surface : Surface
-        As it passed under the tip.
+    `surface`: as it passed under the tip.
     """
     claimed, found = picture.raw("status").reshape(-1)[again.pixels], again.status == col.GOOD
     decided = _decided(picture, again)

@@ -38,10 +38,7 @@ CLOSES = 1e-6  # energy closure of an exact orbit, as the tests assert it
 def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
     """Judge what all pixels claim.
 
-    Parameters
-    ----------
-    surface : Surface
-        As it passed under the tip, drift and all.
+    `surface`: as it passed under the tip, drift and all.
     """
     yield _numbers(picture)
     if picture.claims.realism.bits is not None:

@@ -36,12 +36,8 @@ FACTOR = 10.0  # between errors that are estimated twice
 def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | None) -> Claim:
     """Judge whether the solver that made the image finds the same.
 
-    Parameters
-    ----------
-    surface : Surface
-        As it passed under the tip.
-    pixels : ndarray of int, shape (n,)
-        Flat.
+    `surface`: as it passed under the tip.
+    `pixels` (shape (n,)): flat.
     """
     again = _made_again(picture, surface, pixels, threads)
     names = [str(name) for name in picture.image.data_vars if name in again]  # not integrals over orbits, where asked

@@ -88,13 +88,9 @@ class Check:
 def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:
     """The claim that no pixel is bad; not judged where there is none to look at.
 
-    Parameters
-    ----------
-    bad, looked_at : ndarray of bool, shape (directions, ny, nx)
-    by : ndarray
-        How bad each is, of that shape; the worst are named.
-    found : str
-        What there is to say where it holds.
+    `bad`, `looked_at` (shape (directions, ny, nx)).
+    `by`: how bad each is, of that shape; the worst are named.
+    `found`: what there is to say where it holds.
     """
     pixels, bad = int(np.count_nonzero(looked_at)), bad & looked_at
     count = int(np.count_nonzero(bad))
