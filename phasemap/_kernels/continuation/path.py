@@ -191,7 +191,10 @@ def solve_on(
     path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
     tolerance: float, most: int, coarse: bool,
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
-    """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only."""
+    """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only.
+
+    Where m moves the equations of the last exact step, which was within the tolerance, stand for those of the orbit.
+    """
     law, tables, value = path.law, path.tables, orbit.head[VALUE]
     r_z, r_a, r_m = row
     if path.kind == FIXED:
@@ -208,6 +211,8 @@ def solve_on(
         drift = drift_at(path, m)
         status, orbit, spare = newton_swept(law, p, lever, tables, orbit, spare, drift, holds, level, tolerance, coarse)
         steps += 1
+    if status == col.GOOD and not coarse:
+        orbit.head[COUNT, LINEAR] = 1.0
     return (col.NOT_CONVERGED if status == col.PENDING else status), steps, orbit, spare
 
 
