@@ -96,6 +96,18 @@ def test_above_resonance_a_tip_that_never_leaves_a_soft_sample_needs_no_collocat
     assert rows[:, col.INDENTATION] == pytest.approx(exact[:, col.INDENTATION], abs=5e-12)
 
 
+def test_beside_the_end_of_the_attractive_branch_the_outer_of_two_orbits_is_taken() -> None:
+    # The inner one, at 0.87 of the amplitude, has the same phase, and no feedback can hold it: its amplitude falls as
+    # the tip is raised.
+    lever, tip, drive = pm.Cantilever(3.0, 300e3, 185.268), pm.Tip(12.31625e-9), pm.Drive(1.067908e-6, 315e3)
+    scope = pm.Microscope(lever, tip, drive, pm.Interaction(decay_length=0.23118876e-9))
+    soft, setpoint = pm.Material(75.622e6, adhesion=0.09693, damping=0.0, poisson_ratio=0.35), 0.94299
+    pixel = pm.solve_pixel(soft, scope, setpoint, "orbit")
+    image = pm.simulate(pm.Surface.from_labels([[0]], {0: soft}, pixel_size=1e-9), scope, setpoint, solver="orbit")
+    assert pixel.branch == "attractive" and pixel.feedback_slope > 0
+    assert abs(image.tip_offset.values[0, 0] - pixel.tip_offset) < 1e-12
+
+
 def test_a_fall_that_takes_more_time_than_allowed_is_no_answer() -> None:
     # Adhesion bends this lever by more than it swings: averaging says nothing of where it lands.
     scope = pm.Microscope(pm.Cantilever(0.5, 300e3, 20e3), pm.Tip(20e-9), pm.Drive(400e-9, 0.9995 * 300e3))

@@ -145,8 +145,8 @@ def engage(
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
     Fills guess = (z0, mean deflection, A, P, S, dh/dz0) and returns a status code and how sure the decision is; OPEN
-    where averaging cannot tell the side, with the maximum of the mismatch in `top`, and LEAP where the tip is carried
-    over its resonance and only time can tell where it lands.
+    where averaging cannot tell the side, with the maximum of the mismatch in `top` and, after a leap, the orbit on the
+    averaged curve or a P that is NaN; LEAP where the tip is carried over its resonance and only time can tell where.
     """
     free, reach = free_amplitude(lever), reach_of(law, p)
     rises = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
@@ -166,8 +166,12 @@ def engage(
             if landed != ATTRACTIVE:
                 return col.GOOD, LEAP
         if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0:
+            if rises and engage_traced(law, p, lever, amplitude, guess) != (col.GOOD, SURE):
+                guess[col.G_P] = math.nan
             return col.GOOD, OPEN
         if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
+            return col.GOOD, SURE
+        if rises and side == REPULSIVE and only_one(law, p, lever, reach, amplitude, guess):
             return col.GOOD, SURE
         if rises and narrowest(lever) > 1.0 and side != REPULSIVE:
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands

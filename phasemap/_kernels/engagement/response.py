@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, G_Z0, GOOD, LONGRANGE, PENDING, RELEASE, STIFF
+from phasemap._kernels.columns import ALPHA0, G_P, G_Z0, GOOD, LONGRANGE, OMEGA, PENDING, RELEASE, STIFF
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
@@ -53,11 +53,13 @@ def cheap_orbit(
         room.fit[:] = math.nan
         side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
         # At high Q a leap is known to end on the attractive branch.
-        left = lever[ALPHA0] > 0.5 / LOWEST_Q and leaps(lever, reach, free_amplitude(lever))
-        if side != REPULSIVE and (narrowest(lever) > 1.0 or left):
+        leapt, low_q = leaps(lever, reach, free_amplitude(lever)), lever[ALPHA0] > 0.5 / LOWEST_Q
+        if side != REPULSIVE and (narrowest(lever) > 1.0 or (leapt and low_q)):
             return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
         if side == UNCLEAR:
             side = decide_closely(law, p, lever, reach, amplitude, worst, room)
+        if leapt and not low_q and (guess[G_P] + amplitude * (1.0 - lever[OMEGA] ** 2)) * side < 0.0:
+            return PENDING  # the averaged curve ends elsewhere
     if side == UNCLEAR:
         return PENDING
     known, outside = settle_side(law, p, lever, reach, amplitude, side, room.top, guess), False

@@ -165,6 +165,8 @@ def refine_stiff(
     """
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
     _begin(guess, e, bench.state)
+    if guess[col.G_P] < 0.0:
+        return 0  # where the force outside of contact counts as much, `firm` does not know how the branch goes on
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
         return 0
     found = newton(law, p, lever, reach, limits, bench)
