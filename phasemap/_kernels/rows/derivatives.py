@@ -145,6 +145,27 @@ def held_root(
 
 
 @kernel
+def averaged_phases(
+    law: Law, rows: np.ndarray, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray, search: bool,
+    places: np.ndarray, phases: np.ndarray,
+) -> None:  # fmt: skip
+    """Averaged phase [rad] of n materials, each under a lever and a setpoint of its own; NaN without an orbit.
+
+    The other arguments are as for `averaged_block`; all have the length n.
+    """
+    for i in range(len(rows)):
+        phases[i] = math.nan
+        if sides[i] == 0:
+            continue
+        p = parameters(rows[i])
+        reach, lever = reach_of(law, p), levers[i]
+        amplitude, c, slope = held_root(law, p, lever, reach, amplitudes[i], sides[i], search, places[i])
+        if slope < 0.0:
+            places[i] = c
+            phases[i] = look(law, p, lever, reach, amplitude, c).phase
+
+
+@kernel
 def averaged_block(
     law: Law, rows: np.ndarray, step: float, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray,
     search: bool, places: np.ndarray, found: Found,
