@@ -26,16 +26,7 @@ NARROWED = 0.5  # width of an interval over that of the prior, below which data 
 
 
 def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
-    """Write the verdict and the advice.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Everything else.
-    problem : Problem
-    covariance : ndarray
-        Of the logarithms sought.
-    """
+    """Write the verdict and the advice."""
     if not any(agreement(ds)[0]):
         ds.attrs |= {"verdict": _of_nothing(ds), "advice": NOTHING}
         return
