@@ -48,7 +48,6 @@ def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
 def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tuple[str, ...], more: int = 0) -> None:
     """Refuse an image that would not fit into memory.
 
-    `shape`.
     `names`, `directions`: as for `Canvas`.
     `more`: bytes a pixel that are needed besides.
     """
