@@ -14,6 +14,8 @@ from phasemap._kernels.orbits.collocation.closing import accept, along, close
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.system import (
+    AT,
+    BROKEN,
     CONTACT,
     CONTACTS,
     COS,
@@ -21,7 +23,10 @@ from phasemap._kernels.orbits.collocation.system import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    FIRST,
+    GAP,
     HOLD_ARC,
+    LAST,
     LINEAR,
     PLACE,
     RA,
@@ -67,18 +72,18 @@ def begin(
     c = (z0 - mean) / amplitude
     if c >= 1.0:
         head[COUNT, CONTACTS] = 0
-        head[CONTACT, 0] = 0.0
-        head[CONTACT, 1] = (1.0 - c) * amplitude
+        head[CONTACT, AT] = 0.0
+        head[CONTACT, GAP] = (1.0 - c) * amplitude
     elif c <= -1.0:
         head[COUNT, CONTACTS] = PERMANENT
-        head[CONTACT, 0] = math.pi
-        head[CONTACT, 1] = (-1.0 - c) * amplitude
+        head[CONTACT, AT] = math.pi
+        head[CONTACT, GAP] = (-1.0 - c) * amplitude
     else:
         head[COUNT, CONTACTS] = 1
-        head[CONTACT, 0] = -math.acos(c)
-        head[CONTACT, 1] = math.acos(c)
+        head[CONTACT, FIRST] = -math.acos(c)
+        head[CONTACT, LAST] = math.acos(c)
         breaks = c + p[col.RELEASE] / amplitude
-        head[CONTACT, 2] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
+        head[CONTACT, BROKEN] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
     ok = lay(law, p, lever, tables, orbit, orbit, level)
     for e in range(int(head[COUNT, ELEMENTS]) + 1):
         one = orbit.elements[e]
@@ -93,10 +98,10 @@ def contact_size(head: np.ndarray, reach: float) -> float:
     """Depth [m] that matters to where elements lie: of the shallowest contact, or of the gap and the force's reach."""
     contacts = int(head[COUNT, CONTACTS])
     if contacts <= 0:
-        return abs(head[CONTACT, 1]) + reach
+        return abs(head[CONTACT, GAP]) + reach
     half = math.inf
     for i in range(contacts):
-        half = min(half, 0.5 * (head[CONTACT + i, 1] - head[CONTACT + i, 0]))
+        half = min(half, 0.5 * (head[CONTACT + i, LAST] - head[CONTACT + i, FIRST]))
     return head[VALUE, A] * half * half
 
 
