@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, OMEGA, SHAKER
+from phasemap._kernels.columns import SHAKER
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.lever import mismatch, reach_of
+from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
@@ -59,10 +59,7 @@ def observed(
     lever: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float
 ) -> tuple[float, float]:
     """Phase [rad] and tip offset [m]."""
-    omega = lever[OMEGA]
-    x = push + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - drag
-    return math.atan2(x, y), amplitude * c + mean
+    return phase_of(lever, amplitude, push, drag), amplitude * c + mean
 
 
 @kernel

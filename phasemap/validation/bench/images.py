@@ -76,7 +76,7 @@ def surface_of(one: Map, size: int, seed: int) -> Surface:
 def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:
     """Simulate every map, and solve random pixels of it by collocation.
 
-    Returns dim "image": image_time and image_time_alone [s], image_interpolated [1], image_phase_error [degree] and
+    Returns, over "image": image_time and image_time_alone [s], image_interpolated [1], image_phase_error [degree] and
         image_height_error [m] (largest), image_bounded [1] and image_failed [1].
     """
     import xarray as xr
