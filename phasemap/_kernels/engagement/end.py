@@ -19,7 +19,18 @@ from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, W
 from phasemap._kernels.orbits.response.orbit import Room
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, SLOPE, E, beside_resonance, converge, start
+from phasemap._kernels.orbits.response.passes import (
+    AMP,
+    DRAG,
+    FOUND,
+    MEAN,
+    PUSH,
+    SLOPE,
+    E,
+    beside_resonance,
+    converge,
+    start,
+)
 
 TIGHT = 0.015  # mismatch at the exact maximum that decides
 MOST_SHIFTS = 3  # of three points, to where orbits are found
@@ -42,7 +53,7 @@ def held(
     state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
     if not start(law, p, lever, reach, f, state):
         return math.nan
-    if not converge(law, p, lever, f, state, True, KNOWN, math.inf):
+    if converge(law, p, lever, f, state, True, KNOWN, math.inf) != FOUND:
         return math.nan
     return pull(lever, amplitude, state[PUSH], state[DRAG])
 

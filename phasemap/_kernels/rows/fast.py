@@ -20,7 +20,7 @@ from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
-from phasemap._kernels.orbits.response.orbit import new_room
+from phasemap._kernels.orbits.response.orbit import new_room, solved
 from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
 from phasemap._kernels.rows.answers import Answers
 
@@ -80,7 +80,7 @@ def cheap_rows(
             if status[i] == col.STIFF:
                 copy(guess, row)
         else:
-            solver[i] = choose(lever, guess, room.nodes, room.state, average, limits, row)
+            solver[i] = choose(lever, guess, solved(room), room.state, average, limits, row)
     return waiting
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.arrays import copy, copy_rows
-from phasemap._kernels.columns import DAMPING, LONGRANGE, RELEASE, STIFFNESS
+from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_slope, damping
 from phasemap._kernels.lever import reach_of
@@ -57,6 +57,8 @@ from phasemap._kernels.quadrature import (
     T_NUMBERS,
     T_S,
 )
+
+LONGEST = 5.0  # [rad] of the contact's own oscillation that an element may span
 
 
 @kernel
@@ -110,6 +112,22 @@ def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float,
 
 
 @kernel
+def _permanent_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, nearest: float, level: int) -> int:
+    """Which of CONTACT_COUNTS resolves a whole period in contact; -1 where graded elements are short enough.
+
+    The longest of these spans most of half a period, too much where the contact's own frequency is high.
+    """
+    deepest = nearest + 2.0 * amplitude
+    rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
+    if p[DAMPING] != 0.0:
+        rate += damping(law, deepest, p)
+    turn = TWO_PI * rate / lever[OMEGA]
+    if 0.5 * turn * (1.0 - math.exp(-GRADED_WIDTHS[level])) < LONGEST:
+        return -1
+    return _pick((4.0 + math.floor(turn / LONGEST)) * (1.0 + 0.5 * level))
+
+
+@kernel
 def _neck_count(law: Law, p: np.ndarray, lever: np.ndarray, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
     rate = math.sqrt(1.0 + abs(contact_slope(law, 0.5 * p[RELEASE], p)) / lever[STIFFNESS])
@@ -151,6 +169,9 @@ def lay(
     if contacts <= 0:
         theta, nearest = head[CONTACT, AT], head[CONTACT, GAP]
         side = OUTSIDE if contacts != PERMANENT else INSIDE if nearest > 0.0 else NECK
+        pick = _permanent_count(law, p, lever, amplitude, nearest, level) if side == INSIDE else -1
+        if pick >= 0:
+            return _span(tables, orbit, INSIDE, theta, theta + TWO_PI, pick)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUTSIDE else 0.0)) / amplitude)
         if side == OUTSIDE and p[LONGRANGE] == 0.0:
             scale = 0.0

@@ -49,6 +49,7 @@ from phasemap._kernels.orbits.response.nodes import (
     X,
     first_harmonic,
     lay,
+    middle_of,
     parts_of,
     periods_before,
     relay,
@@ -57,12 +58,15 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.passes import (
     AMP,
     CLOSED,
+    COARSE,
     DRAG,
     ERR_HEIGHT,
     ERR_PHASE,
+    FOUND,
     HEIGHT,
     LAST_RATIO,
     LAST_W,
+    LOST,
     MEAN,
     PASSES,
     PHASE,
@@ -78,7 +82,6 @@ from phasemap._kernels.orbits.response.passes import (
     unresolved,
 )
 
-LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
 MOST_STEPS, MOST_HALVINGS = 16, 6
 REUSED = 0.1  # ratio of changes with which a step may do with the stiffness of the one before
 MUCH = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
@@ -113,12 +116,6 @@ def new_bench(parts: int) -> Bench:
 def node(k: int) -> int:
     """The k-th node in contact."""
     return TOUCH + k if k < N else LATE + k - N
-
-
-@kernel
-def middle_of(f: np.ndarray) -> int:
-    """A node in the middle of the contact."""
-    return TOUCH + N // 2 if parts_of(f) == 1 else LATE
 
 
 @kernel
@@ -301,10 +298,8 @@ def newton(
 
 
 @kernel
-def cut(lever: np.ndarray, short: Bench, long: Bench, longrange: bool) -> None:
+def cut(lever: np.ndarray, f: np.ndarray, finer: np.ndarray, longrange: bool) -> None:
     """Carry an orbit over to nodes that cut its contact in two."""
-    f, finer = short.nodes, long.nodes
-    copy(short.state, long.state)
     copy(f[FAR], finer[FAR])
     copy(f[FAR_WEIGHT], finer[FAR_WEIGHT])
     lay(finer, lever, f[THETA, ENTRY], f[THETA, EXIT], longrange)
