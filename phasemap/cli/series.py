@@ -90,14 +90,7 @@ def series(arguments: argparse.Namespace) -> None:
 def summary(found: xr.Dataset) -> list[str]:
     """What was found, a line a file and a line a sentence.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.series` returned.
-
-    Returns
-    -------
-    list of str
+    `found`: what `phasemap.series` returned.
     """
     from phasemap.plot.series import of_file
 

@@ -21,8 +21,6 @@ from phasemap.io.container import check_container
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
-
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
 HEAD = 1 << 18  # bytes of a file that say what it is
 OTHER_KINDS = {
@@ -48,28 +46,15 @@ _NO_REASON = re.compile(r"unknown error|No module can load|[A-Za-z_.]*Error\b")
 
 @dataclass(frozen=True)
 class Channel:
-    """One image of a file.
+    """One image of a file."""
 
-    Parameters
-    ----------
-    name : str
-        As the file has it, such as ``"PhaseRetrace"``.
-    data : ndarray, shape (rows, columns)
-        In `unit`, row 0 at the top; NaN where there is no value.
-    unit, lateral_unit : str
-        SI units.
-    size : (float, float)
-        Height and width of the whole image, in `lateral_unit`.
-    metadata : mapping of str to str
-        The vendor's own.
-    """
-
-    name: str
-    data: np.ndarray
+    name: str  # as the file has it, such as ``"PhaseRetrace"``
+    data: np.ndarray  # shape (rows, columns); in `unit`, row 0 at the top; NaN where there is no value
+    # unit, lateral_unit: SI units
     unit: str
     lateral_unit: str
-    size: tuple[float, float]
-    metadata: Mapping[str, str]
+    size: tuple[float, float]  # height and width of the whole image, in `lateral_unit`
+    metadata: Mapping[str, str]  # the vendor's own
 
     @property
     def direction(self) -> str:
@@ -87,17 +72,9 @@ class Channel:
 def load_channels(path: Path) -> list[Channel]:
     """Read every image of a file.
 
-    Returns
-    -------
-    list of Channel
-        In the order of the file, without those of a second pass over the line (interleave).
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, or holds no image.
-    PhasemapError
-        If the ``read`` extra is not installed.
+    Returns: in the order of the file, without those of a second pass over the line (interleave).
+    Raises FileError if the file cannot be read, or holds no image.
+    Raises PhasemapError if the ``read`` extra is not installed.
 
     Examples
     --------
@@ -167,19 +144,9 @@ def merged(channels: Iterable[Channel]) -> dict[str, str]:
 def extra(module: str, purpose: str, name: str) -> Any:
     """Import an optional package, or say how to install it.
 
-    Parameters
-    ----------
-    module : str
-        To import.
-    purpose : str
-        What needs it: ``"reading measured files"``.
-    name : str
-        The extra that brings it along.
-
-    Raises
-    ------
-    PhasemapError
-        If it is not installed.
+    `purpose`: what needs it: ``"reading measured files"``.
+    `name`: the extra that brings it along.
+    Raises PhasemapError if it is not installed.
 
     Examples
     --------

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["series"]
-
 MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
 SURE = 1.96
 MOST = 6  # files that are shown

@@ -58,24 +58,12 @@ LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
 
 
 class Asked(NamedTuple):
-    """What is asked of a curve.
+    """What is asked of a curve."""
 
-    Attributes
-    ----------
-    entry : int
-        Of a point, whose values are wanted: the control, or the amplitude, of z or as seen.
-    wanted : ndarray, sorted
-        Values at which rows are made.
-    box : ndarray, shape (3,)
-        Smallest and largest control, smallest amplitude: where the curve is left.
-    tolerance : float
-        Last change [m] of an orbit.
-    """
-
-    entry: int
-    wanted: np.ndarray
-    box: np.ndarray
-    tolerance: float
+    entry: int  # of a point, whose values are wanted: the control, or the amplitude, of z or as seen
+    wanted: np.ndarray  # sorted; values at which rows are made
+    box: np.ndarray  # shape (3,); smallest and largest control, smallest amplitude: where the curve is left
+    tolerance: float  # last change [m] of an orbit
 
 
 class Made(NamedTuple):

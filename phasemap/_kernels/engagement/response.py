@@ -58,19 +58,20 @@ def cheap_orbit(
             side = decide_closely(law, p, lever, reach, amplitude, worst, room)
     if side == UNCLEAR:
         return PENDING
-    if settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
-        if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+    known, outside = settle_side(law, p, lever, reach, amplitude, side, room.top, guess), False
+    if side == REPULSIVE and not known:
+        return PENDING
+    while True:
+        if known and refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
             if side == REPULSIVE or steep(law, p, lever, limits, room):
-                return GOOD
-        if side == REPULSIVE:
+                break
+        if side == REPULSIVE or outside:
             return STIFF
-    if side == REPULSIVE:
-        return PENDING
-    if worst != amplitude:
-        highest_at(law, p, lever, reach, amplitude, room)
-    if not beside_end(law, p, lever, reach, amplitude, guess, room):
-        return PENDING
-    if refine(law, p, lever, reach, guess, limits, room.nodes, room.state) and steep(law, p, lever, limits, room):
+        if worst != amplitude:
+            highest_at(law, p, lever, reach, amplitude, room)
+        known = outside = beside_end(law, p, lever, reach, amplitude, guess, room)
+        if not outside:
+            return PENDING
+    if outside:
         guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
-        return GOOD
-    return STIFF
+    return GOOD

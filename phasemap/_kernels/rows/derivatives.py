@@ -41,20 +41,11 @@ class Look(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Averaged orbits of n materials in m images, and their derivatives with respect to k logarithms.
+    """Averaged orbits of n materials in m images, and their derivatives with respect to k logarithms."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n, m, VALUES)
-        Phase [rad] and tip offset [m].
-    slopes : ndarray, shape (n, m, VALUES, k)
-    good : ndarray of bool, shape (n,)
-        Whether there is a stable orbit in every image.
-    """
-
-    values: np.ndarray
-    slopes: np.ndarray
-    good: np.ndarray
+    values: np.ndarray  # shape (n, m, VALUES); phase [rad] and tip offset [m]
+    slopes: np.ndarray  # shape (n, m, VALUES, k)
+    good: np.ndarray  # bool, shape (n,); whether there is a stable orbit in every image
 
 
 @kernel

@@ -44,23 +44,9 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
     proportional to integral gain.
 
-    Parameters
-    ----------
-    control : Feedback
-    scope : Microscope
-    work : Work
-        The scene's materials at the setpoint.
-
-    Returns
-    -------
-    Feedback
-        With both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of the free
-        lever, which follows the scanner with a lag, settles without overshoot.
-
-    Raises
-    ------
-    InputError
-        If the derivative gain leaves no stable gains.
+    `work`: the scene's materials at the setpoint.
+    Returns: with both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of
+        the free lever, which follows the scanner with a lag, settles without overshoot.
     """
     return LinearLoop(control, scope, work).tuned()
 

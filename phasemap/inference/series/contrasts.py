@@ -41,21 +41,8 @@ class Regions(NamedTuple):
 def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, by: str | None, count: int) -> Regions:
     """Take the labels given, or find them.
 
-    Parameters
-    ----------
-    images : sequence of xarray.Dataset
-        Over ("y", "x").
-    names : sequence of str
-    labels : array_like of int, or a sequence of them, one a file; optional
-    by : {"phase", "height", "both"}, optional
-        What tells regions apart; by default the phase, or the height where it is much sharper.
-    count : int
-        How many regions.
-
-    Raises
-    ------
-    InputError
-        If labels do not fit, or there is nothing to find regions by.
+    `by` ("phase" or "height" or "both"): what tells regions apart; by default the phase, or the height where it is
+        much sharper.
     """
     if labels is not None:
         return Regions(_given(labels, images), ["Regions as given."])

@@ -28,16 +28,9 @@ HALF = 0.5  # share of a cell's corners where there is an orbit, above which the
 
 @dataclass(frozen=True, eq=False)
 class Lever:
-    """A model of materials under one lever, whose free amplitude may be any.
+    """A model of materials under one lever, whose free amplitude may be any."""
 
-    Parameters
-    ----------
-    model : Model
-        Of any settings.
-    scope : Microscope
-    """
-
-    model: Model
+    model: Model  # of any settings
     scope: Microscope
 
     def at(self, amplitudes: Array, ratios: Array) -> Model:
@@ -52,16 +45,11 @@ class Lever:
     ) -> Array:  # fmt: skip
         """Phases [rad] on both branches, shape (2, k), NaN without an orbit; `places` are moved.
 
-        Parameters
-        ----------
-        logs : ndarray, shape (k, 3)
-            Of the material, for each setting.
-        amplitudes, ratios : ndarray, shape (k,)
-        places : ndarray, shape (2, k)
-        asked : ndarray of bool, shape (2, k), optional
-            Where there may be an orbit at all.
-        search : bool
-            Whether to look for orbits everywhere where `places` lead nowhere.
+        `logs` (shape (k, 3)): of the material, for each setting.
+        `amplitudes`, `ratios` (shape (k,)).
+        `places` (shape (2, k)).
+        `asked` (shape (2, k)): where there may be an orbit at all.
+        `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
         asked = np.ones(places.shape, bool) if asked is None else asked
         kinds, which = np.unique(np.stack([amplitudes, ratios]), axis=1, return_inverse=True)
@@ -95,25 +83,15 @@ class Lever:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint.
+    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint."""
 
-    Parameters
-    ----------
-    axes : list of ndarray
-        Five.
-    values : ndarray, shape (..., 6)
-        Phase [rad], place and whether there is an orbit, of both branches.
-    """
-
-    axes: list[Array]
-    values: Array
+    axes: list[Array]  # five
+    values: Array  # shape (..., 6); phase [rad], place and whether there is an orbit, of both branches
 
     def look(self, points: Array) -> tuple[Array, Array, Array]:
         """Phases [rad], NaN without an orbit, places, and shares of the corners that have one, shape (2, ...).
 
-        Parameters
-        ----------
-        points : ndarray, shape (..., 5)
+        `points` (shape (..., 5)).
         """
         from scipy.interpolate import RegularGridInterpolator
 
@@ -129,15 +107,9 @@ class Table:
 def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
-    Parameters
-    ----------
-    lever : Lever
-    reach : ndarray, shape (3,)
-        Largest logarithms of the materials.
-    amplitudes : (float, float)
-        Least and largest free amplitude [m].
-    levels : ndarray, shape (k,)
-        Setpoints, rising, two at least.
+    `reach` (shape (3,)): largest logarithms of the materials.
+    `amplitudes`: least and largest free amplitude [m].
+    `levels` (shape (k,)): setpoints, rising, two at least.
     """
     materials = [np.linspace(-most, most, count) for most, count in zip(reach, COUNTS, strict=True)]
     grid = lever.model.centre + np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)

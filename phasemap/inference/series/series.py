@@ -31,8 +31,6 @@ from phasemap.solvers.problem import material_row
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["series"]
-
 Array = NDArray[np.float64]
 
 FACTORS = (10.0, 2.5, 5.0)  # within which modulus, adhesion and damping are known beforehand

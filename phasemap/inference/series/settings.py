@@ -41,42 +41,26 @@ SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """Of m files.
-
-    Parameters
-    ----------
-    names : tuple of str
-    ratios : ndarray, shape (m,)
-        Setpoints; where they are not known, what is recorded of the setpoint over what is of the free amplitude.
-    relative : ndarray, shape (m,)
-        Free amplitudes over their common scale.
-    scale, factor : float
-        Of the free amplitude at the drive frequency [m]: median and standard deviation as a factor.
-    amplitude, setpoint, zero : str
-        "held", "shared" or "free".
-    metres : bool
-        Whether `ratios` are amplitudes [m], of which the free amplitude follows from the setpoint.
-    zeros, zero_errors : ndarray, shape (m,)
-        [degree]
-    sign : int or None
-        Of the recorded phase; None where it is not known.
-    told : tuple of str
-        Sentences on where all this comes from.
-    """
+    """Of m files."""
 
     names: tuple[str, ...]
+    # shape (m,); Setpoints; where they are not known, what is recorded of the setpoint over what is of the free
+    # amplitude
     ratios: Array
-    relative: Array
+    relative: Array  # shape (m,); free amplitudes over their common scale
+    # scale, factor: of the free amplitude at the drive frequency [m]: median and standard deviation as a factor
     scale: float
     factor: float
+    # amplitude, setpoint, zero: "held", "shared" or "free"
     amplitude: str
     setpoint: str
     zero: str
-    metres: bool
+    metres: bool  # whether `ratios` are amplitudes [m], of which the free amplitude follows from the setpoint
+    # zeros, zero_errors: shape (m,) [degree]
     zeros: Array
     zero_errors: Array
-    sign: int | None
-    told: tuple[str, ...] = ()
+    sign: int | None  # of the recorded phase; none where it is not known
+    told: tuple[str, ...] = ()  # sentences on where all this comes from
 
     def __len__(self) -> int:
         return len(self.names)
@@ -136,13 +120,7 @@ class Settings:
 
 
 def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Microscope, list[str]]:
-    """The microscope, of what the files say and what has to be assumed, which is told.
-
-    Raises
-    ------
-    InputError
-        If the files are of different drive frequencies.
-    """
+    """The microscope, of what the files say and what has to be assumed, which is told."""
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
@@ -189,13 +167,7 @@ def _of_lever(known: list[dict[str, Any]], names: list[str]) -> tuple[dict[str, 
 
 
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
-    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`.
-
-    Raises
-    ------
-    InputError
-        If what is given does not fit.
-    """
+    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`."""
     count, told = len(images), list[str]()
     known = recorded_of(images, names, told)
     amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)

@@ -24,16 +24,7 @@ NARROWED = 0.5  # width of an interval over that of the prior, below which data 
 
 
 def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
-    """Write the verdict and the advice.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Everything else.
-    problem : Problem
-    covariance : ndarray
-        Of the logarithms sought.
-    """
+    """Write the verdict and the advice."""
     poor = is_poor(ds, problem)
     said = [*_of_order(ds), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
     if not poor:

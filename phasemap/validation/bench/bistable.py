@@ -18,10 +18,7 @@ HEIGHTS = 240  # of the tip offset
 def is_bistable(equation: Equation) -> bool:
     """Whether the drive passes its value three times on the way down: attractive, unstable and repulsive orbit.
 
-    Parameters
-    ----------
-    equation : Equation
-        Driven near resonance, at a quality factor of 50 or more: first-order averaging has to hold.
+    `equation`: driven near resonance, at a quality factor of 50 or more: first-order averaging has to hold.
 
     Examples
     --------

@@ -60,17 +60,20 @@ from phasemap._kernels.orbits.response.passes import (
     ERR_HEIGHT,
     ERR_PHASE,
     HEIGHT,
+    LAST_RATIO,
+    LAST_W,
     MEAN,
     PASSES,
     PHASE,
+    PHASE_CHANGE,
     PUSH,
     SLOPE,
     STATE,
     E,
+    after_pass,
     closure,
     evaluate,
-    remaining,
-    state_errors,
+    first_pass,
     unresolved,
 )
 
@@ -266,44 +269,35 @@ def newton(
     The error left is taken from the last two changes, as that of passes is.
     """
     f, state, longrange, middle = bench.nodes, bench.state, p[LONGRANGE] != 0.0, middle_of(bench.nodes)
-    amplitude, omega = state[AMP], lever[OMEGA]
     h = evaluate(law, p, lever, f, state, True)
-    phase_before, height_before, w_before, left_before = math.nan, math.nan, f[W, middle], math.inf
+    phase, height, left_before, anew = state[PHASE], state[HEIGHT], math.inf, True
+    first_pass(state)
+    state[LAST_W] = f[W, middle]
     if state[PASSES] > 0.0:
-        phase_before, height_before = state[PHASE], state[HEIGHT]
-    phase_change, height_change, ratio_before, anew = math.nan, math.nan, 1.0, True
+        state[PHASE], state[HEIGHT] = phase, height
     for _ in range(MOST_STEPS):
         share = _step(law, p, lever, reach, bench, h, anew)
         if not share > 0.0:
             return LOST
         h = evaluate(law, p, lever, f, state, True)
         state[PASSES] += 1.0
-        x = state[PUSH] + amplitude * (1.0 - omega * omega)
-        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
-        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
-        if not math.isfinite(phase + height):
+        nodes, ratio_before = unresolved(lever, f, True, longrange), state[LAST_RATIO]
+        ratio = after_pass(lever, state, h, f[W, middle], nodes)
+        if not math.isfinite(state[PHASE] + state[HEIGHT]):
             return LOST
-        phase_last, height_last = phase_change, height_change
-        phase_change = abs(phase - phase_before)
-        height_change = max(abs(height - height_before), abs(f[W, middle] - w_before))
-        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
         anew = not ratio < REUSED
-        nodes = unresolved(lever, f, True, longrange)
-        state[PHASE], state[HEIGHT] = phase, height
-        if phase_change < MUCH and nodes > limits[0] * lever[BASE]:
+        if state[PHASE_CHANGE] < MUCH and nodes > limits[0] * lever[BASE]:
             return COARSE
-        if ratio >= 0.0 and share == 1.0:
-            rest = remaining(ratio, ratio_before)
-            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
-            state_errors(lever, state, rest, phase_left, height_left, nodes)
+        if share < 1.0:
+            state[LAST_RATIO] = ratio_before
+        elif ratio >= 0.0:
             left = abs(closure(lever, state))
             small = state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]
             if small and left < CLOSED:
                 return FOUND
             if small and left > 0.5 * left_before:
                 return COARSE
-            ratio_before, left_before = ratio, left
-        phase_before, height_before, w_before = phase, height, f[W, middle]
+            left_before = left
     return LOST
 
 

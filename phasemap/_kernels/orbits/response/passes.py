@@ -49,9 +49,10 @@ LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to whe
 WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
 DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
 # Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
-# largest A cos(theta) + w where the nodes are others, else 0.
+# largest A cos(theta) + w where the nodes are others, else 0; what the last pass changed, and the ratio before.
 AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL = range(9)
-PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, APEX, STATE = range(9, 16)
+PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, APEX = range(9, 15)
+LAST_W, PHASE_CHANGE, HEIGHT_CHANGE, LAST_RATIO, STATE = range(15, 20)
 BARYCENTRIC = barycentric(X)
 _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
@@ -154,6 +155,39 @@ def balance(
     return h
 
 
+@kernel
+def first_pass(state: np.ndarray) -> None:
+    """Forget the changes of passes made before."""
+    for i in (PHASE, HEIGHT, LAST_W, PHASE_CHANGE, HEIGHT_CHANGE):
+        state[i] = math.nan
+    state[LAST_RATIO] = 1.0
+
+
+@kernel
+def after_pass(lever: np.ndarray, state: np.ndarray, h: float, w: float, nodes: float) -> float:
+    """Phase and tip offset after a pass, from the mismatch left and a deflection `w`, and the errors that are left.
+
+    The errors are taken from the last two changes as if they went on like a geometric series, many times over: theory,
+    Eq. (errors-1). Returns the ratio of the changes, NaN before there are two.
+    """
+    amplitude, omega = state[AMP], lever[OMEGA]
+    x = state[PUSH] + amplitude * (1.0 - omega * omega)
+    y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+    phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
+    phase_last, height_last = state[PHASE_CHANGE], state[HEIGHT_CHANGE]
+    phase_change = abs(phase - state[PHASE])
+    height_change = max(abs(height - state[HEIGHT]), abs(w - state[LAST_W]))
+    state[PHASE], state[HEIGHT], state[LAST_W] = phase, height, w
+    state[PHASE_CHANGE], state[HEIGHT_CHANGE] = phase_change, height_change
+    ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
+    if ratio >= 0.0:
+        rest = remaining(ratio, state[LAST_RATIO])
+        phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
+        state_errors(lever, state, rest, phase_left, height_left, nodes)
+        state[LAST_RATIO] = ratio
+    return ratio
+
+
 @kernel(shared=True)
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
@@ -161,36 +195,23 @@ def converge(
 ) -> bool:  # fmt: skip
     """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
 
-    The error left is taken from the last two changes as if they went on like a geometric series, many times over:
-    theory, Eq. (errors-1).
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes that contract slowly in contact are given up soon, for Newton's method.
     """
-    amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
+    longrange = p[LONGRANGE] != 0.0
     touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest = TOUCH + N // 2 if touching else OUT
-    phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
-    w_before, left_before = 0.0, math.inf
-    ratio_before, slow, most_slow = 1.0, 0, 1 if touching and beside_resonance(lever) else 4
+    left_before, slow, most_slow = math.inf, 0, 1 if touching and beside_resonance(lever) else 4
+    first_pass(state)
     for _ in range(MOST_PASSES):
         respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
         h = balance(law, p, lever, f, state, touching, hold)
         state[PASSES] += 1.0
-        x = state[PUSH] + amplitude * (1.0 - omega * omega)
-        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
-        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
-        if not (math.isfinite(phase + height) and f[THETA, EXIT] >= f[THETA, ENTRY]):
+        nodes = unresolved(lever, f, touching, longrange)
+        ratio = after_pass(lever, state, h, f[W, nearest], nodes)
+        if not (math.isfinite(state[PHASE] + state[HEIGHT]) and f[THETA, EXIT] >= f[THETA, ENTRY]):
             return False
-        phase_last, height_last = phase_change, height_change
-        phase_change = abs(phase - phase_before)
-        height_change = max(abs(height - height_before), abs(f[W, nearest] - w_before))
-        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
         if ratio >= 0.0:
-            rest = remaining(ratio, ratio_before)
-            nodes = unresolved(lever, f, touching, longrange)
-            state[PHASE], state[HEIGHT] = phase, height
-            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
-            state_errors(lever, state, rest, phase_left, height_left, nodes)
             left = 0.0 if hold else abs(closure(lever, state))
             small = state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height
             if small and left < CLOSED:
@@ -198,8 +219,7 @@ def converge(
             slow += ratio > 0.7
             if slow > most_slow or nodes > limit_phase * lever[BASE] or (small and left > 0.5 * left_before):
                 return False
-            ratio_before, left_before = ratio, left
-        phase_before, height_before, w_before = phase, height, f[W, nearest]
+            left_before = left
     return False
 
 
