@@ -86,8 +86,8 @@ def simulate(
         Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
         to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
         `phasemap.channels`: "loss_tangent", "loss_tangent_corrected" and more; and what only these need,
-        adhesion_virial and adhesion_loss [J], whose integral costs more than an interpolated pixel. What a second mode
-        shows comes by default where the drive has one.
+        contact_storage, adhesion_loss and adhesion_virial [J], whose integrals cost more than an interpolated pixel.
+        What a second mode shows comes by default where the drive has one.
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional

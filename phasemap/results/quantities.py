@@ -20,7 +20,7 @@ from phasemap.experiment.microscope import Microscope, Mode
 
 Array = NDArray[np.float64]
 
-FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is not a contact to divide by
+FAINT = 1e-3  # of the virial: a contact that stores less is none to divide by
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +82,6 @@ def _virial(motion: Motion) -> Array:
     return motion.orbit.get("virial", motion.virial)
 
 
-def _over(loss: Array, virial: Array, whole: Array) -> Array:
-    """Loss over 2 pi times the virial of repulsion, NaN where that is next to nothing."""
-    with np.errstate(all="ignore"):
-        return np.where(np.abs(virial) > FAINT * np.abs(whole), -loss / (2 * np.pi * virial), np.nan)
-
-
 def _loss_tangent(motion: Motion) -> Array:
     with np.errstate(all="ignore"):
         tangent: Array = -motion.dissipation / (2 * np.pi * motion.virial)
@@ -95,9 +89,9 @@ def _loss_tangent(motion: Motion) -> Array:
 
 
 def _corrected(motion: Motion) -> Array:
-    attraction = motion.orbit["adhesion_virial"]
-    loss = motion.dissipation - motion.orbit["adhesion_loss"]
-    return _over(loss, motion.virial - attraction, np.abs(motion.virial) + np.abs(attraction))
+    loss, storage = _dissipation(motion) - motion.orbit["adhesion_loss"], motion.orbit["contact_storage"]
+    with np.errstate(all="ignore"):
+        return np.where(storage > FAINT * np.abs(motion.virial), loss / (2 * np.pi * storage), np.nan)
 
 
 def _second(motion: Motion) -> tuple[Mode, Array, Array]:
@@ -201,8 +195,8 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "loss_tangent_corrected", "loss tangent corrected for adhesion", "1", _corrected,
-            f"{PROKSCH}, less the virial of the attraction and the energy of necks",
-            needs=("adhesion_virial", "adhesion_loss"),
+            f"{PROKSCH}, with the energy that the contact stores for the virial, and less the energy of necks",
+            needs=("contact_storage", "adhesion_loss"), of_orbit="dissipation",
         ),
         Channel(
             "mode2_frequency_shift", "shift of the second mode's resonance", "Hz", _mode2_shift, LABUDA, OF_SECOND,
