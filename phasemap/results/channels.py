@@ -81,8 +81,9 @@ def channels(
           ``mode2_amplitude`` [m] and ``mode2_phase`` [degree] of AM-AM, ``effective_stiffness_1`` and
           ``effective_stiffness_2`` [N/m], and what the instrument makes of them by the formula for a paraboloid on
           Hertz contact, ``bimodal_modulus`` E* [Pa] and ``bimodal_indentation`` [m]. The second mode is taken to move
-          much less than the tip indents; ``mode2_over_depth`` [1] is how much it does: up to 0.1 the modulus is good
-          to 1 %, at 0.2 it is 2 % too large.
+          much less than the tip indents, ``mode2_over_depth`` [1] is how much it does, and the tap to be gentle:
+          ``bimodal_modulus_bound`` [1] is how far the modulus may be from that of two modes integrated in time. The
+          second mode counts as a small one where that is at most 0.01.
 
         The first four are the orbit's own where the image has ``dissipation`` and ``virial``, and else follow from
         amplitude and phase (of the first harmonic alone); the attribute ``derived_from`` of each says which. With
