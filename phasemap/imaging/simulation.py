@@ -35,7 +35,7 @@ from phasemap.results.status import Status
 from phasemap.results.validity import FORCES, describe_validity
 from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, describe, provenance
 from phasemap.results.words import describe_failures
-from phasemap.solvers.march import check_marches
+from phasemap.solvers.march import check_integrals, check_marches
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
 
@@ -234,10 +234,9 @@ def _check_memory(job: Job) -> None:
         return
     check_marches(job.solver.name)
     if isinstance(job.control, Raster):
-        raise InputError("control", "Raster", "Engage or Feedback where contacts remember")
-    if asked := [name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)]:
-        allowed = "variables that are no integral over a static force, where contacts remember"
-        raise InputError("variables", ", ".join(asked), allowed)
+        hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
+        raise InputError("control", "Raster", "Engage or Feedback where contacts remember", hint)
+    check_integrals([name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)])
 
 
 def workspace(realism: Realism) -> int:
