@@ -10,8 +10,6 @@ from phasemap._shared.units import say
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["lines_of", "names_of", "verdict_of"]
-
 WORTH_SAYING = 0.1  # share of the residual's variance
 MOSTLY = 0.5  # share of the measured variance
 
@@ -19,10 +17,7 @@ MOSTLY = 0.5  # share of the measured variance
 def names_of(found: xr.Dataset) -> tuple[str, str]:
     """What the two images are called.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
+    `found`: what `phasemap.compare` returned.
     """
     return found.attrs["measured_name"], found.attrs["simulated_name"]
 
@@ -30,14 +25,7 @@ def names_of(found: xr.Dataset) -> tuple[str, str]:
 def turned(found: xr.Dataset) -> str:
     """Say that the sign of the phase was turned, and why; nothing if it was not.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    str
+    `found`: what `phasemap.compare` returned.
     """
     if float(found["sign"]) > 0:
         return ""
@@ -56,15 +44,8 @@ def turned(found: xr.Dataset) -> str:
 def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     """Say what was found.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    list of pair of str
-        What is spoken of, and what is said of it.
+    `found`: what `phasemap.compare` returned.
+    Returns what is spoken of, and what is said of it.
     """
     first, second = names_of(found)
     value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
@@ -99,15 +80,8 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
 def verdict_of(found: xr.Dataset) -> str:
     """Say how much of the first image the second explains, and what is in the rest.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    str
-        One to five sentences.
+    `found`: what `phasemap.compare` returned.
+    One to five sentences.
     """
     first, second = names_of(found)
     explained = float(found["explained"])

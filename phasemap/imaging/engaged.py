@@ -39,20 +39,11 @@ REST = 1 << 16  # pixels without an interpolant that are solved together
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What all pixels of an image share: a table of its materials, or an atlas of more, or neither.
+    """What all pixels of an image share: a table of its materials, or an atlas of more, or neither."""
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4) or (n, 5), or None
-        All that the image has.
-    values : dict of str to ndarray of shape (n,)
-        Their variables.
-    axes, atlas : optional
-        Coordinates of materials, and interpolants in them.
-    """
-
-    materials: Array | None = None
-    values: Values | None = None
+    materials: Array | None = None  # shape (n, 4) or (n, 5), or None; all that the image has
+    values: Values | None = None  # their variables
+    # axes, atlas: coordinates of materials, and interpolants in them
     axes: Axes | None = None
     atlas: Atlas | None = None
 

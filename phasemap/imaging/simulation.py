@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-__all__ = ["modelled", "simulate"]
-
 
 def simulate(
     surface: Surface,

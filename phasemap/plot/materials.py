@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-__all__ = ["inversion", "is_inversion"]
-
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
 LIMITS = (1, 99)  # percentiles shown
 UNSURE = "0.85"
@@ -101,16 +99,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
 
 
 def is_inversion(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of an inversion, by pixels or by regions.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a Dataset is of an inversion, by pixels or by regions."""
     return (
         all(f"{name}_error" in ds for name in SHOWN) and "flag" in ds and ds["flag"].dims in (("y", "x"), ("region",))
     )

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["regions"]
-
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
 SURE = 1.96  # standard errors, to either side
 STYLES = ("-", "--", ":", "-.")  # of free amplitudes
@@ -31,23 +29,9 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
     Open symbols are properties that the data do not determine, squares those that were given.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        What `phasemap.fit_regions` returned.
-    path, overwrite
-        As of `phasemap.plot.inversion`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If the format is unknown.
-    FileError
-        If `path` cannot be written.
+    `ds`: what `phasemap.fit_regions` returned.
+    `path`, `overwrite`: as of `phasemap.plot.inversion`.
+    Raises FileError if `path` cannot be written.
     """
     from phasemap.plot.page import Page
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.control import Control
 
-__all__ = ["channels", "inputs_of", "split", "with_channels"]
-
 Array = NDArray[np.float64]
 
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
@@ -291,17 +289,7 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
 def split(variables: object, control: Control, second: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Variables asked for, as those of an image under this control and channels that are to be derived from it.
 
-    Parameters
-    ----------
-    variables : iterable of str or None
-    control : Control
-    second : bool
-        Whether the drive has a second mode, of which all channels come by default.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, or the channel of images at rest only.
+    `second`: whether the drive has a second mode, of which all channels come by default.
     """
     known = all_variables_of(control)
     more = tuple(

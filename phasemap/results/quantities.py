@@ -18,8 +18,6 @@ from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
 from phasemap.experiment.microscope import Microscope, Mode
 
-__all__ = ["CHANNELS", "Channel", "Motion", "motion_of"]
-
 Array = NDArray[np.float64]
 
 FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is not a contact to divide by
@@ -27,23 +25,14 @@ FAINT = 1e-3  # of the virial of repulsion and attraction: what is less is not a
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What is known of the tip's motion in some pixels.
+    """What is known of the tip's motion in some pixels."""
 
-    Parameters
-    ----------
-    lever : ndarray, shape (5,)
-        As of `phasemap.experiment.lever.lever_of`.
-    scope : Microscope
-    amplitude, phase : ndarray
-        Of the first harmonic of the tip's position [m, rad].
-    orbit : mapping of str to ndarray
-        Variables of an image, of the same pixels, that were integrated over the orbit; may be empty.
-    """
-
-    lever: Array
+    lever: Array  # shape (5,); as of `phasemap.experiment.lever.lever_of`
     scope: Microscope
+    # amplitude, phase: of the first harmonic of the tip's position [m, rad]
     amplitude: Array
     phase: Array
+    # Variables of an image, of the same pixels, that were integrated over the orbit; may be empty
     orbit: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -65,31 +54,17 @@ class Motion:
 
 @dataclass(frozen=True)
 class Channel:
-    """A derived channel.
-
-    Parameters
-    ----------
-    name, long_name, units : str
-    value : callable
-        ``value(motion)``, of a `Motion`.
-    source : str
-        Where the formula is from.
-    needs : tuple of str
-        Variables that the orbit must have; without them there is no such channel.
-    of_orbit : str
-        The variable that the orbit may have, of which this is a multiple; else it comes from amplitude and phase.
-    bimodal : bool
-        Whether it is of a second mode, which the drive must have.
-    """
+    """A derived channel."""
 
     name: str
     long_name: str
     units: str
-    value: Callable[[Motion], Array]
-    source: str
-    needs: tuple[str, ...] = ()
+    value: Callable[[Motion], Array]  # ``value(motion)``, of a `Motion`
+    source: str  # where the formula is from
+    needs: tuple[str, ...] = ()  # variables that the orbit must have; without them there is no such channel
+    # The variable that the orbit may have, of which this is a multiple; else it comes from amplitude and phase
     of_orbit: str = ""
-    bimodal: bool = False
+    bimodal: bool = False  # whether it is of a second mode, which the drive must have
 
 
 def motion_of(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None) -> Motion:

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-__all__ = ["FORCES", "describe_validity"]
-
 FORCES = ("adhesion_force", "lever_force")
 """Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""
 LOW_Q = 20.0  # below this, first-order averaging is off by degrees
@@ -32,17 +30,8 @@ AVERAGING = 0  # among the flags of `solver`
 def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many results are outside the validity of the model, and what cures them.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        An image, a sweep or a map of contrast, with its configuration.
-    what : str
-        What there are many of.
-
-    Returns
-    -------
-    list of str
-        One line for each way to be outside; empty if nothing is, or if the dataset does not say.
+    `ds`: an image, a sweep or a map of contrast, with its configuration.
+    Returns one line for each way to be outside; empty if nothing is, or if the dataset does not say.
 
     Examples
     --------

@@ -232,13 +232,7 @@ def all_variables_of(control: Control) -> tuple[str, ...]:
 
 
 def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES) -> tuple[str, ...]:
-    """Return the names of `known` variables asked for, all of them for None.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown.
-    """
+    """Return the names of `known` variables asked for, all of them for None."""
     if variables is None:
         return known
     if not isinstance(variables, Iterable):

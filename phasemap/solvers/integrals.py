@@ -19,13 +19,8 @@ Array = NDArray[np.float64]
 def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
     """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 12).
 
-    Parameters
-    ----------
-    stiffness : ndarray, shape (n,)
-        K [Pa].
-    scope : Microscope
-    film : ndarray, shape (n, 2), optional
-        Of `phasemap.experiment.properties.film_of`.
+    `stiffness` (shape (n,)): k [Pa].
+    `film` (shape (n, 2)): of `phasemap.experiment.properties.film_of`.
     """
     none = np.zeros_like(stiffness)
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
@@ -37,19 +32,9 @@ def with_adhesion(rows: Array, work: Work, bare: Array) -> Array:
     The attraction is the force less that of the same contact without adhesion and bias. The orbit is taken as harmonic
     about its deepest point: in air the virial is good to 1 %, in a liquid to some 10 %.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (..., n, COLUMNS or WIDE)
-        As the detector sees them.
-    work : Work
-        Of the n materials.
-    bare : ndarray, shape (n, 12)
-        See `bare_rows`.
-
-    Returns
-    -------
-    ndarray, shape (..., n, WIDE)
-        NaN where there is no periodic orbit.
+    `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
+    `bare` (shape (n, 12)): see `bare_rows`.
+    Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
     """
     from phasemap._kernels.rows.adhesion import adhesion_rows
 
@@ -66,14 +51,9 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
     With all harmonics of the orbit, good to half a percent, where the lever's response converges; as harmonic about
     its deepest point where the contact has a neck or the orbit was averaged, which in air is good to 1 %.
 
-    Parameters
-    ----------
-    rows, work
-        As for `with_adhesion`.
-    used : ndarray of int8, shape (..., n)
-        Codes of the solvers that made the rows.
-    scope : Microscope
-        Of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
+    `rows`, `work`: as for `with_adhesion`.
+    `used` (shape (..., n)): codes of the solvers that made the rows.
+    `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
     """
     from phasemap._kernels.rows.forces import force_rows
 

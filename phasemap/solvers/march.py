@@ -138,12 +138,6 @@ class Remembering(FromFar):
 
 
 def check_marches(name: str) -> None:
-    """Refuse a solver that does not march, where contacts remember.
-
-    Raises
-    ------
-    InputError
-        With what is allowed.
-    """
+    """Refuse a solver that does not march, where contacts remember."""
     if name not in ("auto", March.name):
         raise InputError("solver", name, "'march' or 'auto' where contacts remember")

@@ -40,23 +40,12 @@ FINEST = 17  # nodes of a border along one coordinate
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """A surface x2 = s(x0, x1).
+    """A surface x2 = s(x0, x1)."""
 
-    Parameters
-    ----------
-    box : tuple of float
-        Low and high of x0, and of x1.
-    coefficients : ndarray, shape (n0, n1)
-    error : float
-        Of s, estimated.
-    sudden : bool
-        Whether the orbit jumps there; else it has a kink.
-    """
-
-    box: tuple[float, float, float, float]
-    coefficients: Array
-    error: float
-    sudden: bool
+    box: tuple[float, float, float, float]  # low and high of x0, and of x1
+    coefficients: Array  # shape (n0, n1)
+    error: float  # of s, estimated
+    sudden: bool  # whether the orbit jumps there; else it has a kink
 
     def height(self, x0: Array, x1: Array) -> Array:
         """x2 of the border."""
@@ -192,12 +181,8 @@ def find_borders(
 ) -> list[Border]:
     """Borders above a box of (x0, x1) that matter for adhesions between low and high, from below.
 
-    Above the adhesion `few` are so few materials that no border is looked for there.
-
-    Raises
-    ------
-    Undecided
-        If a border exists over a part of the box only, or is not smooth, or is for few materials only.
+    Above the adhesion `few` are so few materials that no border is looked for there. Raises Undecided if a border
+    exists over a part of the box only, or is not smooth, or is for few materials only.
     """
     bases = _bases(box)
     lines = _scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)

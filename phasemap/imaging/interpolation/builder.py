@@ -29,14 +29,9 @@ DEEPEST = 14  # cuts one after another
 def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> Atlas:
     """Make an atlas for the materials of an image.
 
-    Parameters
-    ----------
-    exact : ExactOrbits
-    sample : ndarray, shape (n, 3)
-        Points drawn from the image, each once; without any, the atlas is empty.
-    count : int
-        How many distinct ones the image has.
-    tolerances : ndarray, shape (functions,)
+    `sample` (shape (n, 3)): points drawn from the image, each once; without any, the atlas is empty.
+    `count`: how many distinct ones the image has.
+    `tolerances` (shape (functions,)).
     """
     if not len(sample):
         return Atlas.of([[LEAF, OUTSIDE, -1, -1]], [0.0], [], [])

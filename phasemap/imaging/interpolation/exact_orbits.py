@@ -28,10 +28,8 @@ class ExactOrbits:
 
     Parameters
     ----------
-    scope : Microscope
     amplitude : float
         At the setpoint [m].
-    axes : Axes
     workers : int
         Threads.
     accuracy : Accuracy, optional
@@ -52,18 +50,10 @@ class ExactOrbits:
     def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
         """FUNCTIONS after engagement.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-        amplitude : float, optional
-            In place of that at the setpoint [m].
-        in_time : bool
-            Whether time is asked where no curve of orbits tells, which is a thousand times slower.
-
-        Returns
-        -------
-        ndarray, shape (n, 6)
-            NaN where no orbit is held.
+        `points` (shape (n, 3)).
+        `amplitude`: in place of that at the setpoint [m].
+        `in_time`: whether time is asked where no curve of orbits tells, which is a thousand times slower.
+        Returns an array of shape (n, 6): NaN where no orbit is held.
         """
         work = self._work(points, amplitude)
         rows, status, _ = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
@@ -72,22 +62,12 @@ class ExactOrbits:
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
         """FUNCTIONS of the orbits next to guesses, without engagement, which is cheaper near a jump.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-        guesses : ndarray, shape (n, functions)
-            As from exact orbits; tip offset, phase and mean deflection are used.
-        away : ndarray, shape (n,)
-            How far off the tip offset may be [m].
-        amplitude : float, optional
-            In place of that at the setpoint [m].
-        group : int
-            So many points, one after another, are close to each other.
-
-        Returns
-        -------
-        ndarray, shape (n, 6)
-            NaN where there is no stable orbit so near.
+        `points` (shape (n, 3)).
+        `guesses` (shape (n, functions)): as from exact orbits; tip offset, phase and mean deflection are used.
+        `away` (shape (n,)): how far off the tip offset may be [m].
+        `amplitude`: in place of that at the setpoint [m].
+        `group`: so many points, one after another, are close to each other.
+        Returns an array of shape (n, 6): NaN where there is no stable orbit so near.
         """
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.nearby import nearby_rows

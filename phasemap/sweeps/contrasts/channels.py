@@ -29,18 +29,8 @@ def derived(
 ) -> dict[str, xr.Variable]:  # fmt: skip
     """Channels of each material, and of the second less the first under the name with ``_contrast``.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of `phasemap.results.quantities.CHANNELS`.
-    pair : Pair
-    materials : pair of Material
-        Those of the pair.
-    labels : pair of str
-        What they are called.
-    axes : tuple of ndarray
-    engaged : Engaged
-        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    `names`: of `phasemap.results.quantities.CHANNELS`.
+    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     """
     import xarray as xr
 

@@ -23,10 +23,7 @@ HALVINGS = 6  # then, to a percent, by which first-order theory is off anyway
 def is_bistable(equation: Equation) -> bool:
     """Whether the drive passes its value three times on the way down: attractive, unstable and repulsive orbit.
 
-    Parameters
-    ----------
-    equation : Equation
-        Driven near resonance, at a quality factor of 50 or more: first-order averaging has to hold.
+    `equation`: driven near resonance, at a quality factor of 50 or more: first-order averaging has to hold.
 
     Examples
     --------

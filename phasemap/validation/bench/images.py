@@ -40,22 +40,13 @@ _LIQUID = Microscope(Cantilever(0.1, 10e3, 2.0), Tip(10e-9), Drive(14e-9))
 
 @dataclass(frozen=True)
 class Map:
-    """An image with three independent rough maps.
-
-    Parameters
-    ----------
-    name : str
-    scope : Microscope
-    setpoint : float
-    modulus, adhesion, damping : (float, float)
-        Least and largest [Pa, J/m2, 1]; modulus and damping are spread over the decades between.
-    most : int, optional
-        Pixels along a side, at most.
-    """
+    """An image with three independent rough maps, each between two values, at most so many pixels along a side."""
 
     name: str
     scope: Microscope
     setpoint: float
+    # modulus, adhesion, damping: least and largest [Pa, J/m2, 1]; modulus and damping are spread over the decades
+    # between
     modulus: Range
     adhesion: Range
     damping: Range
@@ -95,17 +86,7 @@ def surface_of(one: Map, size: int, seed: int) -> Surface:
 def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:
     """Simulate every map, and solve random pixels of it by collocation.
 
-    Parameters
-    ----------
-    quick : bool
-        Smaller images.
-    seed : int
-    progress : callable
-
-    Returns
-    -------
-    xarray.Dataset
-        Dim "image": image_size, image_time and image_time_alone [s], image_interpolated [1],
+    Returns, over "image": image_size [1], image_time and image_time_alone [s], image_interpolated [1],
         image_phase_error [degree] and image_height_error [m] (largest), image_bounded [1] and image_failed [1].
     """
     import xarray as xr

@@ -32,18 +32,10 @@ MOST_DRAWS = 50  # times as many candidates as cases are asked for, after which 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Distinct materials under one microscope, as an image gives them.
-
-    Parameters
-    ----------
-    scope : Microscope
-    materials : ndarray, shape (n, 4)
-        Modulus [Pa], adhesion [J/m2], damping [1], Poisson's ratio [1].
-    setpoint : float
-    """
+    """Distinct materials under one microscope, as an image gives them."""
 
     scope: Microscope
-    materials: Array
+    materials: Array  # shape (n, 4); Modulus [Pa], adhesion [J/m2], damping [1], Poisson's ratio [1]
     setpoint: float
 
     def __len__(self) -> int:
@@ -90,34 +82,25 @@ class Regime(Protocol):
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges from which a case is drawn: logarithmic for what spans decades, uniform for radius, setpoint, d0.
-
-    Parameters
-    ----------
-    name : str
-    stiffness, quality_factor, free_amplitude, radius : (float, float)
-        Of the microscope [N/m, 1, m, m].
-    modulus, adhesion, damping : (float, float)
-        Of the material [Pa, J/m2, 1]; one material in five has no adhesion, one in five no damping.
-    decay_length, setpoint : (float, float)
-        [m, 1]
-    ratios : tuple of float
-        Drive over resonance frequency, of which a microscope takes one; the free amplitude is that at the drive.
-    bistable : bool
-        Whether only materials are kept on which there are an attractive and a repulsive orbit at the setpoint.
-    """
+    """Ranges from which a case is drawn: logarithmic for what spans decades, uniform for radius, setpoint, d0."""
 
     name: str
+    # stiffness, quality_factor, free_amplitude, radius: of the microscope [N/m, 1, m, m]
     stiffness: Range
     quality_factor: Range
     free_amplitude: Range
     radius: Range
+    # modulus, adhesion, damping: of the material [Pa, J/m2, 1]; one material in five has no adhesion, one in five
+    # no damping
     modulus: Range
     adhesion: Range
     damping: Range
+    # decay_length, setpoint: [m, 1]
     decay_length: Range = (0.15e-9, 0.5e-9)
     setpoint: Range = (0.4, 0.95)
+    # Drive over resonance frequency, of which a microscope takes one; the free amplitude is that at the drive
     ratios: tuple[float, ...] = (1.0,)
+    # Whether only materials are kept on which there are an attractive and a repulsive orbit at the setpoint
     bistable: bool = False
 
     def draw(self, pixels: int, rng: np.random.Generator) -> Batch:
@@ -161,19 +144,11 @@ class Ranges:
 
 @dataclass(frozen=True)
 class Image:
-    """Pixels of an image: a polymer blend with diffuse interfaces, the modulus of each part varying by a tenth.
-
-    Parameters
-    ----------
-    name : str
-    scope : Microscope
-    first, second : Material
-        The parts.
-    setpoint : float
-    """
+    """Pixels of an image: a polymer blend with diffuse interfaces, the modulus of each part varying by a tenth."""
 
     name: str
     scope: Microscope
+    # first, second: the parts
     first: Material
     second: Material
     setpoint: float = 0.7
@@ -269,14 +244,7 @@ REGIMES: tuple[Regime, ...] = (
 def draw(regime: Regime, batches: int, pixels: int, rng: np.random.Generator) -> tuple[Batch, ...]:
     """Draw microscopes of a regime, and materials under each.
 
-    Parameters
-    ----------
-    regime : Regime
-    batches : int
-        How many microscopes (for `Image`: images).
-    pixels : int
-        How many materials under each.
-    rng : numpy.random.Generator
+    `batches`: how many microscopes (for `Image`: images).
 
     Examples
     --------

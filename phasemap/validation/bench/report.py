@@ -68,15 +68,8 @@ def _curves(ds: xr.Dataset) -> str:
 def table(ds: xr.Dataset) -> str:
     """Rank the methods at equal error, then give each tolerance's time, errors and failures.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Of `phasemap.validation.bench.bench`.
-
-    Returns
-    -------
-    str
-        Markdown.
+    `ds`: of `phasemap.validation.bench.bench`.
+    Returns Markdown.
     """
     parts = []
     for phase, height in LEVELS:
@@ -109,15 +102,8 @@ def table(ds: xr.Dataset) -> str:
 def listing(ds: xr.Dataset) -> str:
     """Say which references were not found, and which cases each method failed on, with their parameters.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Of `phasemap.validation.bench.bench`.
-
-    Returns
-    -------
-    str
-        One line each, three at most for a method and regime; empty if nothing failed.
+    `ds`: of `phasemap.validation.bench.bench`.
+    Returns one line each, three at most for a method and regime; empty if nothing failed.
     """
     lines = []
     for r, regime in enumerate(ds["regime"].values):

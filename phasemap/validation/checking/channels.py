@@ -15,8 +15,6 @@ from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import Claim, judged
 
-__all__ = ["derived_in", "follows", "solved_again"]
-
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # of a channel that is computed from the same numbers again
@@ -55,14 +53,8 @@ def solved_again(
     That is what the largest differences of what a channel is made of change in it, one added to the other. The virial
     of the attraction goes with the root of the indentation.
 
-    Parameters
-    ----------
-    picture : Picture
-    again : Again
-    values : mapping of str to ndarray
-        Variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
-    largest : mapping of str to ndarray
-        Largest differences of those, as `phasemap.validation.checking.tolerance.allowed` has them.
+    `values`: variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
+    `largest`: largest differences of those, as `phasemap.validation.checking.tolerance.allowed` has them.
     """
     scope = picture.claims.microscope
     orbit = {name: np.asarray(values[name]) for name in ("dissipation", "virial")}
