@@ -82,7 +82,7 @@ def verdict_of(found: xr.Dataset) -> str:
     """Say how much of the first image the second explains, and what is in the rest.
 
     `found`: what `phasemap.compare` returned.
-    Returns one to five sentences.
+    One to five sentences.
     """
     first, second = names_of(found)
     explained = float(found["explained"])

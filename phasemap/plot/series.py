@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import PALETTE
+from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
-SURE = 1.96
 MOST = 6  # files that are shown
 COLOURED = (2, 98)  # percentiles of an image between which colours differ
 SPARE = 0.08  # of the range of contrasts, above and below it
@@ -122,7 +120,7 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             low, high = (ds[name].values[curve, region] for name in ("curve_low", "curve_high"))
             axes.fill_between(level, low, high, color=color, alpha=0.12, linewidth=0)
             own = ds["curve_contrast"].values[curve, region]
-            axes.plot(level, own, color=color, linewidth=1.2, linestyle=("-", "--", ":", "-.")[curve % 4])
+            axes.plot(level, own, color=color, linewidth=1.2, linestyle=STYLES[curve % len(STYLES)])
             some = np.flatnonzero(curve_of == curve)
             at = ds["setpoint"].values[some]
             measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))
@@ -157,7 +155,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
     for region in range(ds.sizes["region"]):
         color = PALETTE[region % len(PALETTE)]
         for curve in range(ds.sizes["curve"]):
-            style = ("-", "--", ":", "-.")[curve % 4]
+            style = STYLES[curve % len(STYLES)]
             for branch in range(2):
                 phase = ds["branch_phase"].values[curve, branch, region]
                 said = f"region {region}" if branch == 1 and curve == 0 else None
