@@ -193,7 +193,10 @@ def solve_on(
     path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
     tolerance: float, most: int, coarse: bool,
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
-    """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only."""
+    """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only.
+
+    Where m moves the equations of the last exact step, which was within the tolerance, stand for those of the orbit.
+    """
     law, tables, value = path.law, path.tables, orbit.head[VALUE]
     r_z, r_a, r_m = row
     if path.kind == FIXED:
@@ -212,6 +215,8 @@ def solve_on(
             return col.NOT_CONVERGED, steps + 1, orbit, spare
         status, _ = take(tables, lever, orbit, tolerance, coarse)
         if status != col.PENDING:
+            if status == col.GOOD and not coarse:
+                orbit.head[COUNT, LINEAR] = 1.0
             return status, steps + 1, orbit, spare
         if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, steps + 1, orbit, spare
