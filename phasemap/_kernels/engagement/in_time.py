@@ -57,10 +57,11 @@ from phasemap._kernels.engagement.lowering import (
     follow_down,
     pace_of_leap,
 )
-from phasemap._kernels.engagement.stuck import stuck
+from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
+    amplitude_of,
     fill,
     fill_orbit,
     hold_periodic,
@@ -76,7 +77,7 @@ if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
-COARSE, LOOSE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
+COARSE, WIDE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
 NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
@@ -87,11 +88,13 @@ ROUGH = 1.6  # longer steps on that way
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
 EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
 PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
+ASTRAY = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
 SERIES = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
+LEAD = 2.0  # of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 
@@ -193,8 +196,8 @@ def hold_mean(
     slow = (0.0, follows * gain, amplitude)
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
-    groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    z_error = a_error = math.inf
+    groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    z_error, a_error, astray = math.inf, math.inf, True
     while tip.periods[0] + size * block <= most:
         group[0] = group[1] = group[2] = 0.0
         for _ in range(size):
@@ -214,6 +217,7 @@ def hold_mean(
         x, y = group[1] / (size * block) - lever[col.SHAKER], group[2] / (size * block)
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         z = group[0] + amplitude - math.hypot(x, y)
+        short += amplitude - math.hypot(x, y)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         groups += 1
         off = z - z_mean
@@ -225,7 +229,8 @@ def hold_mean(
         if groups >= fewest:
             z_error = math.sqrt(z_square / (groups - 1) / groups)
             a_error = math.sqrt(a_square / (groups - 1) / groups)
-            if z_error < LENGTH and a_error < PHASE:
+            astray = held and abs(short) > ASTRAY * amplitude * groups
+            if z_error < LENGTH and a_error < PHASE and not astray:
                 errors = errors_of_mean(series, first, count, amplitude)
                 if errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH:
                     break
@@ -237,7 +242,7 @@ def hold_mean(
                 return col.NO_STABLE_ORBIT
             missed = 0.0
     errors = errors_of_mean(series, first, count, amplitude)
-    if groups < fewest or not (errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH):
+    if astray or not (errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH):
         return col.NOT_SETTLED
     periods = total[COUNT]
     for j in range(ADDED):
@@ -306,22 +311,41 @@ def approach(
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
     tip = new_tip(law, free.real, -omega * free.imag, z0)
-    how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
-    least, pace = AWAY * abs(free), pace_of_leap(law, p, lever)
+    how = (COARSE * eta, WIDE * PRECISE[0] * amplitude, WIDE * PRECISE[1])
+    least, pace, loose, fell = AWAY * abs(free), pace_of_leap(law, p, lever), False, tip.u.copy()
     row[:] = math.nan
     if pace > 0.0 and WHOLE * ring_down(lever) > most:
         return col.NOT_SETTLED
     while True:
-        ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
-        periodic = ends == SEEN
+        if loose and pace > 0.0:
+            ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, how, most, tip), False
+        else:
+            ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
+            periodic = ends == SEEN
         if ends == LEFT and pace > 0.0:
             ends = fall(law, p, lever, amplitude, pace, least, how, most, tip)
             least *= 2.0
         elif ends == LEFT:
             ends = move_slowly(law, p, lever, amplitude, least, how, most, tip)
             least *= 2.0
-        if ends in (SEEN, HELD) and stuck(law, p, lever, amplitude, tip):
-            return col.NO_STABLE_ORBIT
+        if law.memory == 0 and ends in (SEEN, HELD) and sticks(p, lever, amplitude, tip):
+            known = periodic or p[col.RELEASE] != 0.0
+            if loose or (known and too_stiff(law, p, lever, amplitude)):
+                return col.NO_STABLE_ORBIT
+            copy(tip.u, fell)
+            comes = comes_loose(law, p, lever, amplitude, how, most, tip)
+            if comes == REACHED:
+                return hold(law, p, lever, amplitude, eta, most, tip, row)
+            if comes == FREE and periodic:
+                return col.NO_STABLE_ORBIT
+            loose = comes != UNKNOWN and (periodic or pace > 0.0)
+            if not loose:  # a feedback may lower it faster than it was lowered
+                copy(fell, tip.u)
+                pass_period(law, p, lever, how[0], tip)
+            elif comes == FREE:
+                tip.u[3] = min(tip.u[3], fell[3] + LEAD * (amplitude_of(lever, tip.acc) - amplitude))
+            if loose:
+                continue
         if periodic or ends == HELD:
             return hold(law, p, lever, amplitude, eta, most, tip, row)
         if ends in (SEEN, KEPT):
@@ -362,7 +386,7 @@ def carry_on(
     tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
     if not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
+    how = (COARSE * eta, WIDE * PRECISE[0] * amplitude, WIDE * PRECISE[1])
     ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), how, most, tip)
     if ends == AGAIN:
         return hold(law, p, lever, amplitude, eta, most, tip, row)
