@@ -27,6 +27,7 @@ LEAST_BELOW = 4  # steps between them that make a layer of their own
 HALVINGS = 7  # after which the step of a smooth function has become small
 SMALLEST = 5e-12  # step of the tip offset [m] that is taken for a jump
 JUMP = 0.3  # share of a step that stays in a jump
+FEWEST, PLAIN = 3, 0.8  # halvings after which such a share leaves no doubt
 EXACT = 4e-6  # width, over the adhesion, to which a jump is located
 SMOOTH = 1e-5  # last coefficients of a border, over the adhesion
 ROUGH = 1e-4  # the same where the error is measured instead
@@ -149,11 +150,15 @@ def _jumps(exact: ExactOrbits, bases: Array, lines: _Lines) -> tuple[_Brackets, 
     """Bracket the largest step on every line, and whether it is a jump."""
     brackets = _largest_step(lines)
     before = brackets.step
-    where = before > 0
-    for _ in range(HALVINGS):
+    steps = where = before > 0
+    for i in range(HALVINGS):
         brackets = brackets.halved(exact, bases, where)
+        if i + 1 >= FEWEST:
+            where = where & ~(brackets.step > PLAIN * before)
+        if not where.any():
+            break
     with np.errstate(invalid="ignore"):
-        jumps = where & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
+        jumps = steps & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
     return brackets, jumps
 
 

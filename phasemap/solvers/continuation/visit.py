@@ -156,7 +156,7 @@ def walk(
         if here is None:
             continue
         found = here.at_wanted.get(k)
-        status[k] = Status.not_converged.code if found is None else Status.good.code
+        status[k] = col.NOT_CONVERGED if found is None else col.GOOD
         if found is not None:
             rows[k], traces[k] = here.rows[found], here.traces[found]
     return Visit(rows, traces, status, jumps, here)

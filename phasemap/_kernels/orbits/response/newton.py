@@ -22,6 +22,7 @@ from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, S
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
+from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ALL_CUT,
@@ -48,6 +49,7 @@ from phasemap._kernels.orbits.response.nodes import (
     X,
     first_harmonic,
     lay,
+    middle_of,
     parts_of,
     periods_before,
     relay,
@@ -56,12 +58,15 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.passes import (
     AMP,
     CLOSED,
+    COARSE,
     DRAG,
     ERR_HEIGHT,
     ERR_PHASE,
+    FOUND,
     HEIGHT,
     LAST_RATIO,
     LAST_W,
+    LOST,
     MEAN,
     PASSES,
     PHASE,
@@ -77,7 +82,6 @@ from phasemap._kernels.orbits.response.passes import (
     unresolved,
 )
 
-LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
 MOST_STEPS, MOST_HALVINGS = 16, 6
 REUSED = 0.1  # ratio of changes with which a step may do with the stiffness of the one before
 MUCH = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
@@ -112,12 +116,6 @@ def new_bench(parts: int) -> Bench:
 def node(k: int) -> int:
     """The k-th node in contact."""
     return TOUCH + k if k < N else LATE + k - N
-
-
-@kernel
-def middle_of(f: np.ndarray) -> int:
-    """A node in the middle of the contact."""
-    return TOUCH + N // 2 if parts_of(f) == 1 else LATE
 
 
 @kernel
@@ -184,9 +182,7 @@ def fill(
 @kernel
 def drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
-    i, omega, amplitude = node(k), lever[OMEGA], state[AMP]
-    x = state[PUSH] + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+    i, (x, y) = node(k), needed(lever, state[AMP], state[PUSH], state[DRAG])
     share = 2.0 * WEIGHTS[k % N] * f[WEIGHT, i] / (math.pi * lever[BASE] * lever[BASE])
     return (x * f[COS, i] - y * f[SIN, i]) * share
 
@@ -302,10 +298,8 @@ def newton(
 
 
 @kernel
-def cut(lever: np.ndarray, short: Bench, long: Bench, longrange: bool) -> None:
+def cut(lever: np.ndarray, f: np.ndarray, finer: np.ndarray, longrange: bool) -> None:
     """Carry an orbit over to nodes that cut its contact in two."""
-    f, finer = short.nodes, long.nodes
-    copy(short.state, long.state)
     copy(f[FAR], finer[FAR])
     copy(f[FAR_WEIGHT], finer[FAR_WEIGHT])
     lay(finer, lever, f[THETA, ENTRY], f[THETA, EXIT], longrange)

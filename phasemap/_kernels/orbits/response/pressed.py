@@ -52,14 +52,18 @@ M = 48  # nodes on a period
 SHALLOWEST = 1.03  # e over -A: nearer than this to leaving contact the force is no longer smooth
 _ANGLE = 2 * np.pi * np.arange(M + 1) / M
 _COS, _SIN = np.cos(_ANGLE), np.sin(_ANGLE)
-# Rows of the scratch array, shape (ROWS, 2 M + 1): motion, its rate, force, and twice round what a force makes of both.
-W, U, G, TO_W, TO_U, ROWS = 0, 1, 2, 3, 4, 5
+# Rows of the scratch array, shape (ROWS, 2 M + 1): motion, its rate, force, twice round what a force makes of both, and
+# omega and alpha0 of the lever that does.
+W, U, G, TO_W, TO_U, OF, ROWS = 0, 1, 2, 3, 4, 5, 6
 
 
 @kernel
 def _tabulate(lever: np.ndarray, f: np.ndarray) -> None:
     """Fill the response to a force at a node: entry M - i + j is that of node i to node j."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
+    if f[OF, 0] == omega and f[OF, 1] == alpha0:
+        return
+    f[OF, 0], f[OF, 1] = omega, alpha0
     f[TO_W], f[TO_U] = 0.0, 0.0
     for n in range(2, M // 2):
         x, y = 1.0 - (n * omega) ** 2, 2.0 * alpha0 * n * omega
@@ -152,10 +156,14 @@ def _finish(f: np.ndarray, state: np.ndarray) -> float:
 
 
 @kernel
-def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, state: np.ndarray) -> bool:
-    """Exact orbit near the harmonic one of `state` if the tip stays in contact on it; as `converge` and `sound`."""
-    f, amplitude = np.zeros((ROWS, 2 * M + 1)), state[AMP]
+def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, f: np.ndarray, state: np.ndarray) -> bool:
+    """Exact orbit near the harmonic one of `state` if the tip stays in contact on it; as `converge` and `sound`.
+
+    `f` is a scratch array, zero at first, which keeps the lever's table.
+    """
+    amplitude = state[AMP]
     _tabulate(lever, f)
+    f[W], f[U] = 0.0, 0.0
     _force(law, p, lever, f, state)
     first_pass(state)
     for _ in range(MOST_PASSES):
