@@ -7,9 +7,9 @@ from cases import Case, load, material_of
 
 import phasemap as pm
 
-# tests/reference/make_polymers.py, which compares all hundred (compare). Here are two that tap periodically, and those
-# that once ended on another pattern of taps (15, 69), or on a periodic orbit beside the irregular motion (24); two driven
-# below and above resonance, there irregularly too; and one that a hasty controller led to another pattern than all ways.
+# tests/reference/make_polymers.py, which compares all. Here are two that tap periodically, and those that once ended on
+# another pattern of taps (15, 69), or on a periodic orbit beside the irregular motion (24); two driven below and above
+# resonance, there irregularly too; and one that a hasty controller led to another pattern than all ways.
 CHOSEN = [load("polymers")[i] for i in (2, 3, 15, 24, 69)]
 CHOSEN += [load("polymers_detuned")[i] for i in (2, 8)] + load("polymers_wild")
 # Steps of the reference are good to 1e-4 degree and 0.1 pm here. Means of irregular motion have standard errors of
