@@ -23,6 +23,7 @@ from pathlib import Path
 SOURCE = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
 SHIPPED = ("LICENSE", "README.md", "CHANGELOG.md", "pyproject.toml", "phasemap", "tests", "samples", "examples", "docs")
+NAME = PROJECT["name"]
 ROUNDING = 1e-9  # of a quantity's largest value; compilers and libraries may round a last digit otherwise
 
 
@@ -40,9 +41,10 @@ class Leg:
         self.folder.mkdir()
         here, scene = self.folder / "env/bin", SOURCE / "samples/step.toml"
         call(self.python, "-m", "venv", "--without-pip", "env", cwd=self.folder)
-        pip = (self.folder.parent / "build/bin/pip", "--python", here / "python")  # one pip installs for all
-        call(*pip, "install", "--quiet", "--only-binary", ":all:", self.distribution, *self.limits, cwd=self.folder)
-        call(*pip, "check", cwd=self.folder)
+        uv, into = self.folder.parent / "build/bin/uv", ("--quiet", "--python", here / "python")
+        binary = ("--only-binary", ":all:") if self.distribution.suffix == ".whl" else ()
+        call(uv, "pip", "install", *into, *binary, self.distribution, *self.limits, cwd=self.folder)
+        call(uv, "pip", "check", *into, cwd=self.folder)
         call(here / "phasemap", "--help", cwd=self.folder)
         small = ("surface.shape=[8,16]", "scan.solver=averaging", "--quiet")
         call(here / "phasemap", "run", scene, "-o", "compiled.nc", *small, cwd=self.folder)
@@ -78,7 +80,7 @@ def build(folder: Path) -> tuple[Path, Path]:
     """Build sdist and wheel; the wheel that the sdist makes is that of the tree, and both hold what they should."""
     call(sys.executable, "-m", "venv", "build", cwd=folder)
     requirements = tomllib.loads((SOURCE / "pyproject.toml").read_text())["build-system"]["requires"]
-    call(folder / "build/bin/pip", "install", "--quiet", "build", *requirements, cwd=folder)
+    call(folder / "build/bin/pip", "install", "--quiet", "build", "uv", *requirements, cwd=folder)
     call(folder / "build/bin/python", "-m", "build", "--no-isolation", SOURCE, "--outdir", folder / "dist", cwd=folder)
     wheel_of_tree = ("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", folder / "tree", SOURCE)
     call(folder / "build/bin/pip", *wheel_of_tree, cwd=folder)

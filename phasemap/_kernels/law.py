@@ -32,27 +32,19 @@ _COMPILED: dict[str, CFunc] = {}
 
 
 class Law(NamedTuple):
-    """Addresses of formulas (d, p); 0 for those that kernels know. They hold in one process only.
+    """Addresses of formulas (d, p); 0 for those that kernels know. They hold in one process only."""
 
-    Attributes
-    ----------
-    contact_force, contact_slope : int
-        Force [N] and its derivative [N/m] for d >= 0, and in the neck; 0 for Hertzian contact.
-    longrange_force, longrange_slope : int
-        The same for d <= 0; 0 for the inverse-square attraction.
-    damping, damping_slope : int
-        alpha_s [1] and its derivative [1/m] for d >= 0; 0 for the power law.
-    memory : int
-        The march of a period over surfaces that remember, `orbits.time.remembering`; 0 if none does.
-    """
-
+    # contact_force, contact_slope: force [N] and its derivative [N/m] for d >= 0, and in the neck; 0 for Hertzian
+    # contact
     contact_force: int
     contact_slope: int
+    # longrange_force, longrange_slope: the same for d <= 0; 0 for the inverse-square attraction
     longrange_force: int
     longrange_slope: int
+    # damping, damping_slope: alpha_s [1] and its derivative [1/m] for d >= 0; 0 for the power law
     damping: int
     damping_slope: int
-    memory: int = 0
+    memory: int = 0  # the march of a period over surfaces that remember, `orbits.time.remembering`; 0 if none does
 
 
 def law_of(*formulas: Formula) -> Law:

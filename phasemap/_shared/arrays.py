@@ -9,17 +9,9 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 
-__all__ = ["as_array", "is_frozen", "is_uniform", "read_only"]
-
 
 def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
-    """Return what the user gave as an array of whatever type.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made one.
-    """
+    """Return what the user gave as an array of whatever type."""
     try:
         return np.asarray(value)
     except (MemoryError, RecursionError):

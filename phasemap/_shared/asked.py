@@ -8,8 +8,6 @@ from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import ParamSpec, TypeVar
 
-__all__ = ["asked_as", "no_argument"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -31,12 +29,8 @@ def no_argument(of: str, name: str, names: Iterable[str], symbols: Mapping[str, 
 def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Let a function say in a sentence which arguments it takes, where it is called with others.
 
-    Parameters
-    ----------
-    hint : str
-        What else to say where arguments are missing, or too many.
-    **symbols : str
-        Arguments, by the names that others have for them.
+    `hint`: what else to say where arguments are missing, or too many.
+    `**symbols`: arguments, by the names that others have for them.
 
     Examples
     --------

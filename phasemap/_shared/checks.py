@@ -28,11 +28,6 @@ def number(
 ) -> float:
     """Return a number, text with a unit or a quantity as a float in `unit`.
 
-    Raises
-    ------
-    InputError
-        If it is something else or outside the range, with the range that is allowed.
-
     Examples
     --------
     >>> number("radius", "20 nm", "m", above=0)
@@ -63,17 +58,7 @@ def number(
 def numbers(name: str, values: Any, unit: str) -> Any:
     """Return what may be many numbers, but for those with units, as it is, and those as a float or an array in `unit`.
 
-    Parameters
-    ----------
-    name : str
-    values : object
-        Text ("40 nm", "60 nm:10 nm:100"), a quantity, lists of them, or anything else.
-    unit : str
-
-    Raises
-    ------
-    InputError
-        If a unit is another one.
+    `values`: text ("40 nm", "60 nm:10 nm:100"), a quantity, lists of them, or anything else.
 
     Examples
     --------
@@ -137,16 +122,7 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
 
 
 def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
-    """Refuse what is not one of the choices.
-
-    Parameters
-    ----------
-    name : str
-        The table and key.
-    value : object
-        The value met.
-    choices : iterable of str
-    """
+    """Refuse what is not one of the choices."""
     choices = list(choices)
     if value not in choices:
         near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []

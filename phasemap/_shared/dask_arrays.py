@@ -8,8 +8,6 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 
-__all__ = ["chunks_of", "is_lazy", "lazy_map"]
-
 
 def is_lazy(value: object) -> bool:
     """Whether a value is a Dask array, or a DataArray that holds one.
@@ -24,13 +22,7 @@ def is_lazy(value: object) -> bool:
 
 
 def lazy_map(name: str, value: Any, dtype: type = np.float64) -> Any:
-    """Return a Dask array as a map, of numbers that are looked at only when blocks of it are computed.
-
-    Raises
-    ------
-    InputError
-        If it is not a 2-D map of real numbers, or its shape is not known.
-    """
+    """Return a Dask array as a map, of numbers that are looked at only when blocks of it are computed."""
     array = value.data if hasattr(value, "dims") else value
     if array.ndim != 2 or not all(side > 0 for side in array.shape):  # NaN where it is not known
         hint = "One number will do too. Call compute_chunk_sizes() where the shape is not known."

@@ -16,8 +16,6 @@ from phasemap._shared.plausible import Usual, likely, question
 if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
 
-__all__ = ["Number", "Renamed", "known_as", "number_of"]
-
 C = TypeVar("C")
 T = TypeVar("T", bound=float | None)
 _REQUIRED: Any = object()
@@ -135,10 +133,7 @@ class Renamed:
 def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
     """Let a dataclass say which argument was meant where one is given that it does not have.
 
-    Parameters
-    ----------
-    **symbols : str
-        Arguments, by the symbols that formulas have for them.
+    `**symbols`: arguments, by the symbols that formulas have for them.
 
     Examples
     --------

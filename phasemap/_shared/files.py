@@ -14,16 +14,8 @@ PIECE = 1 << 20  # byte
 def size_of(path: str | os.PathLike[str], what: str) -> int:
     """Size of a file that may be read [byte].
 
-    Parameters
-    ----------
-    path : path-like
-    what : str
-        The file, in the words of an error.
-
-    Raises
-    ------
-    FileError
-        If there is none, or it is not a file: a pipe would be waited for, a device may never end.
+    `what`: the file, in the words of an error.
+    Raises FileError if there is none, or it is not a file: a pipe would be waited for, a device may never end.
 
     Examples
     --------
@@ -44,10 +36,7 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
 def digest_of(path: str | os.PathLike[str], what: str) -> str:
     """The SHA-256 of a file, read piece by piece.
 
-    Raises
-    ------
-    FileError
-        If it cannot be read, or goes on beyond its size, as files of the system may.
+    Raises FileError if it cannot be read, or goes on beyond its size, as files of the system may.
     """
     left, digest = size_of(path, what), hashlib.sha256()
     try:

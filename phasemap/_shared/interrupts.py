@@ -29,18 +29,9 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
 
     Compiled code cannot be interrupted: it goes on in the background, and `still_busy` says so.
 
-    Parameters
-    ----------
-    task : callable
-    limit : float, optional
-        How long to wait [s].
-
-    Raises
-    ------
-    KeyboardInterrupt
-        At Ctrl-C.
-    EndlessError
-        After the limit.
+    `limit`: how long to wait [s].
+    Raises KeyboardInterrupt at Ctrl-C.
+    Raises EndlessError after the limit.
     """
     done: list[T] = []
     failed: list[BaseException] = []

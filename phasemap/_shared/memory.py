@@ -14,8 +14,6 @@ from pathlib import Path
 
 from phasemap._shared.errors import InputError, TooLargeError
 
-__all__ = ["VARIABLE", "available", "check_fits", "size_in_words"]
-
 VARIABLE = "PHASEMAP_MEMORY"
 GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
 
@@ -23,19 +21,9 @@ GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
 def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> None:
     """Refuse what needs more memory than is free.
 
-    Parameters
-    ----------
-    what : str
-        In words, ``"an image of 512 x 512 pixels"``.
-    size : float
-        What it needs [byte].
-    advice : str
-        What would need less.
-
-    Raises
-    ------
-    TooLargeError
-        If it does not fit; the sentence has both numbers.
+    `what`: in words, ``"an image of 512 x 512 pixels"``.
+    `size`: what it needs [byte].
+    Raises TooLargeError if it does not fit; the sentence has both numbers.
 
     Examples
     --------
@@ -51,11 +39,6 @@ def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> No
 
 def available() -> float:
     """Memory that may be taken [byte].
-
-    Raises
-    ------
-    InputError
-        If ``PHASEMAP_MEMORY`` is not a number of bytes.
 
     Examples
     --------

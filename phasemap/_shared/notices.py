@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["ResultWarning", "outside", "tell", "untold"]
-
 _TOLD_OTHERWISE: ContextVar[bool] = ContextVar("phasemap_told_otherwise", default=False)
 
 
@@ -33,12 +31,7 @@ class ResultWarning(UserWarning):
 
 
 def tell(lines: Iterable[str]) -> None:
-    """Warn of results, a line each.
-
-    Parameters
-    ----------
-    lines : iterable of str
-    """
+    """Warn of results, a line each."""
     if not _TOLD_OTHERWISE.get():
         for line in lines:
             warnings.warn(line, ResultWarning, stacklevel=outside())

@@ -15,8 +15,6 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import outside
 from phasemap._shared.units import PREFIXES, UDUNITS, WRITTEN, say
 
-__all__ = ["PlausibilityWarning", "once", "question", "strict_units", "unquestioned"]
-
 Usual = tuple[float, float]
 
 LIKELY = {
@@ -86,21 +84,10 @@ def unquestioned() -> Iterator[None]:
 def question(name: str, value: float, unit: str, usual: Usual) -> None:
     """Warn of a number outside all practice; zero is what switches something off.
 
-    Parameters
-    ----------
-    name : str
-        In the words of the person who gave it.
-    value : float
-        [unit]; of a number that may be negative, its size.
-    unit : str
-        As in `phasemap._shared.quantities.KINDS`.
-    usual : (float, float)
-        The least and the most found in practice [unit].
-
-    Raises
-    ------
-    InputError
-        Within `strict_units`, in place of a warning.
+    `name`: in the words of the person who gave it.
+    `value`: [unit]; of a number that may be negative, its size.
+    `unit`: as in `phasemap._shared.quantities.KINDS`.
+    `usual`: the least and the most found in practice [unit].
     """
     low, high = usual
     size, manner = abs(value), _MANNER.get()

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-__all__ = ["in_processes"]
-
 
 def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Generator[R, None, None]:
     """Yield ``task(item)`` of every item, as they come.
@@ -31,24 +29,10 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     process alone. The others are stopped at once when the generator raises or is closed, and stop by themselves, after
     the item at hand, if this process is killed.
 
-    Parameters
-    ----------
-    task : callable
-    items : iterable
-        Taken one by one, when a worker is free.
-    workers : int
-
-    Yields
-    ------
-    object
-        In the order in which they are done.
-
-    Raises
-    ------
-    PhasemapError
-        If a worker ended before its task did.
-    Exception
-        What the task raised.
+    `items`: taken one by one, when a worker is free.
+    They come in the order in which they are done.
+    Raises PhasemapError if a worker ended before its task did.
+    Raises what the task raised.
 
     Examples
     --------

@@ -15,19 +15,6 @@ from phasemap._shared.units import UDUNITS
 if TYPE_CHECKING:
     import pint
 
-__all__ = [
-    "NotThatUnit",
-    "Scalar",
-    "array_in_si",
-    "in_si",
-    "is_number",
-    "is_quantity",
-    "range_in_si",
-    "scaled",
-    "split",
-    "with_unit",
-]
-
 Scalar: TypeAlias = "float | str | pint.Quantity[Any]"
 """What is taken where a number is meant: a number in SI units, text with a unit, or a quantity of pint."""
 
@@ -71,17 +58,9 @@ def is_quantity(value: object) -> bool:
 def in_si(value: object, unit: str) -> object:
     """Return text or a quantity as a number in `unit`, correctly rounded, and anything else as it is.
 
-    Parameters
-    ----------
-    value : object
-    unit : str
-        As in `KINDS`, or as UDUNITS writes it; empty for any, in SI units without a prefix, and degrees.
-
-    Raises
-    ------
-    NotThatUnit
-        If text is not a number with a unit, or what it measures is not what `unit` does. Turns and radians are angles,
-        and an angle is not a plain number: "5 rad/s" is not a frequency.
+    `unit`: as in `KINDS`, or as UDUNITS writes it; empty for any, in SI units without a prefix, and degrees.
+    Raises NotThatUnit if text is not a number with a unit, or what it measures is not what `unit` does. Turns and
+        radians are angles, and an angle is not a plain number: "5 rad/s" is not a frequency.
 
     Examples
     --------
@@ -102,10 +81,7 @@ def in_si(value: object, unit: str) -> object:
 def array_in_si(value: Any, unit: str) -> Any:
     """Return an array of a quantity, or lists with text in them, as numbers in `unit`, and anything else as it is.
 
-    Raises
-    ------
-    NotThatUnit
-        As in `in_si`.
+    Raises NotThatUnit as in `in_si`.
 
     Examples
     --------
@@ -122,10 +98,7 @@ def array_in_si(value: Any, unit: str) -> Any:
 def scaled(values: Any, written: str, unit: str) -> Any:
     """Turn numbers or an array, lazy or not, from the unit that is written into `unit`, rounded once.
 
-    Raises
-    ------
-    NotThatUnit
-        If that is not a unit of the same kind.
+    Raises NotThatUnit if that is not a unit of the same kind.
 
     Examples
     --------
@@ -145,15 +118,8 @@ def scaled(values: Any, written: str, unit: str) -> Any:
 def range_in_si(text: str, unit: str) -> tuple[float, ...]:
     """Read START:STOP:N, or one number alone; what has no unit is in SI units.
 
-    Returns
-    -------
-    tuple
-        (start, stop, N), or (number,).
-
-    Raises
-    ------
-    NotThatUnit
-        If it is something else.
+    Returns (start, stop, N), or (number,).
+    Raises NotThatUnit if it is something else.
 
     Examples
     --------
@@ -172,10 +138,7 @@ def range_in_si(text: str, unit: str) -> tuple[float, ...]:
 def split(text: str) -> tuple[str, str]:
     """Split text into a number and its unit, which is empty for a plain number.
 
-    Raises
-    ------
-    NotThatUnit
-        If it is something else.
+    Raises NotThatUnit if it is something else.
 
     Examples
     --------

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 from phasemap._shared.units import readable
 
-__all__ = ["counted", "image_size", "listed"]
-
 
 def counted(count: int, total: int, what: str) -> str:
     """Say how many of how many.

@@ -10,8 +10,6 @@ from typing import Any, ClassVar
 from phasemap._shared.fields import Number
 from phasemap._shared.units import UDUNITS, say
 
-__all__ = ["Shown", "preformatted", "table"]
-
 
 class Shown:
     """A dataclass that says only what is not the default; it has to be declared with ``repr=False``.
@@ -44,11 +42,7 @@ class Shown:
 def table(caption: str, rows: Mapping[str, str]) -> str:
     """A table of two columns in HTML.
 
-    Parameters
-    ----------
-    caption : str
-    rows : mapping of str to str
-        What is said of each name, in HTML.
+    `rows`: what is said of each name, in HTML.
 
     Examples
     --------

@@ -13,13 +13,7 @@ Progress = Callable[[int, int], None]
 
 
 def workers_of(threads: int | None) -> int:
-    """How many threads to start: as asked for, all cores by default.
-
-    Raises
-    ------
-    InputError
-        If `threads` is not a whole number of at least 1.
-    """
+    """How many threads to start: as asked for, all cores by default."""
     return min(whole("threads", threads, 1), 64) if threads is not None else _cores()
 
 

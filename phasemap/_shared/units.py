@@ -48,12 +48,8 @@ class Unit(NamedTuple):
 def readable(largest: float, units: str) -> Unit:
     """Choose the prefix with which the largest value is from 1 to 1000.
 
-    Parameters
-    ----------
-    largest : float
-        In the SI unit; its sign does not matter.
-    units : str
-        UDUNITS, as in the attribute ``units``.
+    `largest`: in the SI unit; its sign does not matter.
+    `units`: UDUNITS, as in the attribute ``units``.
 
     Examples
     --------

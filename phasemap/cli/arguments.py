@@ -11,11 +11,6 @@ from phasemap._shared.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "add_files", "add_quiet", "add_scene", "add_strict_units", "add_threads", "check_files", "print_files", "whole",
-    "write_files",
-]  # fmt: skip
-
 SURFACE_UNUSED = "the scene file; its surface is not used"
 
 
@@ -52,16 +47,7 @@ def add_files(
     plot: str | None = "picture to draw (.png, .pdf, .svg)",
     metavar: str = "OUT.nc",
 ) -> None:
-    """Declare -o, --plot (unless it is None) and --overwrite.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-    output, plot : str
-        What is written, in words.
-    metavar : str
-        A name for the output.
-    """
+    """Declare -o, --plot (unless it is None) and --overwrite."""
     parser.add_argument("-o", "--output", metavar=metavar, type=Path, help=output)
     if plot is not None:
         parser.add_argument("--plot", metavar="OUT.png", type=Path, help=plot)
@@ -87,12 +73,7 @@ def add_strict_units(parser: argparse.ArgumentParser) -> None:
 def check_files(arguments: argparse.Namespace) -> None:
     """Refuse, before any work is done, what cannot or should not be written.
 
-    Raises
-    ------
-    InputError
-        If a suffix is not that of such a file, or both are one file.
-    FileError
-        If a folder is missing or not writable, or a file exists and is not to be replaced.
+    Raises FileError if a folder is missing or not writable, or a file exists and is not to be replaced.
     """
     from phasemap.io.netcdf import check_dataset, check_target
 
@@ -111,15 +92,7 @@ def check_files(arguments: argparse.Namespace) -> None:
 def write_files(arguments: argparse.Namespace, found: xr.Dataset, draw: str, **options: Any) -> None:
     """Write what was found, and its picture, where the command names files for them.
 
-    Parameters
-    ----------
-    arguments : Namespace
-        With output, plot and overwrite.
-    found : xarray.Dataset
-    draw : str
-        The function of `phasemap.plot` that draws it.
-    **options
-        Its further arguments.
+    `draw`: the function of `phasemap.plot` that draws it.
     """
     if arguments.output is not None:
         from phasemap.io.netcdf import save

@@ -8,8 +8,6 @@ from phasemap._shared.errors import PhasemapError
 from phasemap.cli.arguments import add_files, check_files, whole
 from phasemap.cli.console import saying
 
-__all__ = ["EXAMPLES", "add_arguments", "bench"]
-
 EXAMPLES = """examples:
   phasemap bench --quick
   phasemap bench --output bench.nc --plot bench.png

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
     from phasemap.validation.checking.result import Check
 
-__all__ = ["add_arguments", "check"]
-
 FAILED = 1  # exit code where a claim fails
 EXAMPLES = """examples:
   phasemap check blend.nc

@@ -5,22 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-__all__ = ["add_colours", "colours_of"]
-
 NAMES = ("vmin", "vmax", "cmap")
 
 
 def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
     """Declare the arguments.
 
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Of a command.
-    of : str
-        What limits and colour map belong to.
-    example : str
-        Of a limit.
+    `of`: what limits and colour map belong to.
     """
     parser.add_argument("--vmin", metavar="VALUE", help=f"of {of}: where colours begin, such as {example}")
     parser.add_argument("--vmax", metavar="VALUE", help=f"of {of}: where they end")

@@ -32,8 +32,6 @@ from phasemap.cli import (
 )  # fmt: skip
 from phasemap.cli.console import plain_warnings
 
-__all__ = ["main"]
-
 Command = Callable[[argparse.Namespace], int | None]
 
 LONGEST = 2000  # characters of a complaint

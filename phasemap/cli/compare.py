@@ -85,15 +85,8 @@ def compare(arguments: argparse.Namespace) -> None:
 def summary(found: xr.Dataset) -> list[str]:
     """Say what a comparison found.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    list of str
-        Lines of a word and what is said of it, the verdict last.
+    `found`: what `phasemap.compare` returned.
+    Returns lines of a word and what is said of it, the verdict last.
     """
     from phasemap.comparison.words import lines_of, verdict_of
 

@@ -80,11 +80,7 @@ def saying() -> Iterator[Callable[[str], None]]:
 def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str]:
     """Lay out words, each where it changes, beside what is said of them.
 
-    Parameters
-    ----------
-    said : iterable of (str, str)
-    first : int
-        Width of the column of words.
+    `first`: width of the column of words.
 
     Examples
     --------

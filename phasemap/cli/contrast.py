@@ -122,15 +122,8 @@ def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: b
 def summary(found: xr.Dataset) -> list[str]:
     """Say what a map found.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.contrast` returned.
-
-    Returns
-    -------
-    list of str
-        Lines of a word and what it is.
+    `found`: what `phasemap.contrast` returned.
+    Returns lines of a word and what it is.
     """
     import numpy as np
 

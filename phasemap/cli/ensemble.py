@@ -18,8 +18,6 @@ from phasemap.cli.console import bar_of, patience
 if TYPE_CHECKING:
     from phasemap.scenes.ensemble import Ensemble
 
-__all__ = ["print_ensemble", "run"]
-
 Progress = Callable[[int, int], None]
 
 FEW = 6  # values that are listed
@@ -28,12 +26,8 @@ FEW = 6  # values that are listed
 def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None:
     """Simulate an ensemble into a file.
 
-    Raises
-    ------
-    PhasemapError
-        If an argument is for single images, or a sample cannot be simulated.
-    KeyboardInterrupt
-        After Ctrl-C, with a word on what is kept.
+    Raises PhasemapError if an argument is for single images, or a sample cannot be simulated.
+    Raises KeyboardInterrupt after Ctrl-C, with a word on what is kept.
     """
     from phasemap._shared.threads import workers_of
     from phasemap.scenes.data_card import card_beside

@@ -7,8 +7,6 @@ import argparse
 from phasemap._shared.interrupts import ending_at_once, leave
 from phasemap.cli.arguments import add_scene
 
-__all__ = ["EXAMPLES", "add_arguments", "explore"]
-
 EXAMPLES = """examples:
   phasemap explore samples/blend.toml
   phasemap explore samples/bistable.toml scan.setpoint=0.7 tip.radius=20e-9

@@ -275,15 +275,8 @@ def _said_images(given: _Given) -> list[tuple[str, str]]:
 def summary(found: xr.Dataset) -> list[tuple[str, str]]:
     """Say what an inversion found.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.invert` or `phasemap.fit_regions` returned.
-
-    Returns
-    -------
-    list of tuple of str
-        A word and what is said of it, the verdict last.
+    `found`: what `phasemap.invert` or `phasemap.fit_regions` returned.
+    Returns a word and what is said of it, the verdict last.
     """
     said = _said_regions(found) if "region" in found.dims else _said_maps(found)
     return [*said, *_sentences(found, "verdict"), *_sentences(found, "advice")]

@@ -13,8 +13,6 @@ from phasemap.cli.arguments import add_files, add_overrides, add_strict_units, w
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["EXPORT_EXAMPLES", "SCENE_EXAMPLES", "add_export", "add_scene", "export", "scene"]
-
 SCENE_EXAMPLES = """examples:
   phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
   phasemap scene grains.001 -o grains.toml --phases 3 --direction retrace scan.setpoint=0.7

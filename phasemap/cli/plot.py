@@ -11,8 +11,6 @@ from phasemap._shared.errors import PhasemapError
 from phasemap.cli.arguments import add_files
 from phasemap.cli.colours import add_colours, colours_of
 
-__all__ = ["EXAMPLES", "add_arguments", "plot"]
-
 EXAMPLES = """examples:
   phasemap plot blend.nc
   phasemap plot blend.nc -o blend.pdf

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from phasemap.experiment.presets import Preset
 
-__all__ = ["add_arguments", "presets"]
-
 WIDTH = 110  # of a line
 EXAMPLES = """A scene takes them as preset = "PS" in [materials.NAME] or preset = "PPP-NCHR" in [cantilever], and other
 keys beside them; Python as pm.Material.preset("PS") and pm.Cantilever.preset("PPP-NCHR").

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from phasemap.scenes.ensemble import Ensemble
     from phasemap.scenes.scene import Scene
 
-__all__ = ["EXAMPLES", "add_arguments", "add_validate", "run", "validate"]
-
 EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9

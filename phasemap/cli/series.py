@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.microscope import Microscope
 
+SETS = {
+    "cantilever": ("stiffness", "resonance_frequency", "quality_factor"),
+    "tip": ("radius",),
+    "drive": ("frequency", "excitation"),
+}
 SAID = {"stiffness": "stiffness", "quality_factor": "quality factor", "radius": "tip radius"}
 EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
 one lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
 unknown: free amplitude, setpoint, zero and sign of the phase. A LIST has commas: a number a file in the order given,
-or one for all. key=value sets a part of the microscope that files do not say, such as tip.radius=20nm.
+or one for all; shared is one unknown for all files, free an unknown in each. key=value sets a part of the microscope
+that files do not say, such as tip.radius=20nm.
 
 examples:
   phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
@@ -90,14 +96,7 @@ def series(arguments: argparse.Namespace) -> None:
 def summary(found: xr.Dataset) -> list[str]:
     """What was found, a line a file and a line a sentence.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.series` returned.
-
-    Returns
-    -------
-    list of str
+    `found`: what `phasemap.series` returned.
     """
     from phasemap.plot.series import of_file
 
@@ -129,10 +128,10 @@ def _changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]
     for word in words:
         key, _, text = word.partition("=")
         part, _, name = key.strip().partition(".")
-        allowed = {one: [field.name for field in fields(getattr(scope, one))] for one in ("cantilever", "tip", "drive")}
-        if name not in allowed.get(part, ()):
-            listed = ", ".join(f"{one}.{own}" for one, names in allowed.items() for own in names)
-            raise InputError("a key of the microscope", key, listed)
+        if name not in SETS.get(part, ()):
+            listed = ", ".join(f"{one}.{own}" for one, names in SETS.items() for own in names)
+            hint = "It is for --free-amplitudes." if name == "free_amplitude" else ""
+            raise InputError("a key of the microscope", key, listed, hint)
         try:
             value: Any = float(text)
         except ValueError:

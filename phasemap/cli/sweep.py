@@ -224,10 +224,7 @@ def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> f
 def summary(found: xr.Dataset) -> list[str]:
     """Say what a sweep found: folds and jumps, and what is missing.
 
-    Returns
-    -------
-    list of str
-        Lines of a word and what it is.
+    Returns lines of a word and what it is.
     """
     import numpy as np
 

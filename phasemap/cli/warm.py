@@ -8,8 +8,6 @@ import sys
 
 from phasemap._shared.errors import PhasemapError
 
-__all__ = ["EXAMPLES", "add_arguments", "warm"]
-
 EXAMPLES = """examples:
   phasemap warm
   phasemap warm --all

@@ -12,34 +12,15 @@ from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["labels_in", "number_in", "numbers_in", "one_each"]
-
 LABELS = ("labels", "label")  # maps of regions, as files call them
 
 
 def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
     """Read a word of the command line.
 
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    text : str
-        A number, or START:STOP:N.
-    unit : str
-        As in `phasemap._shared.quantities.KINDS`.
-    allowed : str
-        What may be given, but for units.
-
-    Returns
-    -------
-    tuple of float
-        One number, or START, STOP and N.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
+    `unit`: as in `phasemap._shared.quantities.KINDS`.
+    `allowed`: what may be given, but for units.
+    Returns one number, or START, STOP and N.
 
     Examples
     --------
@@ -56,27 +37,9 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
 def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[float]:
     """Read as many numbers as there are images or files, or one for all of them.
 
-    Parameters
-    ----------
-    name : str
-        Of the argument, as Python has it.
-    text : str
-        Numbers with commas between them.
-    unit : str
-        As in `numbers_in`.
-    count : int
-    each : str
-        "an image" or "a file".
-
-    Returns
-    -------
-    list of float
-        As many as there are.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
+    `name`: of the argument, as Python has it.
+    `unit`: as in `numbers_in`.
+    Returns as many numbers as there are images or files.
 
     Examples
     --------
@@ -94,20 +57,8 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
 def labels_in(path: str) -> np.ndarray:
     """Read the map of regions of a netCDF file.
 
-    Parameters
-    ----------
-    path : str
-
-    Returns
-    -------
-    ndarray of int, shape (rows, columns)
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    FileError
-        If it cannot be read.
+    Returns an array of shape (rows, columns).
+    Raises FileError if it cannot be read.
     """
     import numpy as np
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-__all__ = ["level", "level_map", "outlier_lines"]
-
 STRIKING = 8.0  # times the usual spread of lines, above which a line is an outlier ...
 VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spread
 
@@ -114,24 +112,9 @@ def level(
 def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     """Take the tilt, and offsets of rows, out of a height map.
 
-    Parameters
-    ----------
-    height : ndarray, shape (rows, columns)
-        [m]; may hold NaN.
-    mask : ndarray of bool
-        Pixels that do not count.
-    rows : bool
-        Whether rows have offsets; else a plane is fitted.
-
-    Returns
-    -------
-    ndarray
-        [m]
-
-    Raises
-    ------
-    InputError
-        If fewer than 3 pixels count.
+    `height` (shape (rows, columns)): [m]; may hold NaN.
+    `rows`: whether rows have offsets; else a plane is fitted.
+    Returns: [m].
     """
     counts = np.isfinite(height) & ~mask
     if counts.sum() < 3:
@@ -161,13 +144,8 @@ def outlier_lines(values: Array) -> Array:
 
     A step between two lines, as a change of the tip leaves it, does not count.
 
-    Parameters
-    ----------
-    values : ndarray, shape (rows, columns)
-
-    Returns
-    -------
-    ndarray of bool, shape (rows,)
+    `values` (shape (rows, columns)).
+    Returns an array of shape (rows,).
     """
     above, below = values[1:-1] - values[:-2], values[1:-1] - values[2:]
     stands_out = np.where(above * below > 0, np.minimum(np.abs(above), np.abs(below)), 0.0)

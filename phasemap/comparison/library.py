@@ -11,17 +11,9 @@ from phasemap._shared.errors import PhasemapError
 def skimage(module: str, purpose: str) -> Any:
     """Import a module of scikit-image.
 
-    Parameters
-    ----------
-    module : str
-        Below ``skimage``.
-    purpose : str
-        What needs it, as the beginning of a sentence.
-
-    Raises
-    ------
-    PhasemapError
-        If it is not installed.
+    `module`: below ``skimage``.
+    `purpose`: what needs it, as the beginning of a sentence.
+    Raises PhasemapError if it is not installed.
     """
     try:
         return import_module(f"skimage.{module}")

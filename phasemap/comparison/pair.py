@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     Directions = str | tuple[str | None, str | None] | None
 
-__all__ = ["channels_of", "common_grid", "pair_of", "pitch_of"]
-
 CHANNELS = ("height", "phase", "amplitude", "amplitude_error")
 UNITS = {"height": "m", "phase": "degree"}
 UNEVEN = 1e-3  # relative difference of steps from pixel to pixel; coordinates may be in single precision
@@ -29,26 +27,11 @@ def pair_of(
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """One direction of each of two images, with their channels and coordinates from their own top left corner.
 
-    Parameters
-    ----------
-    first, second : xarray.Dataset
-        Images over ("y", "x") or ("direction", "y", "x").
-    direction : str, pair of str or None
-        Of both, or of each; None takes the trace. One name for both passes over an image without directions.
-    names : pair of str
-        What the images are called in messages.
-    needed : tuple of str
-        Channels that both must have.
-
-    Returns
-    -------
-    pair of xarray.Dataset
-        With dims ("y", "x").
-
-    Raises
-    ------
-    InputError
-        If one is not such an image, a direction or channel is missing, or the images differ in size.
+    `first`, `second`: images over ("y", "x") or ("direction", "y", "x").
+    `direction`: of both, or of each; None takes the trace. One name for both passes over an image without
+        directions.
+    `names`: what the images are called in messages.
+    Returns: with dims ("y", "x").
     """
     images = first, second
     each = _each(direction, images)
@@ -85,18 +68,8 @@ def _direction(ds: xr.Dataset) -> str | None:
 def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[str, ...]) -> xr.Dataset:
     """The recorded channels of one direction.
 
-    Parameters
-    ----------
-    name : str
-        What the image is called in messages.
-    ds : xarray.Dataset
-    direction : str or None
-    needed : tuple of str
-
-    Returns
-    -------
-    xarray.Dataset
-        With dims ("y", "x").
+    `name`: what the image is called in messages.
+    Returns: with dims ("y", "x").
     """
     for channel in needed:
         if channel not in getattr(ds, "data_vars", ()):
@@ -149,21 +122,8 @@ def pitch_of(ds: xr.Dataset, dim: str) -> float:
 def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Both images on those pixels of `fixed` that lie within `moving`.
 
-    Parameters
-    ----------
-    fixed, moving : xarray.Dataset
-        With dims ("y", "x").
-
-    Returns
-    -------
-    pair of xarray.Dataset
-        `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and interpolated
-        linearly.
-
-    Raises
-    ------
-    InputError
-        If they hardly overlap.
+    Returns `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and
+        interpolated linearly.
 
     Examples
     --------

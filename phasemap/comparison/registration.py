@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-__all__ = ["Registration", "register"]
-
 GAIN = (
     0.25  # share by which the mismatch of the heights, 1 - correlation, must fall; interpolating noise gains some 15 %
 )

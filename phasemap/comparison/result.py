@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-__all__ = ["compare"]
-
 NAMES = ("measured", "simulated")
 MAPS = (*NAMES, "residual")
 CAUSES = ("slope", "amplitude error", "both")

@@ -18,10 +18,7 @@ RANGE = (0.5, 99.5)  # percentiles that its dynamic range spans
 def is_varied(values: Array) -> bool:
     """Whether values differ by more than rounding.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Finite.
+    `values` (shape (n,)): finite.
 
     Examples
     --------
@@ -34,15 +31,8 @@ def is_varied(values: Array) -> bool:
 def correlation_of(first: Array, second: Array) -> float:
     """Pearson's, over pixels that both have.
 
-    Parameters
-    ----------
-    first, second : ndarray
-        Of the same shape; may hold NaN.
-
-    Returns
-    -------
-    float
-        NaN if one is constant.
+    `first`, `second`: of the same shape; may hold NaN.
+    Returns NaN if one is constant.
 
     Examples
     --------
@@ -64,16 +54,8 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
     Values count from the low end of their range, as those of pictures do: the similarity depends on where 0 is, and
     that of a phase is arbitrary.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (rows, columns)
-    known : ndarray of bool
-        Pixels that both have.
-
-    Returns
-    -------
-    float
-        NaN if no window is whole, or nothing varies.
+    `first`, `second` (shape (rows, columns)).
+    Returns NaN if no window is whole, or nothing varies.
     """
     from scipy.ndimage import binary_erosion
 
@@ -91,15 +73,8 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
 def distance_of(first: Array, second: Array) -> float:
     """Wasserstein distance of two histograms: how far values must be moved, on average.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (n,)
-        Finite.
-
-    Returns
-    -------
-    float
-        In the unit of the values.
+    `first`, `second` (shape (n,)): finite.
+    Returns: in the unit of the values.
 
     Examples
     --------
@@ -114,16 +89,9 @@ def distance_of(first: Array, second: Array) -> float:
 def share_explained(values: Array, causes: list[Array]) -> float:
     """R² of a linear regression.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        May hold NaN, as may the causes.
-    causes : list of ndarray, shape (n,)
-
-    Returns
-    -------
-    float
-        From 0 to 1; NaN if the values are constant or no pixel is known.
+    `values` (shape (n,)): may hold NaN, as may the causes.
+    `causes` (shape (n,)).
+    Returns: from 0 to 1; NaN if the values are constant or no pixel is known.
 
     Examples
     --------

@@ -10,19 +10,15 @@ from phasemap._shared.units import say
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["lines_of", "names_of", "verdict_of"]
-
 WORTH_SAYING = 0.1  # share of the residual's variance
+NOTABLE = 1.0  # degree, between the means of two images
 MOSTLY = 0.5  # share of the measured variance
 
 
 def names_of(found: xr.Dataset) -> tuple[str, str]:
     """What the two images are called.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
+    `found`: what `phasemap.compare` returned.
     """
     return found.attrs["measured_name"], found.attrs["simulated_name"]
 
@@ -30,14 +26,7 @@ def names_of(found: xr.Dataset) -> tuple[str, str]:
 def turned(found: xr.Dataset) -> str:
     """Say that the sign of the phase was turned, and why; nothing if it was not.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    str
+    `found`: what `phasemap.compare` returned.
     """
     if float(found["sign"]) > 0:
         return ""
@@ -56,15 +45,8 @@ def turned(found: xr.Dataset) -> str:
 def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     """Say what was found.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    list of pair of str
-        What is spoken of, and what is said of it.
+    `found`: what `phasemap.compare` returned.
+    Returns what is spoken of, and what is said of it.
     """
     first, second = names_of(found)
     value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
@@ -99,15 +81,8 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
 def verdict_of(found: xr.Dataset) -> str:
     """Say how much of the first image the second explains, and what is in the rest.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `phasemap.compare` returned.
-
-    Returns
-    -------
-    str
-        One to five sentences.
+    `found`: what `phasemap.compare` returned.
+    One to five sentences.
     """
     first, second = names_of(found)
     explained = float(found["explained"])
@@ -119,8 +94,8 @@ def verdict_of(found: xr.Dataset) -> str:
     if found.sizes["region"] == 2 and float(found["region_contrast"][0, 1]):
         a, b = found["region_contrast"][:2, 1].values
         said.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
-    if float(found["sign"]) < 0:
-        said.append(f"For this the sign of the {first} phase was turned.")
+    if found.attrs.get("offset_from", "fitted") != "fitted":
+        said.append(_apart(found))
     slope = float(found["crosstalk"].sel(map="measured", cause="slope"))
     if slope > MOSTLY:
         said.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")
@@ -132,6 +107,16 @@ def verdict_of(found: xr.Dataset) -> str:
     if share > WORTH_SAYING:
         said.append(f"{what} {100 * share:.0f} % of what is left.")
     return " ".join(filter(None, [turned(found), *said]))
+
+
+def _apart(found: xr.Dataset) -> str:
+    """Say that the images are apart as a whole, where their zeros are held and that is most of what is left."""
+    first, second = names_of(found)
+    mean, spread = float(found["residual"].mean()), float(found["residual"].std())
+    if abs(mean) <= max(spread, NOTABLE):
+        return ""
+    how = found.attrs["offset_from"]
+    return f"With the zero that is {how}, the {first} phase is {mean:+.3g}° from the {second} one on average."
 
 
 def _alike(correlation: float, ssim: float) -> str:

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Tip
     from phasemap.experiment.surface import Surface
 
-__all__ = ["HALF_ANGLE", "dilated", "tip_profile"]
-
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
 
@@ -47,19 +45,9 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     that the tip touches, the nearest of them where there are several. Nothing lies beyond the edges, which is the same
     as if the outermost pixels went on for ever.
 
-    Parameters
-    ----------
-    surface : Surface
-        One that is flat is returned as it is.
-    tip : Tip
-        Only its radius is used.
-    half_angle : float
-        Between the axis and the flank of the cone into which the tip widens [degree], above 0 and below 90.
-
-    Raises
-    ------
-    InputError
-        If `half_angle` is out of range.
+    `surface`: one that is flat is returned as it is.
+    `half_angle`: between the axis and the flank of the cone into which the tip widens [degree], above 0 and below
+        90.
 
     Notes
     -----
@@ -87,14 +75,9 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
 def tip_profile(distance: FloatArray, radius: float, half_angle: float) -> FloatArray:
     """Height of the tip's surface above its apex [m].
 
-    Parameters
-    ----------
-    distance : ndarray
-        From the axis [m].
-    radius : float
-        Of the sphere [m].
-    half_angle : float
-        Of the cone [rad].
+    `distance`: from the axis [m].
+    `radius`: of the sphere [m].
+    `half_angle`: of the cone [rad].
 
     Examples
     --------
@@ -111,13 +94,8 @@ def tip_profile(distance: FloatArray, radius: float, half_angle: float) -> Float
 def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArray | None) -> Surface:
     """Return a surface with the materials of other pixels and a new topography.
 
-    Parameters
-    ----------
-    surface : Surface
-    pixels : ndarray of int, shape (ny, nx)
-        Where the material of each pixel is taken from, as ``row * nx + column``.
-    topography : ndarray, shape (ny, nx), or None
-        [m].
+    `pixels` (shape (ny, nx)): where the material of each pixel is taken from, as ``row * nx + column``.
+    `topography` (shape (ny, nx)): [m].
     """
     names = (
         "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus",

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from phasemap._shared.arrays import is_uniform, read_only
 
-__all__ = ["distinct_materials", "factorise"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 

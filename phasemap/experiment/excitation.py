@@ -26,17 +26,9 @@ DETECTED = {
 def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     """What the detector sees of a first harmonic of z.
 
-    Parameters
-    ----------
-    lever : ndarray, shape (..., 5)
-        As of `phasemap.experiment.lever.lever_of`.
-    amplitude, phase : array_like
-        Of z [m, rad].
-
-    Returns
-    -------
-    amplitude, phase : ndarray
-        [m, rad], 0 at free resonance.
+    `lever` (shape (..., 5)): as of `phasemap.experiment.lever.lever_of`.
+    `amplitude`, `phase`: of z [m, rad].
+    Returns `amplitude, phase`: [m, rad], 0 at free resonance.
 
     Examples
     --------
@@ -68,11 +60,8 @@ def seen(rows: Array, lever: Array) -> Array:
     They are exact for the means of motion that is not periodic too, for the base's motion is constant. Its spreads
     depend on how amplitude and phase vary together: they are left as they are, of what was averaged in time.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (..., COLUMNS)
-        Of the tip.
-    lever : ndarray, shape (5,) or (..., 5)
+    `rows` (shape (..., COLUMNS)): of the tip.
+    `lever` (shape (5,) or (..., 5)).
     """
     if not np.any(lever[..., col.SHAKER]):
         return rows

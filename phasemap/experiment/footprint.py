@@ -45,13 +45,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     (3 pi/8) sqrt(2/A) K sqrt(R) D^2/(pi k) - f0 (2 sqrt(2 D/A) + tail)/(pi k), where tail is that of the attraction
     outside, and S = (omega alpha1/(4 A^2 sqrt(R))) (2 A)^(3/2) D^2 of the damping.
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4) or (n, 5)
-        As for `phasemap.experiment.properties.properties`.
-    viscous : bool
-    scope : Microscope
-    setpoint : float
+    `materials` (shape (n, 4) or (n, 5)): as for `phasemap.experiment.properties.properties`.
     """
     stiffness, adhesion, damping = properties(materials, viscous, scope)
     omega, alpha0, k, drive, _ = lever_of(scope)

@@ -17,8 +17,6 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.relaxing import refuse_film
 from phasemap.experiment.surface_maps import check_memory, where
 
-__all__ = ["lazily_looked_up", "looked_up"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
@@ -28,22 +26,10 @@ LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatArray, IntArray]]:
     """Look up the material of every pixel.
 
-    Parameters
-    ----------
-    labels, materials
-        As `phasemap.Surface.from_labels` takes them.
-
-    Returns
-    -------
-    maps : dict
-        The arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are the same.
-    distinct : (ndarray, ndarray)
-        As `phasemap.Surface.unique` gives them.
-
-    Raises
-    ------
-    InputError
-        If the labels are not a 2-D map of whole numbers, one has no material, or viscosities are mixed with dampings.
+    `labels`, `materials`: as `phasemap.Surface.from_labels` takes them.
+    Returns `maps`: the arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are
+        the same.
+    Returns `distinct`: as `phasemap.Surface.unique` gives them.
 
     Examples
     --------

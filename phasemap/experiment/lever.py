@@ -25,12 +25,8 @@ def lever_of(scope: Microscope) -> Array:
 def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
     """Work of the drive, pi k u0 A cos(phase) [J per cycle].
 
-    Parameters
-    ----------
-    lever : ndarray, shape (..., 5)
-        As of `lever_of`.
-    amplitude, phase : ndarray
-        Of the first harmonic [m, rad].
+    `lever` (shape (..., 5)): as of `lever_of`.
+    `amplitude`, `phase`: of the first harmonic [m, rad].
     """
     work: Array = np.pi * lever[..., col.STIFFNESS] * lever[..., col.BASE] * amplitude * np.cos(phase)
     return work
@@ -41,12 +37,8 @@ def lost_in_air(lever: Array, amplitude: Array) -> Array:
 
     Higher harmonics lose a little more, n^2 (A_n / A)^2 of it each.
 
-    Parameters
-    ----------
-    lever : ndarray, shape (..., 5)
-        As of `lever_of`.
-    amplitude : ndarray
-        [m].
+    `lever` (shape (..., 5)): as of `lever_of`.
+    `amplitude`: [m].
     """
     lost: Array = 2 * np.pi * lever[..., col.ALPHA0] * lever[..., col.OMEGA] * lever[..., col.STIFFNESS] * amplitude**2
     return lost
@@ -57,12 +49,8 @@ def virial_of(lever: Array, amplitude: Any, phase: Any) -> Array:
 
     Positive for attraction. San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001), at resonance.
 
-    Parameters
-    ----------
-    lever : ndarray, shape (..., 5)
-        As of `lever_of`.
-    amplitude, phase : array_like
-        Of the first harmonic of the tip [m, rad].
+    `lever` (shape (..., 5)): as of `lever_of`.
+    `amplitude`, `phase`: of the first harmonic of the tip [m, rad].
     """
     stiff = amplitude * (1 - lever[..., col.OMEGA] ** 2)
     virial: Array = 0.5 * lever[..., col.STIFFNESS] * amplitude * (stiff - lever[..., col.BASE] * np.sin(phase))

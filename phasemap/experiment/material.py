@@ -110,13 +110,7 @@ class Material(Shown):
 
 
 def check_relaxation(modulus: float, relaxed: float | None, time: float | None, loss: float | None) -> None:
-    """Refuse numbers that make no standard linear solid.
-
-    Raises
-    ------
-    InputError
-        If only one of them is given, the relaxed modulus is above the modulus, or there is another loss.
-    """
+    """Refuse numbers that make no standard linear solid."""
     if relaxed is None and time is None:
         return
     if relaxed is None:

@@ -12,8 +12,6 @@ from typing import Any
 
 from phasemap._shared.checks import check_choice
 
-__all__ = ["Preset", "Quoted", "levers", "materials", "preset_of"]
-
 ESTIMATE = "estimate"
 
 
@@ -21,25 +19,17 @@ ESTIMATE = "estimate"
 class Quoted:
     """A number as it is quoted.
 
-    Parameters
-    ----------
-    value : float
-        In the SI unit of its field.
-    low, high : float
-        The range in which it is found.
-    source : str
-        Where it comes from.
-
     Examples
     --------
     >>> materials()["PS"].numbers["adhesion"].is_estimate
     True
     """
 
-    value: float
+    value: float  # in the SI unit of its field
+    # low, high: the range in which it is found
     low: float
     high: float
-    source: str
+    source: str  # where it comes from
 
     @property
     def is_estimate(self) -> bool:
@@ -51,14 +41,6 @@ class Quoted:
 class Preset:
     """A material or a lever.
 
-    Parameters
-    ----------
-    name : str
-    title : str
-        In words.
-    numbers : mapping of str to Quoted
-        By the arguments of `phasemap.Material` or `phasemap.Cantilever`.
-
     Examples
     --------
     >>> materials()["PS"].title, materials()["PS"].values["modulus"]
@@ -66,8 +48,8 @@ class Preset:
     """
 
     name: str
-    title: str
-    numbers: Mapping[str, Quoted]
+    title: str  # in words
+    numbers: Mapping[str, Quoted]  # by the arguments of `phasemap.Material` or `phasemap.Cantilever`
 
     @property
     def values(self) -> dict[str, float]:
@@ -100,15 +82,7 @@ def levers() -> Mapping[str, Preset]:
 def preset_of(kind: str, name: object) -> Preset:
     """The preset with a name, in whatever case, or with a title.
 
-    Parameters
-    ----------
-    kind : {"materials", "levers"}
-    name : str
-
-    Raises
-    ------
-    InputError
-        If there is none.
+    `kind` ("materials" or "levers").
 
     Examples
     --------

@@ -32,11 +32,6 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
     """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta a omega_c / (2 k).
 
     a is the contact's radius at d = R, that is R for a sphere: theory, Eq. (model-16).
-
-    Raises
-    ------
-    InputError
-        If the damping exponent is not that with which the contact's radius grows, 1/2 for a sphere.
     """
     law, radius = scope.interaction.law, scope.tip.radius
     if scope.interaction.damping_exponent != law.spread:
@@ -52,16 +47,7 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
 def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[str, Material]:
     """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here.
 
-    Parameters
-    ----------
-    materials : mapping of str to Material
-    scope : Microscope
-        Under which a viscosity is a damping.
-
-    Raises
-    ------
-    InputError
-        As `damping_of`.
+    `scope`: under which a viscosity is a damping.
 
     Examples
     --------
@@ -84,13 +70,9 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
     """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
-        Modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if `viscous`), Poisson's ratio [1], and of films
-        the thickness [m], or of solids that relax the relaxed modulus [Pa] and relaxation time [s].
-    viscous : bool
-    scope : Microscope
+    `materials` (shape (n, 4), (n, 5) or (n, 6)): modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if
+        `viscous`), Poisson's ratio [1], and of films the thickness [m], or of solids that relax the relaxed modulus
+        [Pa] and relaxation time [s].
     """
     modulus, adhesion, loss, poisson_ratio = materials.T[:4]
     stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)

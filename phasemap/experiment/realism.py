@@ -16,8 +16,6 @@ from phasemap._shared.shown import Shown
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS
 
-__all__ = ["Realism", "TipChange", "check_realism"]
-
 FloatArray = NDArray[np.float64]
 
 DIGITISED = ("height", "phase", "amplitude", "amplitude_error")  # channels that an instrument records
@@ -136,11 +134,6 @@ def _drift(value: object) -> tuple[float, float, float]:
 
 def check_realism(realism: object, control: Control, lines: int) -> Realism:
     """Return `realism` if it goes with the control and the number of lines.
-
-    Raises
-    ------
-    InputError
-        If noise is asked of a control that knows no time, or the tip changes after the last line.
 
     Examples
     --------

@@ -10,18 +10,11 @@ from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.surface_maps import where
 
-__all__ = ["check_relaxing", "refuse_film"]
-
 
 def check_relaxing(maps: dict[str, Any]) -> None:
     """Refuse maps of a surface that are not those of standard linear solids.
 
     Numbers of Dask arrays are not looked at; `phasemap.simulate` refuses these.
-
-    Raises
-    ------
-    InputError
-        If one of the two maps is missing, there is a film or another loss, or a relaxed modulus is above the modulus.
 
     Examples
     --------
@@ -49,12 +42,6 @@ def check_relaxing(maps: dict[str, Any]) -> None:
 
 
 def refuse_film(film: bool) -> None:
-    """Refuse films among materials that relax.
-
-    Raises
-    ------
-    InputError
-        If there is one.
-    """
+    """Refuse films among materials that relax."""
     if film:
         raise InputError("relaxation_time", Word("given beside a thickness"), "either of them: only half-spaces relax")

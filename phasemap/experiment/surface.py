@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.microscope import Microscope, Tip
 
-__all__ = ["Surface"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 

@@ -22,8 +22,6 @@ from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, coordinate_step, variable_in_si
 
-__all__ = ["check_memory", "common_shape", "pixel_sides", "property_map", "where"]
-
 FloatArray = NDArray[np.float64]
 
 PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice

@@ -35,8 +35,6 @@ from phasemap.sweeps.sweep import sweep_distance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Picture", "contrast_map", "curves", "image", "map_key", "picture", "scan"]
-
 Check = Callable[[int, int], None]
 """Called while a long answer is made, with what is done and all; raises to stop it."""
 
@@ -52,32 +50,17 @@ SAME = 1.0  # degrees between the orbit that engaging finds and the same on a cu
 
 
 class Picture(NamedTuple):
-    """An image as the page draws it.
+    """An image as the page draws it."""
 
-    Attributes
-    ----------
-    about : dict
-        Everything but the maps, as JSON has it.
-    height, phase : ndarray of float32, shape (ny, nx)
-        [nm] above the lowest point, and [degree]; NaN where a pixel has no solution.
-    """
-
-    about: dict[str, Any]
+    about: dict[str, Any]  # everything but the maps, as JSON has it
+    # height, phase: float32, shape (ny, nx) [nm] above the lowest point, and [degree]; NaN where a pixel has no
+    # solution
     height: NDArray[np.float32]
     phase: NDArray[np.float32]
 
 
 def picture(setting: Setting) -> Picture:
-    """Answer a drag: the image of every pixel engaged from far, and what each material does.
-
-    Parameters
-    ----------
-    setting : Setting
-
-    Returns
-    -------
-    Picture
-    """
+    """Answer a drag: the image of every pixel engaged from far, and what each material does."""
     surface = setting.shown
     with untold():  # the page says it
         ds = simulate(surface, setting.scope, setting.setpoint, setting.solver, variables=VARIABLES, threads=1)
@@ -97,15 +80,7 @@ def picture(setting: Setting) -> Picture:
 def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
     """The whole image, as the scene of the subject says it is taken; what the page saves.
 
-    Parameters
-    ----------
-    setting : Setting
-    progress : callable, optional
-        As of `phasemap.simulate`.
-
-    Returns
-    -------
-    xarray.Dataset
+    `progress`: as of `phasemap.simulate`.
     """
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
@@ -128,16 +103,9 @@ def scan(setting: Setting, progress: Check) -> Picture:
 def curves(setting: Setting) -> dict[str, Any]:
     """Amplitude and phase against the distance, and one period at the working point, of both materials of the pair.
 
-    Parameters
-    ----------
-    setting : Setting
-
-    Returns
-    -------
-    dict
-        For each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable, piece), the
-        jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a period. None for one
-        that the law of contact cannot have.
+    Returns: for each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable,
+        piece), the jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a
+        period. None for one that the law of contact cannot have.
     """
     found: dict[str, Any] = {}
     for name in dict.fromkeys(setting.pair):
@@ -151,17 +119,9 @@ def curves(setting: Setting) -> dict[str, Any]:
 def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
     """The contrast of the pair against setpoint and free amplitude.
 
-    Parameters
-    ----------
-    setting : Setting
-    progress : callable
-        As of `phasemap.contrast`.
-
-    Returns
-    -------
-    dict
-        Axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence and
-        the point, None where there is none.
+    `progress`: as of `phasemap.contrast`.
+    Returns axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence
+        and the point, None where there is none.
     """
     first, second = setting.pair
     amplitudes = AMPLITUDES * middle_of(setting)

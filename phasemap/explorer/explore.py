@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from phasemap.explorer.subject import Subject
     from phasemap.scenes.scene import Scene
 
-__all__ = ["Explorer", "explore", "serve"]
-
 HEIGHT = 900  # pixels of the frame in a notebook
 
 
@@ -136,16 +134,6 @@ def explore(
 
 def serve(subject: Subject, port: int = 0, browser: bool = False) -> Explorer:
     """Serve a subject, and show it in the browser if that is wanted.
-
-    Parameters
-    ----------
-    subject : Subject
-    port : int
-    browser : bool
-
-    Returns
-    -------
-    Explorer
 
     Raises
     ------

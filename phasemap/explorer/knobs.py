@@ -7,42 +7,24 @@ from typing import NamedTuple
 
 from phasemap.explorer.subject import Subject
 
-__all__ = ["Knob", "knobs_of"]
-
 DECADE = 10.0  # by which lengths can be made larger or smaller
 WIDE = 30.0  # by which a modulus can be
 PEAKS = 5.0  # half widths of the resonance that a frequency can be off
 
 
 class Knob(NamedTuple):
-    """One slider.
+    """One slider."""
 
-    Attributes
-    ----------
-    key : str
-        Of the setting that it changes.
-    label, unit : str
-    size : float
-        The unit in the SI unit.
-    low, high : float
-        Ends of the slider [SI]; a number that is typed in may lie beyond.
-    scale : str
-        "linear", "log", or "cubic", which begins at 0 and is fine there.
-    start : float
-        [SI].
-    material : int or None
-        Which one it belongs to.
-    """
-
-    key: str
+    key: str  # of the setting that it changes
     label: str
     unit: str
-    size: float
+    size: float  # the unit in the SI unit
+    # low, high: ends of the slider [SI]; a number that is typed in may lie beyond
     low: float
     high: float
-    scale: str
-    start: float
-    material: int | None = None
+    scale: str  # "linear", "log", or "cubic", which begins at 0 and is fine there
+    start: float  # [SI]
+    material: int | None = None  # which one it belongs to
 
 
 def knobs_of(subject: Subject) -> list[Knob]:

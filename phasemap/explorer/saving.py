@@ -21,21 +21,13 @@ from phasemap.scenes.writing import toml_of, written
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["SAVED", "File", "python_of", "scene_file"]
-
 HEADING = ["Saved from phasemap explore.", "Every length is in m, every other quantity in SI units."]
 
 
 class File(NamedTuple):
-    """What the browser downloads.
+    """What the browser downloads."""
 
-    Attributes
-    ----------
-    name, kind : str
-        Of the file, and its media type.
-    content : bytes
-    """
-
+    # name, kind: of the file, and its media type
     name: str
     kind: str
     content: bytes
@@ -44,19 +36,7 @@ class File(NamedTuple):
 def scene_file(setting: Setting, _progress: Check) -> File:
     """The scene as TOML; of a surface that came from no scene with names, together with its maps in an archive.
 
-    Parameters
-    ----------
-    setting : Setting
-
-    Returns
-    -------
-    File
-        Files that the scene names are where they were, by their whole paths.
-
-    Raises
-    ------
-    InputError
-        If a scene cannot say it.
+    Files that the scene names are where they were, by their whole paths.
     """
     tables, name = setting.tables(), _name(setting)
     if setting.subject.scene is not None:
@@ -104,19 +84,6 @@ SAVED: dict[str, Callable[[Setting, Check], File]] = {
 
 def python_of(setting: Setting) -> str:
     """Write the Python that makes the image of this setting.
-
-    Parameters
-    ----------
-    setting : Setting
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If the scene was read from no file.
 
     Examples
     --------

@@ -27,8 +27,6 @@ from phasemap.explorer.subject import Subject
 if TYPE_CHECKING:
     from phasemap.explorer.answers import Picture
 
-__all__ = ["HOST", "Server"]
-
 HOST = "127.0.0.1"
 LARGEST = 1 << 16  # bytes of what a page sends
 PATIENCE = 60.0  # seconds after which a silent connection is closed
@@ -62,7 +60,6 @@ class Server(ThreadingHTTPServer):
 
     Parameters
     ----------
-    subject : Subject
     port : int
         0 is any that is free.
     """

@@ -17,53 +17,27 @@ from phasemap.explorer.subject import Subject
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.problem import check_setpoint
 
-__all__ = ["Setting"]
-
 KEYS = ("setpoint", "free_amplitude", "frequency", "radius", "materials", "pair", "exact")
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One position of all sliders.
-
-    Parameters
-    ----------
-    subject : Subject
-    scope : Microscope
-    setpoint : float
-    materials : mapping of str to Material
-    pair : (str, str)
-        The two materials that are compared; twice the same where there is one only.
-    exact : bool
-        Whether every orbit is exact, or averaged where that is within the accuracy.
-    """
+    """One position of all sliders."""
 
     subject: Subject
     scope: Microscope
     setpoint: float
     materials: Mapping[str, Material]
-    pair: tuple[str, str]
-    exact: bool = False
+    pair: tuple[str, str]  # the two materials that are compared; twice the same where there is one only
+    exact: bool = False  # whether every orbit is exact, or averaged where that is within the accuracy
 
     @classmethod
     def of(cls, subject: Subject, message: object) -> Setting:
         """Read what the page sends.
 
-        Parameters
-        ----------
-        subject : Subject
-        message : object
-            A dict with setpoint, free_amplitude, frequency (None is the resonance), radius, exact, materials (a dict
-            for each) and pair (two numbers of materials); what is missing is as it was to begin with.
-
-        Returns
-        -------
-        Setting
-
-        Raises
-        ------
-        InputError
-            If a key is unknown or a value is not allowed.
+        `message`: a dict with setpoint, free_amplitude, frequency (None is the resonance), radius, exact,
+            materials (a dict for each) and pair (two numbers of materials); what is missing is as it was to
+            begin with.
 
         Examples
         --------
@@ -117,13 +91,7 @@ class Setting:
         )
 
     def tables(self) -> Table:
-        """The tables of the scene that this setting is; the surface's are those of the subject's scene, if it has one.
-
-        Raises
-        ------
-        InputError
-            If the interaction is one that no scene can say: a law of the user's own, or no long-range force.
-        """
+        """The tables of the scene that this setting is; the surface's are those of the subject's scene, if any."""
         interaction = self.scope.interaction
         if not isinstance(interaction.contact, str) or interaction.decay_length is None:
             name = "decay_length" if isinstance(interaction.contact, str) else "contact"

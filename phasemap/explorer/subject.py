@@ -23,54 +23,29 @@ from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate
 
-__all__ = ["Sample", "Subject", "subject_of"]
-
 MOST = 8  # materials, each with three sliders
 SIDE = 256  # pixels of the longer side of the image that is solved while a slider moves
 
 
 class Sample(NamedTuple):
-    """Where each material is, and the relief.
+    """Where each material is, and the relief."""
 
-    Attributes
-    ----------
-    labels : ndarray of int32, shape (ny, nx)
-        Number of the material.
-    topography : ndarray, shape (ny, nx), or None
-        [m].
-    """
-
-    labels: NDArray[np.int32]
-    topography: NDArray[np.float64] | None
+    labels: NDArray[np.int32]  # shape (ny, nx); number of the material
+    topography: NDArray[np.float64] | None  # shape (ny, nx), or None [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A sample of a few materials under a microscope.
+    """A sample of a few materials under a microscope."""
 
-    Parameters
-    ----------
-    name : str
-        Of the files that are saved.
-    scope : Microscope
-    materials : mapping of str to Material
-        By name; the labels of the sample count them.
-    pixel_size : (float, float)
-        (dy, dx) [m].
-    options : mapping
-        What `phasemap.simulate` takes besides, as the scene says; at least setpoint and solver.
-    sample : Sample
-    scene : Scene or None
-        Where it came from, if that was a scene.
-    """
-
-    name: str
+    name: str  # of the files that are saved
     scope: Microscope
-    materials: Mapping[str, Material]
-    pixel_size: tuple[float, float]
+    materials: Mapping[str, Material]  # by name; the labels of the sample count them
+    pixel_size: tuple[float, float]  # (dy, dx) [m]
+    # What `phasemap.simulate` takes besides, as the scene says; at least setpoint and solver
     options: Mapping[str, Any]
     sample: Sample = field(repr=False)
-    scene: Scene | None = field(default=None, repr=False)
+    scene: Scene | None = field(default=None, repr=False)  # where it came from, if that was a scene
     _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -125,25 +100,10 @@ def subject_of(
 ) -> Subject:
     """Make the subject of what the user gives.
 
-    Parameters
-    ----------
-    explored : Surface, Scene or path-like
-        A surface, or a scene or its file.
-    scope : Microscope, optional
-        For a surface, which has none.
-    setpoint : float, optional
-        To begin with; that of the scene, or 0.7 for a surface.
-    overrides : iterable of str
-        As in `phasemap.load_scene`, for a file.
-
-    Returns
-    -------
-    Subject
-
-    Raises
-    ------
-    InputError
-        If it is none of these, has more than eight materials, or the microscope is missing or one too many.
+    `explored`: a surface, or a scene or its file.
+    `scope`: for a surface, which has none.
+    `setpoint`: to begin with; that of the scene, or 0.7 for a surface.
+    `overrides`: as in `phasemap.load_scene`, for a file.
 
     Examples
     --------

@@ -17,52 +17,29 @@ from typing import NamedTuple
 
 from phasemap._shared.units import ELECTRONVOLT
 
-__all__ = ["Found", "lines_of"]
-
 LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
 SHARE = 0.2  # of the contrast that the losses may leave open
 DEGREES = "°"
 
 
 class Found(NamedTuple):
-    """One material at the working point.
-
-    Attributes
-    ----------
-    name : str
-    regime : str
-        "attractive", "repulsive" or "none".
-    bistable : bool
-        Whether the controller can hold the setpoint in the other regime too.
-    motion : str
-        "periodic", "irregular" or "none".
-    solver : str
-    advice : str
-        What is wrong and what helps; empty where nothing is.
-    phase : float
-        [degree]; NaN without a solution, as all that follows.
-    tip_phase : float
-        Of the tip's position [degree]: the same, unless the detector sees the deflection.
-    lost, air, most : float
-        Energy [J per cycle] lost in contact and in air, and the most that the drive can give, pi k u0 A.
-    virial : float
-        [J].
-    indentation, tip_offset, height : float
-        [m]; the height is that of a flat surface at 0.
-    """
+    """One material at the working point."""
 
     name: str
-    regime: str
-    bistable: bool
-    motion: str
+    regime: str  # "attractive", "repulsive" or "none"
+    bistable: bool  # whether the controller can hold the setpoint in the other regime too
+    motion: str  # "periodic", "irregular" or "none"
     solver: str
-    advice: str
-    phase: float
-    tip_phase: float
+    advice: str  # what is wrong and what helps; empty where nothing is
+    phase: float  # [degree]; NaN without a solution, as all that follows
+    tip_phase: float  # of the tip's position [degree]: the same, unless the detector sees the deflection
+    # lost, air, most: energy [J per cycle] lost in contact and in air, and the most that the drive can give, pi k
+    # u0 A
     lost: float
     air: float
     most: float
-    virial: float
+    virial: float  # [J]
+    # indentation, tip_offset, height: [m]; the height is that of a flat surface at 0
     indentation: float
     tip_offset: float
     height: float
@@ -95,15 +72,8 @@ class Found(NamedTuple):
 def lines_of(first: Found, second: Found) -> list[str]:
     """Say why the second material is brighter or darker in the phase image than the first.
 
-    Parameters
-    ----------
-    first, second : Found
-        Twice the same where there is one material only.
-
-    Returns
-    -------
-    list of str
-        Sentences, the most important one first.
+    `first`, `second`: twice the same where there is one material only.
+    Returns sentences, the most important one first.
 
     Examples
     --------

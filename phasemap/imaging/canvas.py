@@ -48,13 +48,8 @@ def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
 def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tuple[str, ...], more: int = 0) -> None:
     """Refuse an image that would not fit into memory.
 
-    Parameters
-    ----------
-    shape : (int, int)
-    names, directions
-        As for `Canvas`.
-    more : int
-        Bytes a pixel that are needed besides.
+    `names`, `directions`: as for `Canvas`.
+    `more`: bytes a pixel that are needed besides.
     """
     passes = max(len(directions), 1)
     per_pixel = passes * sum(1 if name in FLAGS else 8 for name in names)
@@ -68,7 +63,6 @@ class Canvas:
 
     Parameters
     ----------
-    surface : Surface
     names : tuple of str
         Image variables, `status` among them.
     directions : tuple of str
@@ -111,10 +105,7 @@ class Canvas:
     def restore(self, arrays: Mapping[str, Array]) -> None:
         """Fill in what `arrays` gave earlier, for the same pixels.
 
-        Raises
-        ------
-        ValueError
-            If it is not that; nothing is filled in then.
+        Raises ValueError if it is not that; nothing is filled in then.
         """
         forms = [
             {name: (values.shape, values.dtype) for name, values in some.items()} for some in (arrays, self.arrays())

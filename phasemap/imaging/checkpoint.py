@@ -30,8 +30,6 @@ from phasemap.imaging.plan import Stretch, fill_part, simulator_of
 from phasemap.io.netcdf import replacing
 from phasemap.results.variables import provenance
 
-__all__ = ["Checkpoint", "discard", "fill_kept"]
-
 EVERY = 2.0  # seconds of work that may be lost
 GROWTH = 4  # at most, of what is done at a time
 PROBED = (1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which a user's law is known by its forces
@@ -40,24 +38,14 @@ PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 
 
 class Lines(NamedTuple):
-    """Lines that were filled.
+    """Lines that were filled."""
 
-    Attributes
-    ----------
-    first, last : int
-        From this line to before that one.
-    arrays : dict of str to ndarray
-        Their variables.
-    notes : dict of str to float
-    state : dict of str to ndarray
-        In which the tip left them, as `Simulator.freeze` gives it.
-    """
-
+    # first, last: from this line to before that one
     first: int
     last: int
-    arrays: Values
+    arrays: Values  # their variables
     notes: dict[str, float]
-    state: Values
+    state: Values  # in which the tip left them, as `Simulator.freeze` gives it
 
 
 class Checkpoint:
@@ -71,8 +59,6 @@ class Checkpoint:
     ----------
     folder : path-like
         Made when there is something to be kept.
-    surface : Surface
-    law : ContactLaw
     configuration : mapping
         Everything else.
 

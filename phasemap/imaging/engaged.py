@@ -39,20 +39,11 @@ REST = 1 << 16  # pixels without an interpolant that are solved together
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What all pixels of an image share: a table of its materials, or an atlas of more, or neither.
+    """What all pixels of an image share: a table of its materials, or an atlas of more, or neither."""
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4) or (n, 5), or None
-        All that the image has.
-    values : dict of str to ndarray of shape (n,)
-        Their variables.
-    axes, atlas : optional
-        Coordinates of materials, and interpolants in them.
-    """
-
-    materials: Array | None = None
-    values: Values | None = None
+    materials: Array | None = None  # shape (n, 4) or (n, 5), or None; all that the image has
+    values: Values | None = None  # their variables
+    # axes, atlas: coordinates of materials, and interpolants in them
     axes: Axes | None = None
     atlas: Atlas | None = None
 
@@ -190,7 +181,7 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "height": (col.TIP_OFFSET,), "phase": (col.PHASE,), "tip_offset": (col.TIP_OFFSET,),
         "mean_deflection": (col.MEAN,), "indentation": (col.INDENTATION,), "dissipation": (col.DISSIPATION,),
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
-        **dict.fromkeys(OF_ADHESION, (col.INDENTATION,)),
+        **dict.fromkeys(OF_ADHESION, (col.INDENTATION, col.TIP_OFFSET, col.PHASE)),
         **dict.fromkeys(OF_FORCES, (col.INDENTATION, col.TIP_OFFSET, col.MEAN)),
     }  # fmt: skip
     return sorted({column for name in names for column in needed.get(name, ())})

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
 
 
-__all__ = ["drifted", "finish", "generator", "scopes_by_row"]
-
 FloatArray = NDArray[np.float64]
 FAR = 2.0**40  # pixels: drift beyond every image
 
@@ -28,12 +26,8 @@ FAR = 2.0**40  # pixels: drift beyond every image
 def generator(seed: int, purpose: str) -> np.random.Generator:
     """Random numbers of their own for each purpose: to turn one kind of noise on does not change another.
 
-    Parameters
-    ----------
-    seed : int
-        That of `Realism`.
-    purpose : str
-        What they are for, such as ``"height"``.
+    `seed`: that of `Realism`.
+    `purpose`: what they are for, such as ``"height"``.
 
     Examples
     --------
@@ -46,13 +40,7 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
 def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple[slice, Microscope]]:
     """Rows of the image and the microscope that scans them, in order.
 
-    Parameters
-    ----------
-    realism : Realism
-    scope : Microscope
-        As it is at the first line.
-    lines : int
-        Rows of the image.
+    `scope`: as it is at the first line.
 
     Examples
     --------
@@ -73,16 +61,8 @@ def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple
 def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
     """Return the surface as it passes under the tip while it drifts.
 
-    Parameters
-    ----------
-    surface : Surface
-    drift : (float, float, float)
-        Along x, y and z during the whole image [m], as in `Realism`.
-
-    Returns
-    -------
-    Surface
-        The same one without drift.
+    `drift`: along x, y and z during the whole image [m], as in `Realism`.
+    Returns the same one without drift.
 
     Examples
     --------
@@ -126,17 +106,9 @@ def _carried(relief: FloatArray, right: FloatArray, down: FloatArray) -> FloatAr
 def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
     """Add what comes after the scan: offsets of lines, then quantisation.
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        Dims ("y", "x"), or ("direction", "y", "x").
-    realism : Realism
-
-    Returns
-    -------
-    xarray.Dataset
-        The same one if nothing is to be added. Each variable that changed says so in its attribute ``comment``, and
-        has the step of its quantisation in ``quantisation_step``, in its own unit.
+    `image`: dims ("y", "x"), or ("direction", "y", "x").
+    Returns the same one if nothing is to be added. Each variable that changed says so in its attribute ``comment``,
+        and has the step of its quantisation in ``quantisation_step``, in its own unit.
 
     Examples
     --------

@@ -59,40 +59,18 @@ class Memo(Protocol):
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be done.
+    """What is to be done."""
 
-    Parameters
-    ----------
-    surface : Surface
-        Of the image, or of the part that is to be filled.
-    place : Place
-        Where it lies in the image.
-    scope : Microscope
-    amplitude : float
-        At the setpoint [m].
-    control : Control
-    solver : Solver
-    accuracy : Accuracy
-    realism : Realism
-        Its drift is in the surface already; what comes after the scan is not a concern of a simulator.
-    names : tuple of str
-        Image variables, `status` among them.
-    workers : int
-        Threads.
-    progress : callable, optional
-    memo : Memo, optional
-    """
-
-    surface: Surface
-    place: Place
+    surface: Surface  # of the image, or of the part that is to be filled
+    place: Place  # where it lies in the image
     scope: Microscope
-    amplitude: float
+    amplitude: float  # at the setpoint [m]
     control: Control
     solver: Solver
     accuracy: Accuracy
-    realism: Realism
-    names: tuple[str, ...]
-    workers: int
+    realism: Realism  # its drift is in the surface already; what comes after the scan is not a concern of a simulator
+    names: tuple[str, ...]  # image variables, `status` among them
+    workers: int  # threads
     progress: Progress | None = None
     memo: Memo | None = None
 
@@ -143,7 +121,7 @@ class Job:
         work = self.work(materials) if work is None else work
         if set(OF_ADHESION) & set(self.names):
             stiffness = self.properties(materials)[0]
-            rows = with_adhesion(rows, work, bare_rows(stiffness, self.scope, film_of(materials)))
+            rows = with_adhesion(rows, work, used, bare_rows(stiffness, self.scope, film_of(materials)))
         if set(OF_FORCES) & set(self.names):
             rows = with_forces(rows, work, used, self.scope)
         return rows
@@ -178,30 +156,19 @@ def _joined(parts: list[Values]) -> Values:
 
 
 class Simulator(NamedTuple):
-    """How the images of one control come about: a plan for all of it, then part by part.
+    """How the images of one control come about: a plan for all of it, then part by part."""
 
-    Attributes
-    ----------
-    check : callable
-        ``check(job)`` raises `InputError` where the control cannot work with the rest.
-    most : callable
-        ``most(job)``: distinct materials up to which the plan wants to know them all.
-    plan : callable
-        ``plan(job, survey, before)``: what all parts share, of a job for the whole image or for the lines of one tip;
-        `before` is the plan of the tip before, or None. It can be pickled.
-    fill : callable
-        ``fill(job, plan, canvas, state)``: fills the canvas of a part, to which the tip comes in a state, and returns
-        that in which it leaves; None is a tip that is far away. A control that carries no state takes and returns None.
-    notes : mapping
-        Names of what it finds out for the attributes of an image, with long names.
-    freeze, thaw : callable
-        From a state to arrays that can be kept in a file, and back.
-    """
-
-    check: Callable[[Job], None]
-    most: Callable[[Job], int]
+    check: Callable[[Job], None]  # ``check(job)`` raises `InputError` where the control cannot work with the rest
+    most: Callable[[Job], int]  # ``most(job)``: distinct materials up to which the plan wants to know them all
+    # ``plan(job, survey, before)``: what all parts share, of a job for the whole image or for the lines of one
+    # tip; `before` is the plan of the tip before, or None. It can be pickled.
     plan: Callable[[Job, Survey, Any], Any]
+    # ``fill(job, plan, canvas, state)``: fills the canvas of a part, to which the tip comes in a state, and
+    # returns that in which it leaves; none is a tip that is far away. A control that carries no state takes and
+    # returns None.
     fill: Callable[[Job, Any, Canvas, Any], Any]
+    # Names of what it finds out for the attributes of an image, with long names
     notes: Mapping[str, str] = MappingProxyType({})
+    # freeze, thaw: from a state to arrays that can be kept in a file, and back
     freeze: Callable[[Any], Values] = lambda state: {}
     thaw: Callable[[Values], Any] = lambda arrays: None

@@ -36,31 +36,17 @@ SIMULATORS: dict[type[Control], Callable[[], Simulator]] = {
 
 
 class Stretch(NamedTuple):
-    """Lines that one tip scans.
+    """Lines that one tip scans."""
 
-    Attributes
-    ----------
-    first, last : int
-        From this line of the image to before that one.
-    scope : Microscope
-    plan : object
-        What the simulator planned for them.
-    """
-
+    # first, last: from this line of the image to before that one
     first: int
     last: int
     scope: Microscope
-    plan: Any
+    plan: Any  # what the simulator planned for them
 
 
 def simulator_of(control: Control) -> Simulator:
-    """Who makes the images of a control.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """Who makes the images of a control."""
     if type(control) not in SIMULATORS:
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
     return SIMULATORS[type(control)]()
@@ -69,12 +55,7 @@ def simulator_of(control: Control) -> Simulator:
 def plan_image(job: Job, survey: Survey) -> list[Stretch]:
     """Plan an image for each tip that scans it.
 
-    Parameters
-    ----------
-    job : Job
-        Its surface may be any part of the image's.
-    survey : Survey
-        Of the whole surface.
+    `job`: its surface may be any part of the image's.
     """
     simulator, before = simulator_of(job.control), None
     stretches = []

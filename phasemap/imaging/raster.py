@@ -26,16 +26,11 @@ STABLE, BEGINS, OFFSETS, REACH = ".stable", ".engaged", ".offsets", ".reach"  # 
 
 
 class Table(NamedTuple):
-    """Distinct materials and what holds the setpoint on each.
+    """Distinct materials and what holds the setpoint on each."""
 
-    Attributes
-    ----------
-    materials : ndarray, shape (n, 4)
-    values : dict of str to ndarray, shape (3, n)
-        Variables on the attractive branch, the repulsive one, and the one that engagement finds; and what `walk` reads.
-    """
-
-    materials: Array
+    materials: Array  # shape (n, 4)
+    # Variables on the attractive branch, the repulsive one, and the one that engagement finds; and what `walk`
+    # reads
     values: Values
 
 
@@ -47,22 +42,13 @@ class TipState(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Lines of an image that are worked on together.
+    """Lines of an image that are worked on together."""
 
-    Attributes
-    ----------
-    first, last : int
-        From this line to before that one.
-    materials : ndarray, shape (n, 4)
-        What they are made of, each once.
-    numbers : callable
-        Which of these each pixel of a range is made of.
-    """
-
+    # first, last: from this line to before that one
     first: int
     last: int
-    materials: Array
-    numbers: Numbers
+    materials: Array  # shape (n, 4); what they are made of, each once
+    numbers: Numbers  # which of these each pixel of a range is made of
 
 
 def _check(_job: Job) -> None:

@@ -17,16 +17,10 @@ if TYPE_CHECKING:
 
     from phasemap.validation.checking.result import Check
 
-__all__ = ["Accessor"]
-
 
 @xr.register_dataset_accessor("phasemap")  # type: ignore[no-untyped-call]
 class Accessor:
     """What can be done with an image, a sweep, or another Dataset of phasemap.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
 
     Examples
     --------

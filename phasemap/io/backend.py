@@ -13,8 +13,6 @@ from xarray.backends import BackendEntrypoint
 from phasemap.io import accessor as accessor
 from phasemap.io.read import read_image
 
-__all__ = ["PhasemapBackend"]
-
 SUFFIXES = (".nid", ".spm", ".di", ".ibw", ".jpk", ".gwy", ".gsf")  # .tiff, .stp and .top are of others too
 NUMBERED = re.compile(r"\.\d{3}$")  # as NanoScope numbers its images
 

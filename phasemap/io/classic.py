@@ -6,8 +6,6 @@ tag, a count and its entries. One wrong bit of a count makes the library take gi
 
 from __future__ import annotations
 
-__all__ = ["check_classic", "is_classic"]
-
 MAGIC = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}  # byte of an external type
 DIMENSIONS, VARIABLES, ATTRIBUTES = 10, 11, 12  # tags
@@ -27,15 +25,8 @@ def is_classic(data: bytes) -> bool:
 def check_classic(data: bytes) -> None:
     """Refuse a header of which a count does not fit.
 
-    Parameters
-    ----------
-    data : bytes
-        The file, or as much of it as has the header.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged.
+    `data`: the file, or as much of it as has the header.
+    Raises ValueError if it is damaged.
 
     Examples
     --------

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import struct
 
-__all__ = ["check_container"]
-
 SIZES = {b"b": 1, b"c": 1, b"i": 4, b"q": 8, b"d": 8}  # byte, of single values
 ITEMS = {b"C": 1, b"I": 4, b"Q": 8, b"D": 8}  # byte, of what arrays consist of
 DEEPEST = 32  # objects in objects; channels, their units and metadata are on the third level
@@ -18,15 +16,7 @@ MOST = 2e11  # byte that the reader would copy, for it copies what is left at ev
 def check_container(data: bytes) -> None:
     """Refuse what is not a Gwyddion container, or has a length that does not fit.
 
-    Parameters
-    ----------
-    data : bytes
-        The whole file.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged.
+    Raises ValueError if it is damaged.
 
     Examples
     --------

@@ -16,8 +16,6 @@ from phasemap.io.kinds import KINDS, METRES
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["from_sidpy", "to_sidpy"]
-
 QUANTITIES = {
     "height": "Height", "phase": "Phase", "amplitude": "Amplitude", "amplitude_error": "AmplitudeError",
     "mean_deflection": "Deflection", "dissipation": "Dissipation", "indentation": "Indentation",

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["export", "write_gsf", "write_gwy"]
-
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
 OTHER_PALETTE = "Warm"
 UNITS = {"degree": "deg", "1": "", "N m-1": "N/m", "J m-2": "J/m^2"}  # as Gwyddion writes them

@@ -9,26 +9,16 @@ from phasemap._shared.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["finite_map", "level_height", "level_rows", "on_one_turn", "row_medians"]
-
 MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
 
 
 def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.ndarray:
     """Take the tilt and the row offsets out of a height image.
 
-    Parameters
-    ----------
-    height : array_like, shape (rows, columns)
-        [m]
-    reference : array_like of bool, optional
-        Pixels that are meant to be level (one material, no particles); None takes all. Rows that have none take their
-        offset from their neighbours.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        [m]; the median of the reference pixels is 0.
+    `height` (shape (rows, columns)): [m].
+    `reference`: pixels that are meant to be level (one material, no particles); None takes all. Rows that have none
+        take their offset from their neighbours.
+    Returns an array of shape (rows, columns): [m]; the median of the reference pixels is 0.
 
     Examples
     --------
@@ -57,17 +47,9 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
     The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
     the rows hold the tilt.
 
-    Parameters
-    ----------
-    height : ndarray, shape (rows, columns)
-        [m]; may hold NaN where pixels do not count.
-    counts : ndarray of bool
-        Pixels that count, at least one; rows that have none take their offset from their neighbours.
-
-    Returns
-    -------
-    ndarray
-        [m]
+    `height` (shape (rows, columns)): [m]; may hold NaN where pixels do not count.
+    `counts`: pixels that count, at least one; rows that have none take their offset from their neighbours.
+    Returns: [m].
 
     Examples
     --------
@@ -89,15 +71,9 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
 def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Median of what counts in each row, as a column; rows without any take it from their neighbours.
 
-    Parameters
-    ----------
-    values : ndarray, shape (rows, columns)
-    counts : ndarray of bool
-        Pixels that count, at least one.
-
-    Returns
-    -------
-    ndarray, shape (rows, 1)
+    `values` (shape (rows, columns)).
+    `counts`: pixels that count, at least one.
+    Returns an array of shape (rows, 1).
 
     Examples
     --------
@@ -116,16 +92,10 @@ def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
 def on_one_turn(phase: np.ndarray) -> np.ndarray:
     """Bring together a phase that ran over the end of its range, such as from 179 to -179 degrees.
 
-    Parameters
-    ----------
-    phase : ndarray
-        [degree]; may hold NaN.
-
-    Returns
-    -------
-    ndarray
-        [degree]; as it was where it spans half a turn or less, which is all that a tapping lever does. Else whole turns
-        are added so that all lies within half a turn of the mean direction, on the turn where most of it was.
+    `phase`: [degree]; may hold NaN.
+    Returns: [degree]; as it was where it spans half a turn or less, which is all that a tapping lever does. Else
+        whole turns are added so that all lies within half a turn of the mean direction, on the turn where most of
+        it was.
 
     Examples
     --------

@@ -21,20 +21,21 @@ from phasemap.io.container import check_container
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["MASKED", "Channel", "extra", "load_channels", "merged"]
-
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
 HEAD = 1 << 18  # bytes of a file that say what it is
 OTHER_KINDS = {
     b"PK\x03\x04": "an archive (as JPK keeps force curves), not an image", b"%PDF": "a PDF document, not an image",
     b"\x89HDF": "an HDF5 file of a kind that Gwyddion does not read", b"\x1f\x8b": "compressed: unpack it first",
-    b"BM": "a picture, which has no units",
+    b"BM": "a picture, which has no units", b"\x93NUMPY": "an array of NumPy, which has no units",
 }  # fmt: skip
 """By the bytes that they begin with."""
+COLOURS = {"Red", "Green", "Blue", "Alpha", "Gray"}  # channels of a picture, as Gwyddion names them
+NATIVE = b"GWYP"  # how a .gwy file begins
 COPIES = 4  # of a .gwy file in memory while it is read
 MASKED = "masked pixels have no value"
 """Said by the metadata of a .gwy file whose masks hide pixels, rather than mark some that the user chose."""
 
+_NUMBERS = re.compile(rb"[\x00-\x08\x0e-\x1f]")  # bytes that no text has
 _NUMBERED = re.compile(r"\s*\(\d+\)$")  # as Gwyddion tells equal names apart
 _DIRECTION = re.compile(
     r"[\s_]*[\[(]?(retrace|trace|backward|forward|left to right|right to left)[\])]?", re.IGNORECASE
@@ -48,28 +49,15 @@ _NO_REASON = re.compile(r"unknown error|No module can load|[A-Za-z_.]*Error\b")
 
 @dataclass(frozen=True)
 class Channel:
-    """One image of a file.
+    """One image of a file."""
 
-    Parameters
-    ----------
-    name : str
-        As the file has it, such as ``"PhaseRetrace"``.
-    data : ndarray, shape (rows, columns)
-        In `unit`, row 0 at the top; NaN where there is no value.
-    unit, lateral_unit : str
-        SI units.
-    size : (float, float)
-        Height and width of the whole image, in `lateral_unit`.
-    metadata : mapping of str to str
-        The vendor's own.
-    """
-
-    name: str
-    data: np.ndarray
+    name: str  # as the file has it, such as ``"PhaseRetrace"``
+    data: np.ndarray  # shape (rows, columns); in `unit`, row 0 at the top; NaN where there is no value
+    # unit, lateral_unit: SI units
     unit: str
     lateral_unit: str
-    size: tuple[float, float]
-    metadata: Mapping[str, str]
+    size: tuple[float, float]  # height and width of the whole image, in `lateral_unit`
+    metadata: Mapping[str, str]  # the vendor's own
 
     @property
     def direction(self) -> str:
@@ -87,17 +75,9 @@ class Channel:
 def load_channels(path: Path) -> list[Channel]:
     """Read every image of a file.
 
-    Returns
-    -------
-    list of Channel
-        In the order of the file, without those of a second pass over the line (interleave).
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, or holds no image.
-    PhasemapError
-        If the ``read`` extra is not installed.
+    Returns: in the order of the file, without those of a second pass over the line (interleave).
+    Raises FileError if the file cannot be read, or holds no image.
+    Raises PhasemapError if the ``read`` extra is not installed.
 
     Examples
     --------
@@ -115,10 +95,11 @@ def load_channels(path: Path) -> list[Channel]:
     import numpy as np
 
     reader = extra("gwyddionpy", "reading measured files", "read")
-    native = path.suffix.lower() == ".gwy"
     with path.open("rb") as file:
-        if file.read(8).startswith(PICTURES):
-            raise FileError(f"cannot use {path}: it is a picture, which has no units.")
+        head = file.read(8)
+    if head.startswith(PICTURES):
+        raise FileError(f"cannot use {path}: it is a picture, which has no units.")
+    native = head.startswith(NATIVE)
     try:
         with tempfile.TemporaryDirectory() as folder:
             converted = path if native else Path(folder, "converted.gwy")
@@ -151,6 +132,8 @@ def load_channels(path: Path) -> list[Channel]:
         for one, own in zip(found, data, strict=True)
         if one.meta.get("Scan Line") != "Interleave"
     ]
+    if channels and {one.name for one in channels} <= COLOURS:
+        raise FileError(f"cannot use {path}: it is a picture, which has no units.")
     if not channels:
         raise FileError(f"cannot use {path}: {_other_kind(path) or 'it holds no image'}.")
     return channels
@@ -167,19 +150,9 @@ def merged(channels: Iterable[Channel]) -> dict[str, str]:
 def extra(module: str, purpose: str, name: str) -> Any:
     """Import an optional package, or say how to install it.
 
-    Parameters
-    ----------
-    module : str
-        To import.
-    purpose : str
-        What needs it: ``"reading measured files"``.
-    name : str
-        The extra that brings it along.
-
-    Raises
-    ------
-    PhasemapError
-        If it is not installed.
+    `purpose`: what needs it: ``"reading measured files"``.
+    `name`: the extra that brings it along.
+    Raises PhasemapError if it is not installed.
 
     Examples
     --------
@@ -202,6 +175,8 @@ def _other_kind(path: Path) -> str:
     for mark, what in OTHER_KINDS.items():
         if head.startswith(mark):
             return f"it is {what}"
+    if re.match(rb"\s*<(!doctype )?html", head, re.IGNORECASE):
+        return "it is a web page, as a download leaves it that failed"
     if b"*Force file list" in head:
         return "it is a force curve of NanoScope, not an image"
     if path.suffix.lower() == ".nid" and re.search(rb"Dim0Name=Frequency", head):
@@ -210,7 +185,12 @@ def _other_kind(path: Path) -> str:
         points = [int.from_bytes(head[at : at + 4], "little") for at in (132, 136)]
         if points[0] and not points[1]:
             return f"it is a curve of {points[0]} points, not an image"
-    return ""
+    return "it is text, with no image in it" if _is_text(head) else ""
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether a file begins as text does, without the bytes of numbers."""
+    return bool(head.strip()) and not head.startswith(NATIVE) and not _NUMBERS.search(head)
 
 
 def _reason(error: str) -> str:

@@ -15,8 +15,6 @@ from typing import Any
 
 from phasemap.io.gwyddion import extra
 
-__all__ = ["amplitude_sensitivity", "is_quantitative_imaging"]
-
 TIFF = (b"II*\0", b"MM\0*")
 CHANNEL, SLOTS = 0x8050, 0x8080  # tags of a channel: its name, how many slots it has
 FIRST, LENGTH = 0x8090, 48  # tags of a slot: where the first one's begin, and how many there are
@@ -28,14 +26,7 @@ SETPOINT_SLOT = re.compile(rb"setpoint-feedback-settings\.setpoint-slot : (\w+)"
 def amplitude_sensitivity(path: Path) -> float | None:
     """The sensitivity [m/V] by which a JPK file makes metres of the amplitude in the volts of its setpoint.
 
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    float or None
-        None where the file has no amplitude in metres, or one that is not based on the setpoint's slot.
+    Returns None where the file has no amplitude in metres, or one that is not based on the setpoint's slot.
     """
     if not path.is_file():
         return None

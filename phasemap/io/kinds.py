@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-__all__ = ["KINDS", "METRES", "Kind"]
-
 
 class Kind(NamedTuple):
     """A quantity that microscopes record: how its channels are called, its units and its long name."""

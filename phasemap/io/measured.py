@@ -18,34 +18,16 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["align_and_segment", "one_scan", "segment_height", "segment_phase"]
-
 
 def one_scan(
     image: xr.Dataset, needed: Iterable[str] = ("height", "phase"), direction: str | None = None
 ) -> xr.Dataset:
     """Take one direction of an image, and see that it has what is needed.
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        As `phasemap.read_image` gives it.
-    needed : iterable of str
-        Names of variables.
-    direction : str, optional
-        "trace" or "retrace"; None takes the first there is.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over ("y", "x"), with the attribute ``direction`` where it is known.
-
-    Raises
-    ------
-    FileError
-        If a variable is not there.
-    InputError
-        If the direction is not there.
+    `image`: as `phasemap.read_image` gives it.
+    `direction`: "trace" or "retrace"; None takes the first there is.
+    Returns: over ("y", "x"), with the attribute ``direction`` where it is known.
+    Raises FileError if a variable is not there.
 
     Examples
     --------
@@ -75,22 +57,9 @@ def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
     Rows are aligned first, so that drift and a tip change between two rows do not count as material; then a 3 x 3
     median filter and multi-level Otsu thresholds.
 
-    Parameters
-    ----------
-    phase : array_like, shape (rows, columns)
-        [degree]
-    n : int
-        How many materials, 2 to 4.
-
-    Returns
-    -------
-    ndarray of int, shape (rows, columns)
-        0 where the phase is lowest, up to n - 1.
-
-    Raises
-    ------
-    InputError
-        If `phase` is not a finite 2-D map, or does not hold `n` populations.
+    `phase` (shape (rows, columns)): [degree].
+    `n`: how many materials, 2 to 4.
+    Returns an array of shape (rows, columns): 0 where the phase is lowest, up to n - 1.
 
     Examples
     --------
@@ -106,22 +75,9 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
 
     The tilt along rows is the median step from pixel to pixel, which edges have no part in; then as `segment_phase`.
 
-    Parameters
-    ----------
-    height : array_like, shape (rows, columns)
-        [m]
-    n : int
-        How many materials, 2 to 4.
-
-    Returns
-    -------
-    ndarray of int, shape (rows, columns)
-        0 where the surface is lowest, up to n - 1.
-
-    Raises
-    ------
-    InputError
-        If `height` is not a finite 2-D map, or does not hold `n` populations.
+    `height` (shape (rows, columns)): [m].
+    `n`: how many materials, 2 to 4.
+    Returns an array of shape (rows, columns): 0 where the surface is lowest, up to n - 1.
 
     Examples
     --------
@@ -162,22 +118,9 @@ def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray
     the median distance of its pixels from the level of their own population, and populations and offsets are found in
     turn, from the start that leaves the least spread within the populations.
 
-    Parameters
-    ----------
-    phase, n
-        As in `segment_phase`.
-
-    Returns
-    -------
-    aligned : ndarray, shape (rows, columns)
-        [degree]; the median of the whole image is kept.
-    labels : ndarray of int, shape (rows, columns)
-        As `segment_phase` gives them.
-
-    Raises
-    ------
-    InputError
-        As `segment_phase`.
+    `phase`, `n`: as in `segment_phase`.
+    Returns `aligned` (shape (rows, columns)): [degree]; the median of the whole image is kept.
+    Returns `labels` (shape (rows, columns)): as `segment_phase` gives them.
 
     Examples
     --------

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["CANONICAL", "ScanData", "of_simulation", "off_resonance", "quantity"]
-
 CANONICAL = {
     "drive_frequency": "Hz",
     "free_amplitude": "m",  # of the free lever at the drive frequency
@@ -38,23 +36,14 @@ _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)", re.
 
 @dataclass
 class ScanData:
-    """What is known about a scan.
+    """What is known about a scan."""
 
-    Parameters
-    ----------
-    values : dict
-        By names of `CANONICAL`, in their units; what is not known is absent.
-    warnings : list of str
-        Sentences on what must not be taken for more than it is.
-    nominal : list of str
-        Names of the values that are of the lever's type and not of this lever.
-    size : (float, float), optional
-        Height and width of the image [m], where the file says it better than Gwyddion.
-    """
-
+    # By names of `CANONICAL`, in their units; what is not known is absent
     values: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)  # sentences on what must not be taken for more than it is
+    # Names of the values that are of the lever's type and not of this lever
     nominal: list[str] = field(default_factory=list)
+    # Height and width of the image [m], where the file says it better than Gwyddion
     size: tuple[float, float] | None = None
 
     def take(self, **found: float | None) -> None:
@@ -65,15 +54,7 @@ class ScanData:
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """The canonical values of an image that phasemap simulated.
 
-    Parameters
-    ----------
-    attrs : mapping
-        Attributes of the image.
-
-    Returns
-    -------
-    dict
-        Empty for other images; without the zero of a phase that was levelled.
+    It is empty for other images, and without the zero of a phase that was levelled.
     """
     try:
         told = json.loads(attrs["configuration"])
@@ -111,11 +92,8 @@ def _of_tables(
 def off_resonance(ratio: float, quality: float, deflection: bool = False) -> float:
     """Amplitude of the free tip at resonance over what is seen at `ratio` times the resonance frequency [1].
 
-    Parameters
-    ----------
-    ratio, quality : float
-    deflection : bool
-        Whether the detector sees the deflection of a lever whose base is driven, and not the position of the tip.
+    `deflection`: whether the detector sees the deflection of a lever whose base is driven, and not the position of
+        the tip.
 
     Examples
     --------

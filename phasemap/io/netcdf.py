@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     import netCDF4
     import xarray as xr
 
-__all__ = ["check_target", "load", "load_sample", "opened", "replacing", "save"]
-
 LIMIT = 10.0  # seconds to open a file, which takes some thousandths
 HEADER = 1 << 24  # byte: longer headers of classic files are not read
 LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one

@@ -14,8 +14,6 @@ from phasemap.io.netcdf import load
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NETCDF", "read_netcdf"]
-
 NETCDF = (".nc", ".nc4", ".cdf")
 """Suffixes of such files."""
 
@@ -23,15 +21,9 @@ NETCDF = (".nc", ".nc4", ".cdf")
 def read_netcdf(path: Path) -> xr.Dataset:
     """Read an image; what is known about the scan is taken from the configuration of a simulation.
 
-    Returns
-    -------
-    xarray.Dataset
-        As in the file; recorded channels and coordinates in the units of `phasemap.read_image`, and y and x rising.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, holds no image, or has no coordinates or other units.
+    Returns: as in the file; recorded channels and coordinates in the units of `phasemap.read_image`, and y and x
+        rising.
+    Raises FileError if the file cannot be read, holds no image, or has no coordinates or other units.
 
     Examples
     --------

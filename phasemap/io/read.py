@@ -22,8 +22,6 @@ from phasemap.io.vendors import mode_of, scan_data
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["read_image"]
-
 DIRECTIONS = ("trace", "retrace")
 SENSOR = re.compile("sensor|measured|detector", re.IGNORECASE)
 SAME_SIZE = 1e-3  # by which channels of one scan may differ

@@ -15,8 +15,6 @@ from phasemap._shared.units import say
 from phasemap.io.jpk import amplitude_sensitivity, is_quantitative_imaging
 from phasemap.io.metadata import CANONICAL, ScanData, quantity
 
-__all__ = ["mode_of", "scan_data"]
-
 MODE_KEYS = ("Op. mode", "ImagingMode", "MicroscopeList")  # Nanosurf, Asylum Research, Bruker
 TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "tapping", "tapping mode")
 OTHER_MODE_KEYS = ("Feedback Mode", "Image mode", "Feedback settings::Input channel")  # JPK, Park, WSxM ...
@@ -39,12 +37,7 @@ _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency":
 def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     """Say in canonical names what the metadata of a file say.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for what Gwyddion leaves out of its header.
-    metadata : mapping of str to str
-        The vendor's own.
+    `path`: the file, for what Gwyddion leaves out of its header.
 
     Examples
     --------
@@ -87,10 +80,7 @@ def _doubt(scan: ScanData) -> None:
 def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
     """The operating mode as the instrument wrote it.
 
-    Raises
-    ------
-    FileError
-        If it is not tapping.
+    Raises FileError if it is not tapping.
     """
     mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
     mode = ASYLUM_NUMBERS.get(mode, mode)

@@ -14,8 +14,6 @@ from phasemap.io.netcdf import check_target, replacing
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["SUFFIX", "check_store", "opened_store", "write_store"]
-
 SUFFIX = ".zarr"
 AT_ONCE = 1 << 26  # byte of samples in memory
 FORMAT = 2  # which every reader knows; text in version 3 has no agreed form yet
@@ -24,12 +22,8 @@ FORMAT = 2  # which every reader knows; text in version 3 has no agreed form yet
 def check_store(path: Path, overwrite: bool = False) -> Path:
     """Return `path` if a store can be written there, before hours are spent on what to write.
 
-    Raises
-    ------
-    FileError
-        As in `phasemap.io.netcdf.check_target`; a folder that is no store is never replaced.
-    PhasemapError
-        If zarr is not installed.
+    Raises FileError as in `phasemap.io.netcdf.check_target`; a folder that is no store is never replaced.
+    Raises PhasemapError if zarr is not installed.
     """
     extra("zarr", "writing zarr stores", "dask")
     return check_target(path, overwrite)
@@ -38,14 +32,9 @@ def check_store(path: Path, overwrite: bool = False) -> Path:
 def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
     """Copy a netCDF file with a dimension "sample" into a zarr store, a chunk a sample.
 
-    Parameters
-    ----------
-    source : Path
-        Of which some samples at a time are in memory.
-    path : Path
-        The store, a folder; it is there whole or not at all.
-    overwrite : bool
-        Whether an existing store may be replaced.
+    `source`: of which some samples at a time are in memory.
+    `path`: the store, a folder; it is there whole or not at all.
+    `overwrite`: whether an existing store may be replaced.
     """
     import xarray as xr
 
@@ -65,12 +54,8 @@ def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
 def opened_store(path: Path) -> Iterator[xr.Dataset]:
     """Open a zarr store; values are read where they are needed.
 
-    Raises
-    ------
-    FileError
-        If it is no store, or is damaged.
-    PhasemapError
-        If zarr is not installed.
+    Raises FileError if it is no store, or is damaged.
+    Raises PhasemapError if zarr is not installed.
     """
     extra("zarr", "reading zarr stores", "dask")
     import xarray as xr

@@ -21,20 +21,6 @@ if TYPE_CHECKING:
 
     Given = Scalar | Mapping[str, Scalar] | None
 
-__all__ = [
-    "CHOSEN",
-    "FAILED",
-    "FAILED_TEXT",
-    "MAPS",
-    "PALETTE",
-    "Colours",
-    "Scale",
-    "given_colours",
-    "limits_of",
-    "scale_of",
-    "units_of",
-]
-
 MAPS = {
     "height": "afmhot", "phase": "cividis", "amplitude_error": "gray", "contrast": "coolwarm", "residual": "coolwarm",
     "modulus": "plasma", "adhesion": "plasma", "damping": "plasma", "error": "magma_r",
@@ -43,6 +29,9 @@ MAPS = {
 OTHERS = "viridis"
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours of lines, symbols and regions: those of Okabe and Ito, which the colour-blind tell apart."""
+STYLES, MARKERS = ("-", "--", ":", "-."), ("o", "s", "^", "D", "v", "P")
+"""Lines and symbols of free amplitudes."""
+SURE = 1.96  # standard errors, to either side, of an interval of 95 %
 FAILED = "#00e646"  # green is in none of them
 FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points that failed
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast
@@ -66,26 +55,16 @@ CHOSEN = Colours()
 
 @dataclass(frozen=True)
 class Scale:
-    """How the values of one quantity turn into colours.
+    """How the values of one quantity turn into colours."""
 
-    Parameters
-    ----------
-    label : str
-        Of axes and colour bars, with the unit.
-    factor, offset : float
-        What is shown is the value less the offset, times the factor.
-    low, high : float
-        Limits of what is shown.
-    name : str
-        Of the colour map.
-    """
-
-    label: str
+    label: str  # of axes and colour bars, with the unit
+    # factor, offset: what is shown is the value less the offset, times the factor
     factor: float
     offset: float
+    # low, high: limits of what is shown
     low: float
     high: float
-    name: str
+    name: str  # of the colour map
 
     @property
     def cmap(self) -> Colormap:
@@ -110,23 +89,10 @@ class Scale:
 def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:
     """Check limits and colour maps that were asked for.
 
-    Parameters
-    ----------
-    vmin, vmax : float or text, or mapping of str to these
-        In SI units or with a unit. One alone is of the phase, or of the first variable where there is no phase.
-    cmap : str, or mapping of str to str
-        Likewise, names of colour maps of matplotlib.
-    variables : mapping of str to str
-        What is drawn, with its units.
-
-    Returns
-    -------
-    dict of str to Colours
-
-    Raises
-    ------
-    InputError
-        If a variable is not drawn, or a limit or a colour map is not valid.
+    `vmin`, `vmax`: in SI units or with a unit. One alone is of the phase, or of the first variable where there is
+        no phase.
+    `cmap`: likewise, names of colour maps of matplotlib.
+    `variables`: what is drawn, with its units.
 
     Examples
     --------
@@ -158,16 +124,7 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
 def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     """Choose how a variable is shown: heights from the lowest, errors symmetric about 0, others as they are.
 
-    Parameters
-    ----------
-    variable : xarray.DataArray
-        With its name and units.
-    asked : Colours, optional
-        Limits in the unit of the variable; those of a height count from the lowest that is shown.
-
-    Returns
-    -------
-    Scale
+    `asked`: limits in the unit of the variable; those of a height count from the lowest that is shown.
     """
     name = str(variable.name)
     low, high = limits_of(variable.values)

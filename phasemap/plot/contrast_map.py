@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-__all__ = ["colours_of", "draw_map", "edges_of", "keys_of", "ticks_of"]
-
 BISTABLE = 3
 HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable
 REGIMES = {1: ("attractive", "#9ecae1"), 2: ("repulsive", "#fdae6b"), 3: ("bistable", "#bdbdbd"), 0: ("none", "white")}
@@ -39,26 +37,11 @@ def draw_map(
 ) -> Any:
     """Draw one map.
 
-    Parameters
-    ----------
-    axes : Axes
-    ds : xarray.Dataset
-        What `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
-    y_name : str
-        What is up: "free_amplitude" or "frequency".
-    unit : Unit
-        That it is shown in.
-    size : tuple of float
-        Width and height of the axes on the page [inch].
-    norm : Normalize
-        Of `colours_of`.
-    cmap : str, optional
-        Colour map.
-
-    Returns
-    -------
-    QuadMesh
-        For a colour bar.
+    `ds`: what `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
+    `y_name`: what is up: "free_amplitude" or "frequency".
+    `size`: width and height of the axes on the page [inch].
+    `norm`: of `colours_of`.
+    Returns what a colour bar shows.
     """
     x, y = ds["setpoint"].values, ds[y_name].values / unit.size
     edges = edges_of(x), edges_of(y)
@@ -89,16 +72,8 @@ def draw_map(
 def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
     """Choose a scale that is symmetric about 0, compressed at its ends where a few contrasts are far larger.
 
-    Parameters
-    ----------
-    values : ndarray
-        Contrasts [degree].
-    asked : Colours
-        Limits that were asked for; one alone stands for both sides of 0.
-
-    Returns
-    -------
-    Normalize
+    `values`: contrasts [degree].
+    `asked`: limits that were asked for; one alone stands for both sides of 0.
 
     Examples
     --------
@@ -121,14 +96,7 @@ def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
 def ticks_of(norm: Any) -> list[float] | None:
     """Choose round contrasts on a compressed scale, and leave any other to matplotlib.
 
-    Parameters
-    ----------
-    norm : Normalize
-        Of `colours_of`.
-
-    Returns
-    -------
-    list of float, or None
+    `norm`: of `colours_of`.
 
     Examples
     --------
@@ -147,13 +115,8 @@ def ticks_of(norm: Any) -> list[float] | None:
 def edges_of(centres: np.ndarray) -> np.ndarray:
     """Find the edges of cells around values.
 
-    Parameters
-    ----------
-    centres : ndarray, shape (n,)
-
-    Returns
-    -------
-    ndarray, shape (n + 1,)
+    `centres` (shape (n,)).
+    Returns an array of shape (n + 1,).
 
     Examples
     --------
@@ -165,18 +128,7 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
 
 
 def keys_of(ds: xr.Dataset, names: list[str]) -> list[Any]:
-    """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-    names : list of str
-        Of the materials.
-
-    Returns
-    -------
-    list of Artist
-    """
+    """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
     from phasemap.plot.page import Page
 
-__all__ = ["contrast", "is_contrast"]
-
 COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4
 LONG = 20  # letters of both names that fill the legend
@@ -110,16 +108,7 @@ def contrast(
 
 
 def is_contrast(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of a contrast.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a Dataset is of a contrast."""
     return "contrast" in ds and "regime" in ds and "inversion_setpoint" in ds
 
 

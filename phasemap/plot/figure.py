@@ -17,12 +17,7 @@ RESOLUTION = 200  # of a saved picture [dots per inch]
 
 
 def check_format(path: str | os.PathLike[str]) -> None:
-    """Refuse a suffix that is no format of pictures.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a suffix that is no format of pictures."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     suffix, formats = os.path.splitext(path)[1], sorted(FigureCanvasBase.get_supported_filetypes())
@@ -58,12 +53,8 @@ def shortened(text: str, most: int) -> str:
 def draw_scale_bar(axes: Axes, width: float) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten, at most a third of the width, white on any ground.
 
-    Parameters
-    ----------
-    axes : Axes
-        Of an image, x in metres from 0.
-    width : float
-        Of the image [m].
+    `axes`: of an image, x in metres from 0.
+    `width`: of the image [m].
     """
     from matplotlib.patheffects import withStroke
 

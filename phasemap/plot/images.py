@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from phasemap.plot.colours import Given
     from phasemap.plot.page import Page
 
-__all__ = ["plot"]
-
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
 DOT: dict[str, Any] = {

@@ -20,8 +20,6 @@ from matplotlib.transforms import Bbox
 
 from phasemap.plot.figure import RESOLUTION, check_format
 
-__all__ = ["Page"]
-
 LINE, KEYS, EDGE = 0.17, 0.23, 0.12  # heights of a line and of a row of the legend, and the page's edge [inch]
 BAR_GAP, BAR = 0.07, 0.12  # beside a map, and width of its colour bar [inch]
 LETTERS = 15.5  # of a line of small print [1/inch]
@@ -120,12 +118,7 @@ class Page(Figure):
     def finished(self, path: str | os.PathLike[str] | None, overwrite: bool) -> Page:
         """Align what is written beside the axes, and save the page, whole or not at all, where it has a path.
 
-        Raises
-        ------
-        InputError
-            If the format is unknown.
-        FileError
-            If `path` cannot be written.
+        Raises FileError if `path` cannot be written.
         """
         from phasemap.io.netcdf import replacing
 

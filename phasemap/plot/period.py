@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["trace"]
-
 WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.55  # [inch]
 

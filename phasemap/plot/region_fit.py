@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.plot.colours import PALETTE
+from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
@@ -15,12 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["regions"]
-
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
-SURE = 1.96  # standard errors, to either side
-STYLES = ("-", "--", ":", "-.")  # of free amplitudes
-MARKERS = ("o", "s", "^", "D")
 
 # Sizes on the page [inch].
 SIDE, GAP, LEFT, MARGIN, TITLE, AXIS, SMALL = 2.6, 0.75, 0.6, 0.35, 0.3, 0.6, 1.9
@@ -31,23 +26,9 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
     Open symbols are properties that the data do not determine, squares those that were given.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        What `phasemap.fit_regions` returned.
-    path, overwrite
-        As of `phasemap.plot.inversion`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If the format is unknown.
-    FileError
-        If `path` cannot be written.
+    `ds`: what `phasemap.fit_regions` returned.
+    `path`, `overwrite`: as of `phasemap.plot.inversion`.
+    Raises FileError if `path` cannot be written.
     """
     from phasemap.plot.page import Page
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from phasemap._shared.quantities import Scalar
     from phasemap.plot.page import Page
 
-__all__ = ["comparison", "is_comparison"]
-
 COLOURS = ("0.15", PALETTE[1])  # of the two images
 LEAST_SPAN = 0.1  # degrees
 DWARFS, MOST_SPIKES = 4.0, 6  # times as high as the other histogram; labelled at most
@@ -121,16 +119,7 @@ def comparison(
 
 
 def is_comparison(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of a comparison.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a Dataset is of a comparison."""
     return "residual" in ds and "crosstalk" in ds and "measured" in ds
 
 

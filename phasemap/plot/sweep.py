@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-__all__ = ["curve", "holds_amplitude", "is_sweep"]
-
 COLOURS = PALETTE[:2]  # of the two directions
 WIDTHS = (5.0, 2.2)  # the second direction is drawn over the first, and must not hide it [points]
 ORBITS = "0.1"
@@ -113,30 +111,12 @@ def curve(
 
 
 def is_sweep(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of a sweep.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a Dataset is of a sweep."""
     return "curve_stable" in ds and "jump_direction" in ds and "direction" in ds.coords
 
 
 def holds_amplitude(ds: xr.Dataset) -> bool:
-    """Whether a feedback holds the amplitude in a sweep, so that the tip offset shows what happens.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a feedback holds the amplitude in a sweep, so that the tip offset shows what happens."""
     return "setpoint" in ds.dims or "setpoint" in json.loads(ds.attrs.get("configuration", "{}"))
 
 

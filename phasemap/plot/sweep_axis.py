@@ -13,34 +13,23 @@ from phasemap._shared.units import Unit, readable
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Sweep"]
-
 FLAT = 0.02  # of a quantity's range: where it changes by less towards the far end, the tip is free
 FREE_SHARE = 0.15  # of the shown axis that may be free
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A sweep's Dataset, with its axis in the unit that is shown.
-
-    Parameters
-    ----------
-    x, points, folds : ndarray
-        The axis of what the sweep saw, of all orbits and of the folds, in `unit`.
-    jumps : ndarray, shape (n, 2)
-        The axis before and after each jump.
-    limits : tuple of float
-        Of the axis, as shown.
-    """
+    """A sweep's Dataset, with its axis in the unit that is shown."""
 
     ds: xr.Dataset
     axis: str
     unit: Unit
+    # x, points, folds: the axis of what the sweep saw, of all orbits and of the folds, in `unit`
     x: np.ndarray
     points: np.ndarray
     folds: np.ndarray
-    jumps: np.ndarray
-    limits: tuple[float, float]
+    jumps: np.ndarray  # shape (n, 2); the axis before and after each jump
+    limits: tuple[float, float]  # of the axis, as shown
     logarithmic: bool
 
     @classmethod

@@ -10,20 +10,11 @@ from phasemap._shared.units import say
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["titles"]
-
 
 def titles(ds: xr.Dataset) -> list[str]:
     """Title, material and microscope of a sweep, a line each; what is swept is left out.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Of a sweep, with its ``configuration``.
-
-    Returns
-    -------
-    list of str
+    `ds`: of a sweep, with its ``configuration``.
 
     Examples
     --------

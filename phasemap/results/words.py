@@ -11,8 +11,6 @@ from phasemap.results.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["describe_alike", "describe_failures", "describe_flags", "describe_irregular"]
-
 NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phase image
 
 
@@ -53,17 +51,7 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many pixels show the mean of motion that is not periodic, and how far it is spread.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        An image or a sweep.
-    what : str
-        What there are many of.
-
-    Returns
-    -------
-    list of str
-        One line; empty if there are none, or if the dataset does not say.
+    Returns one line; empty if there are none, or if the dataset does not say.
 
     Examples
     --------
@@ -88,17 +76,7 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
     """Say so if several materials can hardly be told apart by their phase.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        An image without noise.
-    materials : int
-        How many are in it.
-
-    Returns
-    -------
-    list of str
-        One line, or none.
+    Returns one line, or none.
 
     Examples
     --------

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from phasemap.scenes.scene import Scene
 
-__all__ = ["card_beside", "data_card"]
-
 Table = Mapping[str, Any]
 
 LONGEST = 60  # letters of a value that are shown
@@ -41,18 +39,9 @@ def card_beside(path: Path) -> Path:
 def data_card(path: Path, ds: xr.Dataset, tables: Table, samples: Sequence[Table], first: Scene) -> str:
     """Describe the images of an ensemble, in Markdown.
 
-    Parameters
-    ----------
-    path : Path
-        The file that they are in.
-    ds : xarray.Dataset
-        That file.
-    tables : mapping
-        The tables of the scene, ``[ensemble]`` included.
-    samples : sequence of mapping
-        The values of the varied keys.
-    first : Scene
-        Of the first sample.
+    `path`: the file that they are in.
+    `tables`: the tables of the scene, ``[ensemble]`` included.
+    `samples`: the values of the varied keys.
     """
     ensemble = tables["ensemble"]
     (ny, nx), (dy, dx) = first.surface.shape, first.surface.pixel_size

@@ -44,8 +44,6 @@ from phasemap.scenes.samples import make_samples
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
 from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, with_value
 
-__all__ = ["Ensemble", "is_ensemble", "load_ensemble"]
-
 Table = dict[str, Any]
 Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
 

@@ -21,8 +21,6 @@ from phasemap.results.variables import provenance
 if TYPE_CHECKING:
     import netCDF4
 
-__all__ = ["Parts", "assemble"]
-
 NUMBERS = {  # long name and units, of what is a number a sample
     "failed": ("pixels without a solution", "1"),
     "irregular": ("pixels with irregular motion", "1"),
@@ -134,25 +132,10 @@ def _words(thing: Any) -> Iterator[str]:
 def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes: Table, overwrite: bool) -> None:
     """Write the images of all samples into one file, one after the other.
 
-    Parameters
-    ----------
-    path : Path
-        The file to write.
-    files : sequence of Path
-        The file of each sample; its attributes are numbers.
-    keys : sequence of (str, mapping, list)
-        What is varied: name of the variable, its attributes, and a value for each sample.
-    attributes : dict
-        Of the file.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    InputError
-        If the images have not the same pixels and variables.
-    FileError
-        If the file cannot be written.
+    `files`: the file of each sample; its attributes are numbers.
+    `keys`: what is varied: name of the variable, its attributes, and a value for each sample.
+    `overwrite`: whether an existing file may be replaced.
+    Raises FileError if the file cannot be written.
     """
     import netCDF4
 

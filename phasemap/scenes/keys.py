@@ -14,8 +14,6 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
 
-__all__ = ["plain", "unit_of"]
-
 OWNERS: dict[str, type] = {
     "cantilever": Cantilever, "tip": Tip, "drive": Drive, "drive.second": Mode, "interaction": Interaction,
     "control": Feedback, "accuracy": Accuracy, "realism": Realism, "realism.tip_change": TipChange,
@@ -38,11 +36,6 @@ def unit_of(key: str) -> str:
 
 def plain(shown: str, key: str, value: Any) -> Any:
     """Return text with a unit as a number in SI units, and any other value of a key as it is.
-
-    Raises
-    ------
-    InputError
-        If the key has another unit.
 
     Examples
     --------

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.microscope import Microscope
 
-__all__ = ["scene_from"]
-
 PLACEHOLDERS = ("LDPE", "PS", "glass", "gold")  # presets, so that an image that nobody edited has a contrast
 ONE = "PS"  # where there is one material only
 WAYS = ("phase", "height")

@@ -20,11 +20,6 @@ from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, 
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing
 
-__all__ = [
-    "CONTROLS", "LAWS", "control_of", "interaction_table", "materials_of", "microscope_of", "object_of", "realism_of",
-    "scan_of", "table_of",
-]  # fmt: skip
-
 T = TypeVar("T")
 
 CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}

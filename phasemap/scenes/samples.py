@@ -19,8 +19,6 @@ from phasemap.scenes.tables import check_choice, check_keys, construct, value_of
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["Choice", "Law", "Range", "laws_of", "make_samples"]
-
 Table = dict[str, Any]
 
 CELLS = 64  # byte of memory at most for a byte of the table
@@ -31,24 +29,9 @@ DEEPEST = 8  # tables in tables of ``vary``; the longest key of a scene has four
 def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     """Draw or read what the table ``[ensemble]`` of a scene asks for.
 
-    Parameters
-    ----------
-    table : dict
-        The table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
-    folder : Path
-        Where relative file names start.
-
-    Returns
-    -------
-    tuple of dict
-        For each sample the value of each key.
-
-    Raises
-    ------
-    InputError
-        If a key or value of the table is not allowed.
-    FileError
-        If the CSV file cannot be used.
+    `table`: the table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
+    Returns, for each sample, the value of each key.
+    Raises FileError if the CSV file cannot be used.
 
     Examples
     --------
@@ -75,15 +58,6 @@ class Law(Protocol):
 class Range:
     """Numbers drawn uniformly from `low` to `high`.
 
-    Parameters
-    ----------
-    low, high : float
-        In the SI unit of the key.
-    scale : {"linear", "log"}
-        "log" draws the logarithm uniformly.
-    whole : bool
-        Draw whole numbers, both ends included.
-
     Raises
     ------
     InputError
@@ -97,10 +71,11 @@ class Range:
     phasemap.InputError: high is 100000000.0; allowed: a finite number of at least 1e+09, which is low.
     """
 
+    # low, high: in the SI unit of the key
     low: float
     high: float
-    scale: str = "linear"
-    whole: bool = False
+    scale: str = "linear"  # "linear" or "log"; "log" draws the logarithm uniformly
+    whole: bool = False  # draw whole numbers, both ends included
 
     def __post_init__(self) -> None:
         check_choice("scale", self.scale, ("linear", "log"))
@@ -131,11 +106,6 @@ class Range:
 class Choice:
     """One of several values, each as likely.
 
-    Parameters
-    ----------
-    options : tuple
-        Values that the key may have.
-
     Examples
     --------
     >>> import numpy as np
@@ -143,7 +113,7 @@ class Choice:
     'orbit'
     """
 
-    options: tuple[Any, ...]
+    options: tuple[Any, ...]  # values that the key may have
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Draw one value."""

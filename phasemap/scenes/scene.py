@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
     from phasemap.scenes.surface import Built
 
-__all__ = ["Scene", "Setup", "load_scene", "load_setup", "scene_from_json", "scene_from_tables"]
-
 TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
     "output",
@@ -61,8 +59,6 @@ class Scene:
 
     Parameters
     ----------
-    surface : Surface
-    microscope : Microscope
     options : mapping
         The further arguments of `phasemap.simulate`: setpoint, solver, control, accuracy, realism, variables.
     output : Path or None
@@ -152,18 +148,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a scene says besides its surface: all that a sweep needs.
-
-    Parameters
-    ----------
-    microscope : Microscope
-    materials : mapping of str to Material
-        By their names, in the order of the file.
-    setpoint : float or None
-    """
+    """What a scene says besides its surface: all that a sweep needs."""
 
     microscope: Microscope
-    materials: Mapping[str, Material]
+    materials: Mapping[str, Material]  # by their names, in the order of the file
     setpoint: float | None
 
 
@@ -238,8 +226,6 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     ----------
     tables : dict
         As `read_tables` gives them.
-    folder : Path
-        Where relative file names start.
     surface : Surface, optional
         Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
         checked at once.
@@ -314,14 +300,11 @@ def scene_from_json(text: str, folder: Path) -> Scene:
 
     Parameters
     ----------
-    text : str
     folder : Path
         Where relative names of files start.
 
     Raises
     ------
-    InputError
-        If the text is not such a scene.
     FileError
         If a file cannot be read, or is not the one that was read then.
 

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Microscope, Tip
     from phasemap.experiment.surface import Surface
 
-__all__ = ["Built", "Labels", "build_surface", "dilate", "seen"]
-
 QUANTITIES = (
     "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
     "topography",
@@ -54,58 +52,24 @@ TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; th
 
 
 class Labels(NamedTuple):
-    """Which material each pixel of a surface is made of.
+    """Which material each pixel of a surface is made of."""
 
-    Parameters
-    ----------
-    values : ndarray of int, shape (ny, nx)
-    names : mapping of int to str
-        The material of each label.
-    """
-
-    values: np.ndarray
-    names: Mapping[int, str]
+    values: np.ndarray  # int, shape (ny, nx)
+    names: Mapping[int, str]  # the material of each label
 
 
 class Built(NamedTuple):
-    """What a ``[surface]`` table describes.
-
-    Parameters
-    ----------
-    surface : Surface
-    files : dict
-        The SHA-256 of each file that was read, by the name that the scene gives it.
-    labels : Labels, optional
-        None where the surface is made of maps.
-    """
+    """What a ``[surface]`` table describes."""
 
     surface: Surface
-    files: dict[str, str]
-    labels: Labels | None
+    files: dict[str, str]  # the SHA-256 of each file that was read, by the name that the scene gives it
+    labels: Labels | None  # none where the surface is made of maps
 
 
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
     """Make the surface that the ``[surface]`` table of a scene describes.
 
-    Parameters
-    ----------
-    table : dict
-        The table.
-    materials : mapping of str to Material
-        The scene's materials by name.
-    folder : Path
-        Where relative file names start.
-
-    Returns
-    -------
-    Built
-
-    Raises
-    ------
-    InputError
-        If a key or value is not allowed.
-    FileError
-        If a file cannot be read.
+    Raises FileError if a file cannot be read.
 
     Examples
     --------
@@ -135,17 +99,7 @@ def build_surface(table: dict[str, Any], materials: Mapping[str, Material], fold
 def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     """See the surface with a tip of finite size if its ``[surface]`` table asks for that.
 
-    Parameters
-    ----------
-    table : mapping
-        The table, with the keys dilate and half_angle if there are any.
-    surface : Surface
-    tip : Tip
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed, or there is a half angle and nothing to dilate.
+    `table`: the table, with the keys dilate and half_angle if there are any.
     """
     from phasemap.scenes.tables import construct
 
@@ -160,13 +114,7 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
 
 
 def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
-    """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true.
-
-    Raises
-    ------
-    InputError
-        If the value is not allowed.
-    """
+    """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true."""
     wanted = table.get("seen_by_tip", False)
     if not isinstance(wanted, bool):
         raise InputError("[surface] seen_by_tip", wanted, "true or false")

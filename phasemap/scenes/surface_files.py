@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-__all__ = ["SUFFIXES", "Files", "read_array"]
-
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
 

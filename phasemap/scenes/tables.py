@@ -55,14 +55,8 @@ class Complaints:
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
     """Refuse a table that has unknown keys or lacks required ones.
 
-    Parameters
-    ----------
-    name : str
-        The table, as the user writes it: ``"[drive]"``.
-    table : object
-        What the file has under that name.
-    allowed, required : iterable of str
-        Names of keys.
+    `name`: the table, as the user writes it: ``"[drive]"``.
+    `table`: what the file has under that name.
 
     Examples
     --------
@@ -103,17 +97,8 @@ def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T
 def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
     """Read the tables of a scene file, with keys set from outside; nothing is checked yet.
 
-    Parameters
-    ----------
-    path, overrides
-        As in `load_scene`.
-
-    Raises
-    ------
-    InputError
-        If an override has not the form ``"table.key=value"``.
-    FileError
-        If the file cannot be read.
+    `path`, `overrides`: as in `load_scene`.
+    Raises FileError if the file cannot be read.
 
     Examples
     --------
@@ -155,16 +140,7 @@ def _parsed(text: str) -> Table:
 def with_override(tables: Table, override: str) -> Table:
     """Return the tables with one key set from ``"table.key=value"``.
 
-    Parameters
-    ----------
-    tables : dict
-    override : str
-        As in `load_scene`.
-
-    Raises
-    ------
-    InputError
-        If it has not that form.
+    `override`: as in `load_scene`.
 
     Examples
     --------
@@ -184,17 +160,7 @@ def with_override(tables: Table, override: str) -> Table:
 def with_value(tables: Table, name: str, value: Any) -> Table:
     """Return the tables with one key set; those that are given stay as they are.
 
-    Parameters
-    ----------
-    tables : dict
-    name : str
-        ``"table.key"``; tables on the way are made where there are none.
-    value : object
-
-    Raises
-    ------
-    InputError
-        If what is on the way is not a table.
+    `name`: ``"table.key"``; tables on the way are made where there are none.
 
     Examples
     --------

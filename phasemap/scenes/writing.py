@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping
 
 from phasemap.scenes.tables import Table
 
-__all__ = ["toml_of", "written"]
-
 BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
 UNITS = {
     "stiffness": "N/m",
@@ -24,14 +22,9 @@ UNITS = {
 def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iterable[str] = ()) -> str:
     """Write the tables of a scene as TOML, with a comment on where a value comes from.
 
-    Parameters
-    ----------
-    tables : dict
-        As `phasemap.scenes.tables.read_tables` gives them.
-    notes : mapping of str to str, optional
-        What to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
-    heading : iterable of str
-        Lines of the comment above it all.
+    `tables`: as `phasemap.scenes.tables.read_tables` gives them.
+    `notes`: what to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
+    `heading`: lines of the comment above it all.
 
     Examples
     --------

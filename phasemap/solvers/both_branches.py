@@ -28,22 +28,15 @@ Codes = NDArray[np.int8]
 
 
 class Branches(NamedTuple):
-    """What holds the setpoint, for n materials.
+    """What holds the setpoint, for n materials."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (3, n, COLUMNS)
-        Result rows of the attractive orbit, of the repulsive one, and of the one that engagement from far finds (which
-        is one of the other two); NaN where there is none.
-    status, solver : ndarray of int8, shape (3, n)
-        Codes that go with them.
-    reach : ndarray, shape (2, n)
-        Highest tip offset [m] from which a tip comes to each branch; infinite where it does from any.
-    """
-
+    # shape (3, n, COLUMNS); result rows of the attractive orbit, of the repulsive one, and of the one that
+    # engagement from far finds (which is one of the other two); NaN where there is none
     rows: Array
+    # status, solver: int8, shape (3, n); codes that go with them
     status: Codes
     solver: Codes
+    # shape (2, n); highest tip offset [m] from which a tip comes to each branch; infinite where it does from any
     reach: Array
 
     @property
@@ -72,17 +65,10 @@ def stable_branches(
     An orbit counts if its Floquet multipliers are inside the unit circle and the amplitude rises with the tip offset.
     Of several on one branch it is the one that engagement finds, or else the farthest.
 
-    Parameters
-    ----------
-    work : Work
-    solver : Solver
-        What it finds by engagement is kept bit for bit. The other branch has an averaged orbit with "averaging", or
-        where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with "march", what time makes
-        of that.
-    accuracy : Accuracy
-    workers : int
-        Threads; the numbers do not depend on it.
-    progress : callable, optional
+    `solver`: what it finds by engagement is kept bit for bit. The other branch has an averaged orbit with
+        "averaging", or where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with
+        "march", what time makes of that.
+    `workers`: threads; the numbers do not depend on it.
 
     Examples
     --------

@@ -44,21 +44,12 @@ def hold(
     is seen turns on the way, the tip is engaged in time, on what is seen; a contact with hysteresis always is, and so
     is what moves irregularly at the A tried, for what a lock-in shows of it is averaged over what is seen.
 
-    Parameters
-    ----------
-    work : Work
-    solve : callable
-        Gives the orbits of a work at amplitudes of z.
-    periods : int
-        That a material may take in time.
-    sides : tuple of int
-        Branches from which to start; if it is one, `solve` gives orbits of that only, and there is no engagement.
-
-    Returns
-    -------
-    rows : ndarray, shape (n, COLUMNS)
-        As the detector sees them.
-    status, solver : ndarray of int8, shape (n,)
+    `solve`: gives the orbits of a work at amplitudes of z.
+    `periods`: that a material may take in time.
+    `sides`: branches from which to start; if it is one, `solve` gives orbits of that only, and there is no
+        engagement.
+    Returns `rows` (shape (n, COLUMNS)): as the detector sees them.
+    Returns `status, solver` (shape (n,)).
     """
     search = _Search(work, solve, sides, periods)
     for _ in range(MOST_ROUNDS):

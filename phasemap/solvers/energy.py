@@ -13,12 +13,8 @@ Array = np.ndarray
 def close(rows: Array, lever: Array) -> None:
     """Fill in the energy closure of orbits whose solver knows the first harmonic only: averaged and interpolated ones.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (..., COLUMNS)
-        Result rows; those that have a closure keep it.
-    lever : ndarray, shape (5,)
-        As in `phasemap.solvers.problem.Work`.
+    `rows` (shape (..., COLUMNS)): result rows; those that have a closure keep it.
+    `lever` (shape (5,)): as in `phasemap.solvers.problem.Work`.
 
     Examples
     --------

@@ -30,19 +30,23 @@ class Orbit:
     ----------
     complete : bool
         Collocation everywhere, for what the response does not give: Floquet multipliers, slope of the feedback.
+    in_time : bool
+        Whether engagement in time decides where no curve of orbits tells; else such a pixel keeps its status.
     """
 
     name = "orbit"
     rows_per_chunk = 500
 
-    def __init__(self, complete: bool = False) -> None:
-        self.complete = complete
+    def __init__(self, complete: bool = False, in_time: bool = True) -> None:
+        self.complete, self.in_time = complete, in_time
 
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
-        solve_exactly(work, limits, False, accuracy.periods, first, last, answers)
-        polish(work, first, last, answers)
+        solve_on_curves(work, limits, False, first, last, answers)
+        if self.in_time:
+            settle_in_time(work, accuracy.periods, first, last, answers)
+            polish(work, first, last, answers)
 
 
 def solve_exactly(
@@ -57,7 +61,17 @@ def solve_exactly(
     """Take the cheap path where its error is below `limits` [degree, m], else collocation, else time.
 
     With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
-    A contact with hysteresis goes to time at once: between far and the setpoint there may be no periodic orbit.
+    """
+    solve_on_curves(work, limits, average, first, last, answers)
+    settle_in_time(work, periods, first, last, answers)
+
+
+def solve_on_curves(
+    work: Work, limits: tuple[float, float], average: bool, first: int, last: int, answers: Answers
+) -> None:
+    """`solve_exactly` without time.
+
+    A contact with hysteresis is left to it at once: between far and the setpoint there may be no periodic orbit.
     """
     from phasemap._kernels.rows.fast import cheap_rows
 
@@ -80,9 +94,14 @@ def solve_exactly(
         from phasemap._kernels.rows.exact import exact_rows
 
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers)
-    if (status[first:last] != col.GOOD).any():
-        lost = first + np.flatnonzero(np.isin(status[first:last], NO_ORBIT))
-        March().settle(work, lost, answers, periods)
+
+
+def settle_in_time(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
+    """Ask time where no periodic orbit was found."""
+    if (answers.status[first:last] == col.GOOD).all():
+        return
+    lost = first + np.flatnonzero(np.isin(answers.status[first:last], NO_ORBIT))
+    March().settle(work, lost, answers, periods)
 
 
 def polish(work: Work, first: int, last: int, answers: Answers) -> None:

@@ -26,24 +26,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Distinct pixels, ready for a solver.
+    """Distinct pixels, ready for a solver."""
 
-    Parameters
-    ----------
-    law : Law
-        The formulas of the interaction.
-    rows : ndarray, shape (n, 12)
-        Their parameters, one row a pixel.
-    lever : ndarray, shape (5,)
-        See `phasemap.experiment.lever.lever_of`.
-    amplitudes : ndarray, shape (n,)
-        Setpoint amplitude of each pixel [m], as the detector sees it.
-    """
-
-    law: Law
-    rows: Array
-    lever: Array
-    amplitudes: Array
+    law: Law  # the formulas of the interaction
+    rows: Array  # shape (n, 12); their parameters, one row a pixel
+    lever: Array  # shape (5,); see `phasemap.experiment.lever.lever_of`
+    amplitudes: Array  # shape (n,); setpoint amplitude of each pixel [m], as the detector sees it
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -64,13 +52,7 @@ LEAST_USUAL = 1e-3  # setpoint used in practice; an amplitude in metres is far b
 
 
 def check_setpoint(setpoint: object) -> float:
-    """Return the setpoint as a float.
-
-    Raises
-    ------
-    InputError
-        If it is not a number between 0 and 1.
-    """
+    """Return the setpoint as a float."""
     try:
         found = number("setpoint", setpoint, "1", above=0, below=1)
     except InputError:
@@ -91,13 +73,7 @@ def work_of(
     *,
     marched: bool = False,
 ) -> Work:
-    """Work of what `properties`, `film_of` and `relaxation_of` give, at setpoint amplitudes [m].
-
-    Raises
-    ------
-    InputError
-        If a surface remembers, and what asks does not leave its orbits to the march (`marched`).
-    """
+    """Work of what `properties`, `film_of` and `relaxation_of` give, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     remembers = scope.interaction.remembering(rows, relaxation)
@@ -123,29 +99,16 @@ def make_work(
 ) -> Work:
     """Turn materials into work.
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4), (n, 5) or (n, 6)
-        As for `properties`.
-    viscous : bool
-    scope : Microscope
-    amplitudes : float or ndarray, shape (n,)
-        Setpoint amplitudes [m].
-    marched : bool
-        As for `work_of`.
+    `materials` (shape (n, 4), (n, 5) or (n, 6)): as for `properties`.
+    `amplitudes` (shape (n,)): setpoint amplitudes [m].
+    `marched`: as for `work_of`.
     """
     given = *properties(materials, viscous, scope), scope, amplitudes, film_of(materials)
     return work_of(*given, relaxation_of(materials, scope), marched=marched)
 
 
 def work_of_material(material: Material, scope: Microscope, amplitude: float, *, marched: bool = False) -> Work:
-    """Work of one material, at a setpoint amplitude [m].
-
-    Raises
-    ------
-    InputError
-        If the laws of interaction cannot have this material.
-    """
+    """Work of one material, at a setpoint amplitude [m]."""
     row, viscous = material_row(material)
     stiffness, adhesion, _ = properties(row, viscous, scope)
     scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius, film_of(row))

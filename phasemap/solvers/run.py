@@ -24,11 +24,8 @@ def run(
 ) -> tuple[Array, Array, Array]:
     """Solve work in chunks on several threads.
 
-    Returns
-    -------
-    rows : ndarray, shape (n, COLUMNS)
-        As the detector sees them.
-    status, solver : ndarray of int8, shape (n,)
+    Returns `rows` (shape (n, COLUMNS)): as the detector sees them.
+    Returns `status, solver` (shape (n,)).
     """
     if work.lever[col.SHAKER]:
         at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)

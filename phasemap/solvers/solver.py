@@ -17,8 +17,6 @@ from phasemap.solvers.march import March
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work
 
-__all__ = ["SOLVERS", "Solver", "by_name"]
-
 
 class Solver(Protocol):
     """What a solver offers."""
@@ -35,13 +33,7 @@ SOLVERS: tuple[Solver, ...] = (Auto(), Averaging(), Orbit(), March())
 
 
 def by_name(name: object) -> Solver:
-    """Return the solver of this name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Return the solver of this name."""
     for solver in SOLVERS:
         if solver.name == name:
             return solver

@@ -66,12 +66,8 @@ def dataset(
 ) -> xr.Dataset:
     """Make the Dataset of a sweep.
 
-    Parameters
-    ----------
-    value : callable
-        From the column of the axis to values of the axis.
-    held : dict
-        What is held, for the provenance.
+    `value`: from the column of the axis to values of the axis.
+    `held`: what is held, for the provenance.
     """
     import xarray as xr
 

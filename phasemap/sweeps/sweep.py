@@ -212,13 +212,7 @@ def _offset(value: object) -> float:
 def check_axis(
     name: str, values: Any, unit: str, above: float = -np.inf, usual: tuple[float, float] | None = None
 ) -> np.ndarray:
-    """Return the values of a sweep as an array, in `unit` where they have one, and warn of what is not `usual`.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two, or they are not numbers, not finite, or neither rise nor fall throughout.
-    """
+    """Return the values of a sweep as an array, in `unit` where they have one, and warn of what is not `usual`."""
     values = numbers(name, values, unit)
     try:
         axis = np.asarray(values, dtype=np.float64)
@@ -239,13 +233,7 @@ def check_axis(
 
 
 def check_samples(samples: object) -> int:
-    """Return the length of the time traces.
-
-    Raises
-    ------
-    InputError
-        If it is not an integer from 0 to 65536.
-    """
+    """Return the length of the time traces."""
     if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)) or not 0 <= samples <= 65536:
         raise InputError("samples", samples, "an integer from 0 to 65536")
     return int(samples)

@@ -137,23 +137,12 @@ ALL = (
 
 @dataclass(frozen=True)
 class Cost:
-    """What the first use of a kind of work took in a process that had done those before it.
-
-    Attributes
-    ----------
-    kind : str
-    seconds : float
-        Of the processor.
-    functions : int
-        Kernels that were compiled.
-    size : int
-        Of what was kept on disk [bytes].
-    """
+    """What the first use of a kind of work took in a process that had done those before it."""
 
     kind: str
-    seconds: float
-    functions: int
-    size: int
+    seconds: float  # of the processor
+    functions: int  # kernels that were compiled
+    size: int  # of what was kept on disk [bytes]
 
     def __str__(self) -> str:
         """In a line."""
@@ -180,10 +169,7 @@ def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
 def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None], cache: str | None = None) -> None:
     """Do work of these kinds, each group in a process of its own, with compiled code kept in a folder of that name.
 
-    Raises
-    ------
-    subprocess.CalledProcessError
-        If one fails.
+    Raises subprocess.CalledProcessError if one fails.
     """
     import threading
 

@@ -155,7 +155,6 @@ def test_pixels_ten_decades_apart_do_not_disturb_each_other() -> None:
         assert KNOWN[family[i].name]["orbit"]["phase"] == pytest.approx(alone.phase, abs=1e-4)
 
 
-@pytest.mark.xfail(reason="too few elements where the tip never leaves a hard sample", strict=True)
 def test_in_permanent_contact_a_small_oscillation_decays_as_the_linear_one_does() -> None:
     # The depth d changes by 0.8 % a period, so that the oscillator is linear to about as much: stiffness 1 + F'(d)/k,
     # damping alpha0 + alpha_s(d), multipliers exp(-2 pi alpha / omega) in modulus.
@@ -167,7 +166,6 @@ def test_in_permanent_contact_a_small_oscillation_decays_as_the_linear_one_does(
     assert pixel.floquet == pytest.approx(math.exp(-2 * math.pi * loss / case.scope.frequency_ratio), rel=0.01)
 
 
-@pytest.mark.xfail(reason="too few elements where the tip never leaves a hard sample", strict=True)
 def test_in_permanent_contact_at_low_q_no_energy_is_missing() -> None:
     scope = pm.Microscope(pm.Cantilever(1.0, 300e3, 1.5), pm.Tip(2.06e-9), pm.Drive(1.026e-10))
     pixel = pm.solve_pixel(pm.Material(196e9), scope, 0.0215, "orbit")

@@ -16,8 +16,10 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.collocation.closing import along, along_swept
-from phasemap._kernels.orbits.collocation.newton import newton, newton_swept
+from phasemap._kernels.orbits.collocation.closing import along, along_swept, close_swept
+from phasemap._kernels.orbits.collocation.contacts import find_contacts
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay
+from phasemap._kernels.orbits.collocation.newton import newton, take
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
     HOLD_ARC,
@@ -45,32 +47,19 @@ RATE = 6  # from a value to its derivative
 
 
 class Path(NamedTuple):
-    """A curve's law and lever, and what its orbits are solved with.
-
-    Attributes
-    ----------
-    law : Law
-    tables : ndarray
-        Of `phasemap._kernels.quadrature`.
-    kind : int
-        FIXED, HELD_OFFSET or HELD_AMPLITUDE.
-    p, lever, reach : tuple, ndarray, float
-        On a fixed path: parameters of the law, lever, length [m] on which orbits change.
-    table : ndarray, shape (HELD + 1, n)
-        Elsewhere: Chebyshev coefficients over m of the law's parameters, the lever, and the tip offset or amplitude [m]
-        that is held.
-    width : float
-        A small change of m.
-    """
+    """A curve's law and lever, and what its orbits are solved with."""
 
     law: Law
-    tables: np.ndarray
-    kind: int
+    tables: np.ndarray  # of `phasemap._kernels.quadrature`
+    kind: int  # FIXED, HELD_OFFSET or HELD_AMPLITUDE
+    # p, lever, reach: on a fixed path: parameters of the law, lever, length [m] on which orbits change
     p: tuple[float, ...]
     lever: np.ndarray
     reach: float
+    # shape (HELD + 1, n); Elsewhere: Chebyshev coefficients over m of the law's parameters, the lever, and the
+    # tip offset or amplitude [m] that is held
     table: np.ndarray
-    width: float
+    width: float  # a small change of m
 
 
 @kernel
@@ -129,14 +118,19 @@ def held_at(path: Path, m: float) -> float:
 
 
 @kernel
+def put_row(row: np.ndarray, normal: tuple[float, float, float], right: float) -> None:
+    """Write the equation normal (z0, A, m) = right as `close_swept` reads it."""
+    row[0], row[1], row[2] = normal
+    row[3] = right
+
+
+@kernel
 def held_row(path: Path, m: float, row: np.ndarray) -> None:
     """Equation of what is held, linearised at m: r (z0, A, m) = h."""
     value = held_at(path, m)
     rate = (held_at(path, m + SMALL) - held_at(path, m - SMALL)) / (2.0 * SMALL)
-    row[:] = 0.0
-    row[1 if path.kind == HELD_AMPLITUDE else 0] = 1.0
-    row[2] = -rate
-    row[3] = value - rate * m
+    held_amplitude = path.kind == HELD_AMPLITUDE
+    put_row(row, (0.0, 1.0, -rate) if held_amplitude else (1.0, 0.0, -rate), value - rate * m)
 
 
 @kernel
@@ -199,7 +193,10 @@ def solve_on(
     path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
     tolerance: float, most: int, coarse: bool,
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
-    """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only."""
+    """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only.
+
+    Where m moves the equations of the last exact step, which was within the tolerance, stand for those of the orbit.
+    """
     law, tables, value = path.law, path.tables, orbit.head[VALUE]
     r_z, r_a, r_m = row
     if path.kind == FIXED:
@@ -207,17 +204,25 @@ def solve_on(
         target = np.array([r_z, r_a, value[Z0], value[A]])
         return newton(law, path.p, path.lever, tables, orbit, spare, hold, target, level, tolerance, most)
     holds = np.zeros((2, 4))
-    holds[1, 0], holds[1, 1], holds[1, 2] = r_z, r_a, r_m
-    holds[1, 3] = r_z * value[Z0] + r_a * value[A] + r_m * value[M]
-    status, steps = col.PENDING, 0
-    while status == col.PENDING and steps < most:
+    put_row(holds[1], row, r_z * value[Z0] + r_a * value[A] + r_m * value[M])
+    for steps in range(most):
         m = orbit.head[VALUE, M]
         p, lever = at(path.table, m)
         held_row(path, m, holds[0])
         drift = drift_at(path, m)
-        status, orbit, spare = newton_swept(law, p, lever, tables, orbit, spare, drift, holds, level, tolerance, coarse)
-        steps += 1
-    return (col.NOT_CONVERGED if status == col.PENDING else status), steps, orbit, spare
+        linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, drift)
+        if not linear or not close_swept(lever, orbit, drift, holds):
+            return col.NOT_CONVERGED, steps + 1, orbit, spare
+        status, _ = take(tables, lever, orbit, tolerance, coarse)
+        if status != col.PENDING:
+            if status == col.GOOD and not coarse:
+                orbit.head[COUNT, LINEAR] = 1.0
+            return status, steps + 1, orbit, spare
+        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+            return col.TOO_MANY_CONTACTS, steps + 1, orbit, spare
+        carry_over(tables, orbit, spare)
+        orbit, spare = spare, orbit
+    return col.NOT_CONVERGED, most, orbit, spare
 
 
 @kernel
@@ -229,8 +234,9 @@ def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> boo
     if orbit.head[COUNT, LINEAR] == 0.0 and not linearise(path.law, p, lever, path.tables, orbit, drift):
         return False
     if path.kind == FIXED:
-        return along(lever, orbit, row[0], row[1])
+        r_z, r_a, _ = row
+        return along(lever, orbit, r_z, r_a)
     holds = np.zeros((2, 4))
     held_row(path, m, holds[0])
-    holds[1, 0], holds[1, 1], holds[1, 2] = row[0], row[1], row[2]
+    put_row(holds[1], row, 0.0)
     return along_swept(lever, orbit, drift, holds)

@@ -16,23 +16,26 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.leap import lands, strong
+from phasemap._kernels.engagement.leap import FARTHEST, lands, strong
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
+    DETUNED,
     HEIGHT,
     REPULSIVE,
     STEEPEST,
     UNCLEAR,
     approach,
     at_crossing,
+    at_gap,
     leaps,
+    least_mismatch,
     narrowest,
     near_resonance,
     on_side,
     strongest,
 )
 from phasemap._kernels.law import Law
-from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
+from phasemap._kernels.lever import free_amplitude, lowest, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, crossing, far_start, slope_of
 
@@ -41,6 +44,7 @@ SMALLEST_STEP = 1e-6
 TINY = 1e-6
 WEIGHT = 4.0
 MOST_STEPS = 400
+FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
 SURE, DOUBTFUL, OPEN, LEAP = 0, 1, 2, 3
 
@@ -152,15 +156,16 @@ def engage(
             return col.GOOD, LEAP
         side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
         if rises and side != REPULSIVE:
+            if only_one(law, p, lever, reach, amplitude, guess):
+                return col.GOOD, SURE
             landed = lands(law, p, lever, reach, free)
-            if landed == UNCLEAR:
-                return col.GOOD, LEAP
             if landed == REPULSIVE:
                 strongest(law, p, lever, reach, amplitude, math.inf, top)
-                sure = on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess)
-                sure = sure or only_below(law, p, lever, reach, amplitude, guess)
-                return col.GOOD, SURE if sure else LEAP
-        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0 and not rises:
+                if on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess):
+                    return col.GOOD, SURE
+            if landed != ATTRACTIVE:
+                return col.GOOD, LEAP
+        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0:
             return col.GOOD, OPEN
         if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
@@ -175,17 +180,26 @@ def engage(
 
 
 @kernel
-def only_below(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit of this amplitude below the resonance, X > 0, if there is no other at all.
+def only_one(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged orbit of this amplitude if there is no other, nor nearly: wherever a tip landed.
 
-    Where the sample takes so much that the lever is held before contact repels more than the rest attracts, P < 0.
+    Where the sample takes so much that the lever is held before contact repels more than the rest attracts. As the tip
+    comes near the mismatch then rises through zero from well below it to well above, and never falls again.
     """
+    plain = least_mismatch(lever, amplitude, caution(lever)) * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
+    gap, deepest, highest = FARTHEST * reach, lowest(law, p, lever), -math.inf
+    while gap > deepest and gap > -2.0 * amplitude:
+        h, _ = at_gap(law, p, lever, reach, amplitude, gap)
+        if h < min(highest, plain) and highest > -plain:
+            return False
+        highest, gap = max(highest, h), gap - FINELY * (abs(gap) + reach)
+    if not highest > plain:
+        return False
     found = averaged_orbits(law, p, lever, amplitude)
     if len(found) != 1:
         return False
     gap = found[0, col.G_Z0] - found[0, col.G_MEAN] - amplitude
-    along = at_crossing(law, p, lever, reach, amplitude, gap, guess)
-    return along > STEEPEST and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) > 0.0
+    return at_crossing(law, p, lever, reach, amplitude, gap, guess) > STEEPEST
 
 
 @kernel

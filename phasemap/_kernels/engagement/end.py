@@ -1,4 +1,4 @@
-"""The end of the attractive branch by exact orbits, where averaging leaves open on which side of it a tip is.
+"""The fold at which the attractive branch ends, by exact orbits, where averaging leaves open on which side a tip is.
 
 At one amplitude the mismatch of the exact orbit, whatever drive it needs, has a maximum over the gap. Above zero there
 is an attractive orbit of this amplitude, farther out than the maximum; below zero there is none. The maximum is sought
@@ -19,7 +19,18 @@ from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, W
 from phasemap._kernels.orbits.response.orbit import Room
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, SLOPE, E, beside_resonance, converge, start
+from phasemap._kernels.orbits.response.passes import (
+    AMP,
+    DRAG,
+    FOUND,
+    MEAN,
+    PUSH,
+    SLOPE,
+    E,
+    beside_resonance,
+    converge,
+    start,
+)
 
 TIGHT = 0.015  # mismatch at the exact maximum that decides
 MOST_SHIFTS = 3  # of three points, to where orbits are found
@@ -42,7 +53,7 @@ def held(
     state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
     if not start(law, p, lever, reach, f, state):
         return math.nan
-    if not converge(law, p, lever, f, state, True, KNOWN, math.inf):
+    if converge(law, p, lever, f, state, True, KNOWN, math.inf) != FOUND:
         return math.nan
     return pull(lever, amplitude, state[PUSH], state[DRAG])
 

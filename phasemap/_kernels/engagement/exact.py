@@ -17,7 +17,14 @@ from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, LENGTH, POI
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, hermite, mark
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
-from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, approach, leaps, near_resonance
+from phasemap._kernels.engagement.resonance import (
+    ATTRACTIVE,
+    FARTHEST_AT_ALL,
+    MAXIMUM,
+    approach,
+    leaps,
+    near_resonance,
+)
 from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in
 from phasemap._kernels.lever import free_amplitude, pulled, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
@@ -28,7 +35,6 @@ from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AM
 MOST_POINTS = 1500
 PLACES = 16  # between two points where the amplitude is looked at
 NEAR_END = 2e-3  # of the setpoint: nearer than this to the end of a branch, the whole curve is followed
-FARTHEST_AT_ALL = 1e-2  # [m], the same whatever the amplitude
 NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
 
 

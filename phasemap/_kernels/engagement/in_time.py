@@ -36,6 +36,8 @@ from phasemap._kernels.engagement.averages import (
     average,
     begin_sums,
     block_of,
+    errors_of_mean,
+    noted,
     seen,
 )
 from phasemap._kernels.engagement.lowering import (
@@ -88,6 +90,7 @@ EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpo
 PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
 ASTRAY = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
+SERIES = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
@@ -166,10 +169,11 @@ def hold_mean(
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
     the one that would hold the setpoint. Averaging ends when the standard error of groups is small, theory,
-    Eq. (irregular-5); twice that is the error stated. NOT_SETTLED if it is still large when `most` periods were
-    marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes nearer and
-    up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
-    `gain` is that of the controller at first.
+    Eq. (irregular-5); what is stated is wider, Eq. (irregular-6). NOT_SETTLED if it is still large when `most` periods
+    were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
+    nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
+    `gain` is that of the controller at first, but at most SLOW past a contact with hysteresis: a tip that is moved
+    faster takes to another pattern of taps than the one that it lands on.
     """
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
@@ -180,13 +184,15 @@ def hold_mean(
         return col.NOT_SETTLED
     # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
     follows = 1.0 / block if sticky else 0.0
+    gain, count, series = min(gain, SLOW) if sticky else gain, 0, np.zeros((SERIES, 3))
     for j in range(3 * GROUP):
         if not average(law, p, lever, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
             return col.NOT_SETTLED
+        series, count = noted(lever, sums, series, count), count + 1
         tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
             break
-    gain = min(gain, SLOW)
+    gain, first = min(gain, SLOW), count
     slow = (0.0, follows * gain, amplitude)
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
@@ -202,6 +208,7 @@ def hold_mean(
             group[0] += sums[OFFSET] / (size * block)
             group[1] += sums[0]
             group[2] += sums[1]
+            series, count = noted(lever, sums, series, count), count + 1
             missed += (seen(lever, sums) - amplitude) ** 2
             tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, how, amplitude, tip):
@@ -224,7 +231,9 @@ def hold_mean(
             a_error = math.sqrt(a_square / (groups - 1) / groups)
             astray = held and abs(short) > ASTRAY * amplitude * groups
             if z_error < LENGTH and a_error < PHASE and not astray:
-                break
+                errors = errors_of_mean(series, first, count, amplitude)
+                if errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH:
+                    break
             needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
             if groups >= 4 * fewest and needed > HOPE * most:
                 return col.NOT_SETTLED
@@ -232,18 +241,23 @@ def hold_mean(
             if groups > fewest and missed > size * fewest * (HUNTED * amplitude) ** 2:
                 return col.NO_STABLE_ORBIT
             missed = 0.0
-    if astray or not (z_error < WORST_LENGTH and a_error < WORST_PHASE):
+    errors = errors_of_mean(series, first, count, amplitude)
+    if astray or not (errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH):
         return col.NOT_SETTLED
-    count = total[COUNT]
+    periods = total[COUNT]
     for j in range(ADDED):
         if j != DEEPEST:
-            total[j] /= count
+            total[j] /= periods
     fill(lever, z_mean if held else tip.u[3], total, row)
     if held and lever[col.SHAKER] == 0.0:
         row[col.AMPLITUDE] = amplitude
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = 2.0 * a_error, 2.0 * z_error
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors[0], errors[1]
+    if sticky:
+        row[col.PHASE] += errors[2]
+    else:
+        row[col.ERROR_PHASE] += abs(errors[2])
     # Energy that is missing says that steps or rounding are too coarse for so small a motion.
     return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
 

@@ -37,8 +37,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
-from phasemap._kernels.lever import lowest, mismatch
+from phasemap._kernels.lever import free_amplitude, lowest, mismatch
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
+from phasemap._kernels.orbits.response.passes import beside_resonance
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
@@ -47,6 +48,7 @@ NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
+FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
 # Entries of a maximum: gap b = e - A [m], mismatch, P [m] there, and the same gap one step deeper.
 GAP, HEIGHT, PUSH, BEHIND, MAXIMUM = 0, 1, 2, 3, 4
 
@@ -211,12 +213,23 @@ def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
 
 
 @kernel
+def deepest(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+    """Tip offset [m] down to which a repulsive orbit is looked for.
+
+    Above resonance a soft contact makes up for the lever's detuning only where the tip is pressed in far.
+    """
+    if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
+        return -FARTHEST_AT_ALL
+    return lowest(law, p, lever)
+
+
+@kernel
 def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
     peak, want = top[GAP], lever[col.BASE] - stiff - top[PUSH]
     near, f_near = peak, min(-0.5, -abs(math.log1p(max(top[HEIGHT], LEAST))))
-    gap, deepest = top[BEHIND], lowest(law, p, lever)
+    gap, last = top[BEHIND], deepest(law, p, lever)
     for _ in range(60):
         h, push = at_gap(law, p, lever, reach, amplitude, gap)
         if h > 0.0 and push > 0.0:
@@ -227,9 +240,18 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top[PUSH], 0.02 * want))
         gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
-        if gap < deepest:
+        if gap < last:
             break
     return math.nan
+
+
+@kernel
+def least_mismatch(lever: np.ndarray, amplitude: float, margin: float) -> float:
+    """Mismatch at a maximum that leaves no doubt at resonance."""
+    x, y = detuning(lever)
+    r = amplitude / free_amplitude(lever)
+    q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
+    return (PLAIN * q * (q + r * x) + 0.03) * margin
 
 
 @kernel
@@ -246,7 +268,7 @@ def decide(
     x, y = detuning(lever)
     r = amplitude / free
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
-    least = (PLAIN * q * (q + r * x) + 0.03) * margin
+    least = least_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
     strongest(law, p, lever, reach, amplitude, plain, top)
     if top[HEIGHT] >= plain:
@@ -300,5 +322,5 @@ def on_side(
     if math.isnan(gap):
         return False
     along = at_crossing(law, p, lever, reach, amplitude, gap, guess)
-    inside = guess[col.G_Z0] > lowest(law, p, lever)
+    inside = guess[col.G_Z0] > deepest(law, p, lever)
     return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

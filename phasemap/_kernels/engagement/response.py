@@ -42,7 +42,7 @@ def cheap_orbit(
     """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold."""
     reach = reach_of(law, p)
     if surety == SURE:
-        if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+        if refine(law, p, lever, reach, guess, limits, room):
             return GOOD
         return PENDING if grazes(p, reach, guess) else STIFF  # Newton's method takes the contact as given, too
     if surety != OPEN:
@@ -52,25 +52,28 @@ def cheap_orbit(
         worst = worst_amplitude(lever, amplitude)
         room.fit[:] = math.nan
         side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
-        if side != REPULSIVE and (narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever))):
+        # At high Q a leap is known to end on the attractive branch.
+        left = lever[ALPHA0] > 0.5 / LOWEST_Q and leaps(lever, reach, free_amplitude(lever))
+        if side != REPULSIVE and (narrowest(lever) > 1.0 or left):
             return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
         if side == UNCLEAR:
             side = decide_closely(law, p, lever, reach, amplitude, worst, room)
     if side == UNCLEAR:
         return PENDING
-    if settle_side(law, p, lever, reach, amplitude, side, room.top, guess):
-        if refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+    known, outside = settle_side(law, p, lever, reach, amplitude, side, room.top, guess), False
+    if side == REPULSIVE and not known:
+        return PENDING
+    while True:
+        if known and refine(law, p, lever, reach, guess, limits, room):
             if side == REPULSIVE or steep(law, p, lever, limits, room):
-                return GOOD
-        if side == REPULSIVE:
+                break
+        if side == REPULSIVE or outside:
             return STIFF
-    if side == REPULSIVE:
-        return PENDING
-    if worst != amplitude:
-        highest_at(law, p, lever, reach, amplitude, room)
-    if not beside_end(law, p, lever, reach, amplitude, guess, room):
-        return PENDING
-    if refine(law, p, lever, reach, guess, limits, room.nodes, room.state) and steep(law, p, lever, limits, room):
+        if worst != amplitude:
+            highest_at(law, p, lever, reach, amplitude, room)
+        known = outside = beside_end(law, p, lever, reach, amplitude, guess, room)
+        if not outside:
+            return PENDING
+    if outside:
         guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
-        return GOOD
-    return STIFF
+    return GOOD

@@ -34,35 +34,19 @@ def scaled(x: float, low: float, high: float) -> float:
 
 
 class Tree(NamedTuple):
-    """What leads a material to its piece.
+    """What leads a material to its piece."""
 
-    Attributes
-    ----------
-    nodes : ndarray of int, shape (nodes, 4)
-        KIND; WHICH coordinate, border or piece; node BELOW; node ABOVE.
-    values : ndarray, shape (nodes,)
-        Where a coordinate is cut.
-    boxes : ndarray, shape (borders, 4)
-        Of a border: low and high of x0, of x1.
-    sizes, starts, coefficients : ndarray
-        How many coefficients a border has along x0 and x1, shape (borders, 2), and where they begin in the last.
-    piece_boxes : ndarray, shape (pieces, 6)
-        Low and high of x0, x1, u.
-    ends : ndarray, shape (pieces, 2)
-        Lower and upper end of a piece in x2 where it is a number.
-    forms : ndarray of int, shape (pieces, 3)
-        Its lower border or -1, upper border or -1, form of u.
-    """
-
-    nodes: np.ndarray
-    values: np.ndarray
-    boxes: np.ndarray
+    nodes: np.ndarray  # int, shape (nodes, 4); KIND; WHICH coordinate, border or piece; node BELOW; node ABOVE
+    values: np.ndarray  # shape (nodes,); where a coordinate is cut
+    boxes: np.ndarray  # shape (borders, 4); of a border: low and high of x0, of x1
+    # sizes, starts, coefficients: how many coefficients a border has along x0 and x1, shape (borders, 2), and
+    # where they begin in the last
     sizes: np.ndarray
     starts: np.ndarray
     coefficients: np.ndarray
-    piece_boxes: np.ndarray
-    ends: np.ndarray
-    forms: np.ndarray
+    piece_boxes: np.ndarray  # shape (pieces, 6); low and high of x0, x1, u
+    ends: np.ndarray  # shape (pieces, 2); lower and upper end of a piece in x2 where it is a number
+    forms: np.ndarray  # int, shape (pieces, 3); its lower border or -1, upper border or -1, form of u
 
 
 @kernel

@@ -8,16 +8,10 @@ import numpy as np
 
 
 class Answers(NamedTuple):
-    """Rows of n materials, or of each of their orbits: every array may have a first axis more, of length SLOTS.
+    """Rows of n materials, or of each of their orbits: every array may have a first axis more, of length SLOTS."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (n, COLUMNS)
-    status, solver : ndarray of int8, shape (n,)
-        Codes of `phasemap._kernels.columns`.
-    """
-
-    rows: np.ndarray
+    rows: np.ndarray  # shape (n, COLUMNS)
+    # status, solver: int8, shape (n,); codes of `phasemap._kernels.columns`
     status: np.ndarray
     solver: np.ndarray
 

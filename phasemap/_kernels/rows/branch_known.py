@@ -53,7 +53,7 @@ def exact_block(
                 push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
                 put(guess, amplitude, c, push, drag, mean)
                 guess[col.G_SLOPE] = slope / amplitude
-                if not refine(law, p, lever, reach, guess, limits, room.nodes, room.state):
+                if not refine(law, p, lever, reach, guess, limits, room):
                     break
                 seen, phase = show(lever, amplitude, room.state[STATE_PHASE])
                 miss = seen - held

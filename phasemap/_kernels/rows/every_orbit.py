@@ -17,7 +17,7 @@ from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
 from phasemap._kernels.orbits.collocation.polish import tolerance_of
-from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, A, new_orbit
+from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, LEVEL, VALUE, A, new_orbit
 
 MOST_ORBITS = 40
 THROWN = 0.08  # of the amplitude, by which a guess is lifted for orbits that a strong pull makes
@@ -37,14 +37,15 @@ def collect(
 ) -> tuple[int, int]:
     """Fill rows with the orbits of this amplitude or tip offset on the curve from far; returns a status and how many.
 
-    The curve is left where the tip stays in contact, or hardly moves any more.
+    The way is followed on coarser elements than the orbits have. It is left where the tip stays in contact, or hardly
+    moves any more.
     """
     orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
     index = AP if hold == HOLD_AMPLITUDE else ZP
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     free = free_amplitude(lever)
     engaged = value if hold == HOLD_AMPLITUDE else 0.999 * free
-    status, orbit, spare = start_far(path, orbit, spare, engaged, level)
+    status, orbit, spare = start_far(path, orbit, spare, engaged, level - 1)
     point = np.zeros(POINT)
     point[TU] = -1.0
     if status != col.GOOD or not mark(path, orbit, point):
@@ -57,6 +58,7 @@ def collect(
             return status, count
         if (before[index] > value) != (point[index] > value):
             copy_orbit(orbit, one)
+            one.head[COUNT, LEVEL] = saved.head[COUNT, LEVEL] = level
             good, one, spare = cross(path, index, value, before, point, one, saved, spare, tolerance)
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
@@ -147,6 +149,8 @@ def every_orbit(
     found = np.zeros((MOST_ORBITS, col.COLUMNS))
     level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
     status, count = collect(path, hold, value, level, tolerance, found)
+    if status != col.GOOD:
+        status, count = collect(path, hold, value, level + 1, tolerance, found)
     if hold == HOLD_AMPLITUDE:
         for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
             guesses = averaged_orbits(law, p, lever, amplitude)

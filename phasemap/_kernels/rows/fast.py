@@ -20,7 +20,7 @@ from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
-from phasemap._kernels.orbits.response.orbit import new_room
+from phasemap._kernels.orbits.response.orbit import new_room, solved
 from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
 from phasemap._kernels.rows.answers import Answers
 
@@ -30,7 +30,7 @@ def averaging_suffices(
     lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
 ) -> bool:
     """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
-    phase_error = abs(phase_of(lever, guess) - state[PHASE]) + state[ERR_PHASE]
+    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state[PHASE]) + state[ERR_PHASE]
     height_error = abs(guess[col.G_Z0] - state[HEIGHT]) + state[ERR_HEIGHT]
     if not (phase_error < limits[0] and height_error < limits[1]):
         return False
@@ -80,7 +80,7 @@ def cheap_rows(
             if status[i] == col.STIFF:
                 copy(guess, row)
         else:
-            solver[i] = choose(lever, guess, room.nodes, room.state, average, limits, row)
+            solver[i] = choose(lever, guess, solved(room), room.state, average, limits, row)
     return waiting
 
 

@@ -32,7 +32,7 @@ from phasemap._kernels.engagement.resonance import (
 from phasemap._kernels.law import Law, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
-from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, steep
+from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, solved, steep
 from phasemap._kernels.orbits.response.passes import PUSH
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
@@ -195,11 +195,11 @@ def other_rows(
             row[:] = math.nan
             done = averaged_on(law, p, lever, amplitudes[i], side_of(slot), guess, room)
             if done == col.GOOD:
-                exact = refine(law, p, lever, reach, guess, limits, room.nodes, room.state)
+                exact = refine(law, p, lever, reach, guess, limits, room)
                 if not exact or not steep(law, p, lever, limits, room):
                     done = col.PENDING
             if done == col.GOOD:
-                solver[slot, i] = choose(lever, guess, room.nodes, room.state, True, allowed, row)
+                solver[slot, i] = choose(lever, guess, solved(room), room.state, True, allowed, row)
             elif done == col.PENDING:
                 left = True
                 for j in range(5):

@@ -42,6 +42,6 @@ def lifts(
         for j in range(len(orbits)):
             copy(orbits[j], guess)
             guess[col.G_SLOPE] = slope_of(law, p, lever, guess)
-            if refine(law, p, lever, reach_of(law, p), guess, limits, room.nodes, room.state):
+            if refine(law, p, lever, reach_of(law, p), guess, limits, room):
                 side = REPELLED if guess[col.G_P] > 0.0 else ATTRACTED
                 out[i, side] = (room.state[HEIGHT] - guess[col.G_Z0]) / guess[col.G_P]

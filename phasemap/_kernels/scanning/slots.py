@@ -8,21 +8,11 @@ import numpy as np
 
 
 class Orbits(NamedTuple):
-    """What holds the setpoint on n materials.
+    """What holds the setpoint on n materials."""
 
-    Attributes
-    ----------
-    stable : ndarray of bool, shape (2, n)
-        Whether a material has an orbit that holds the setpoint, on each branch.
-    engaged : ndarray of int, shape (n,)
-        Branch to which engagement from far leads, or NOWHERE.
-    offsets : ndarray, shape (3, n)
-        Tip offsets of the orbits [m].
-    reach : ndarray, shape (2, n)
-        Highest tip offset [m] from which a tip comes to each of the two; infinite where it does from any.
-    """
-
-    stable: np.ndarray
-    engaged: np.ndarray
-    offsets: np.ndarray
+    stable: np.ndarray  # bool, shape (2, n); whether a material has an orbit that holds the setpoint, on each branch
+    engaged: np.ndarray  # int, shape (n,); branch to which engagement from far leads, or NOWHERE
+    offsets: np.ndarray  # shape (3, n); tip offsets of the orbits [m]
+    # shape (2, n); highest tip offset [m] from which a tip comes to each of the two; infinite where it does from
+    # any
     reach: np.ndarray

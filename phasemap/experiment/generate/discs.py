@@ -15,8 +15,6 @@ from phasemap._shared.memory import check_fits
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, generator, pixel_centres
 
-__all__ = ["particles"]
-
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 _DISC = 300  # byte that a disc takes while discs are put down

@@ -13,8 +13,6 @@ from phasemap._shared.checks import number
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, is_x, pixel_centres, sized
 
-__all__ = ["checkerboard", "gradient", "step", "stripes"]
-
 _TIE = 1e-9  # of a period: a pixel centre on an edge is past it in every repeat, however the division is rounded
 
 

@@ -20,8 +20,6 @@ from phasemap.experiment.generate.arguments import (
     wave_length,
 )  # fmt: skip
 
-__all__ = ["blend", "lamellae", "roughness"]
-
 _LONGEST = 10_000  # steps of relaxation; after some hundreds a pattern hardly changes
 
 

@@ -57,20 +57,7 @@ def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: obj
 def simulate_lazily(job: Job) -> xr.Dataset:
     """Make the image of a surface in Dask arrays, as Dask arrays.
 
-    Parameters
-    ----------
-    job : Job
-        For the whole image.
-
-    Returns
-    -------
-    xarray.Dataset
-        The image variables, and what a control finds out (gains of a feedback) as variables without dimension.
-
-    Raises
-    ------
-    InputError
-        If Dask is not there.
+    Returns the image variables, and what a control finds out (gains of a feedback) as variables without dimension.
     """
     try:
         import dask.array as da
@@ -93,21 +80,11 @@ def simulate_lazily(job: Job) -> xr.Dataset:
 
 
 class Filling(NamedTuple):
-    """Tasks that fill an image and give a `Filled` of each part.
+    """Tasks that fill an image and give a `Filled` of each part."""
 
-    Attributes
-    ----------
-    keys : dict
-        Their keys, by the number of the part from the top and from the left.
-    chunks : (tuple of int, tuple of int)
-        Heights and widths of the parts.
-    last : Delayed
-        Of the last of them, whose graph has all others in it.
-    """
-
-    keys: dict[tuple[int, int], Key]
-    chunks: tuple[tuple[int, ...], tuple[int, ...]]
-    last: Any
+    keys: dict[tuple[int, int], Key]  # their keys, by the number of the part from the top and from the left
+    chunks: tuple[tuple[int, ...], tuple[int, ...]]  # heights and widths of the parts
+    last: Any  # of the last of them, whose graph has all others in it
 
 
 def _token(name: str) -> str:

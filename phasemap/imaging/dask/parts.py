@@ -18,34 +18,18 @@ LINES = 1 << 20  # pixels of a part where parts are whole lines, at least one li
 
 
 class Part(NamedTuple):
-    """A part of an image, and what it takes to make its surface.
-
-    Attributes
-    ----------
-    place : Place
-    lines : slice
-        Of the blocks.
-    pieces : list
-        Of each quantity None, a number, an array of the part, or a list of blocks beside each other; before they are
-        computed, of their keys.
-    """
+    """A part of an image, and what it takes to make its surface."""
 
     place: Place
-    lines: slice
+    lines: slice  # of the blocks
+    # Of each quantity None, a number, an array of the part, or a list of blocks beside each other; before they
+    # are computed, of their keys
     pieces: list[Any]
 
     def surface(self, like: Surface) -> Surface:
         """The surface of the part, when its blocks are computed.
 
-        Parameters
-        ----------
-        like : Surface
-            With the same size of pixels.
-
-        Raises
-        ------
-        InputError
-            If a value is out of range; it says where the part begins.
+        `like`: with the same size of pixels.
         """
         maps = [self._whole(piece) if isinstance(piece, list) else piece for piece in self.pieces]
         shape = next(value.shape for value in maps if isinstance(value, np.ndarray))
@@ -63,19 +47,10 @@ class Part(NamedTuple):
 
 
 class Maps(NamedTuple):
-    """The maps of a surface, or some of its rows, in blocks of the same size.
+    """The maps of a surface, or some of its rows, in blocks of the same size."""
 
-    Attributes
-    ----------
-    values : list
-        Of each quantity None, an array in memory, or a Dask array.
-    chunks : (tuple of int, tuple of int)
-        Heights and widths of the blocks, those of the first Dask array.
-    place : Place
-    """
-
-    values: list[Any]
-    chunks: tuple[tuple[int, ...], tuple[int, ...]]
+    values: list[Any]  # of each quantity None, an array in memory, or a Dask array
+    chunks: tuple[tuple[int, ...], tuple[int, ...]]  # heights and widths of the blocks, those of the first Dask array
     place: Place
 
     @classmethod

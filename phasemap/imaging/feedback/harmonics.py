@@ -19,14 +19,9 @@ MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many 
 
 
 class Lifts(NamedTuple):
-    """The two kappa of `_kernels.scanning.higher_harmonics` of some materials, in the order of their contact stiffness.
+    """The two kappa of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
 
-    Attributes
-    ----------
-    attractive, repulsive : (ndarray, ndarray)
-        Contact stiffness, and kappa there; empty if nothing is known.
-    """
-
+    # attractive, repulsive: contact stiffness, and kappa there; empty if nothing is known
     attractive: tuple[Array, Array]
     repulsive: tuple[Array, Array]
 

@@ -48,10 +48,7 @@ class TipState:
     def thaw(cls, arrays: Mapping[str, Array]) -> TipState:
         """From what `freeze` gave.
 
-        Raises
-        ------
-        KeyError, ValueError
-            If it is not that.
+        Raises KeyError, ValueError if it is not that.
         """
         tip = cls(int(arrays["engine"]))
         tip.state = tip.state._replace(**{name: arrays[name] for name in tip.state._fields})
@@ -73,7 +70,6 @@ class Lines:
 
     Parameters
     ----------
-    job : Job
     control : Feedback
         With gains.
     work : Work

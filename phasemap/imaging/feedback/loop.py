@@ -37,13 +37,7 @@ def bandwidth_of(control: Feedback, scope: Microscope) -> float:
 
 
 def check(control: Feedback, scope: Microscope, pixels: int) -> None:
-    """Refuse what cannot work with this lever and this many pixels a line.
-
-    Raises
-    ------
-    InputError
-        If a pixel has fewer than 5 periods, or lock-in, scanner or gains are too fast for the drive.
-    """
+    """Refuse what cannot work with this lever and this many pixels a line."""
     frequency = drive_frequency(scope)
     if control.dwell(pixels) * frequency < FEWEST_PERIODS:
         most = control.dwell(pixels) * control.line_rate * frequency / FEWEST_PERIODS
@@ -74,22 +68,11 @@ def loop_of(
 ) -> Array:
     """The loop's numbers; gains that are to be tuned are 0.
 
-    Parameters
-    ----------
-    control : Feedback
-    scope : Microscope
-    amplitude : float
-        At the setpoint [m].
-    temperature : float
-        Of the lever's own noise [K].
-    detector_noise : float
-        One-sided density of the deflection signal's noise [m/sqrt(Hz)].
-    periods : int
-        Of the drive, after which an approach is given up.
-
-    Returns
-    -------
-    ndarray, shape (LOOP,)
+    `amplitude`: at the setpoint [m].
+    `temperature`: of the lever's own noise [K].
+    `detector_noise`: One-sided density of the deflection signal's noise [m/sqrt(Hz)].
+    `periods`: of the drive, after which an approach is given up.
+    Returns an array of shape (LOOP,).
     """
     tau = tau_per_second(scope)
     loop = np.zeros(of.LOOP)

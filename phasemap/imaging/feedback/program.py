@@ -15,21 +15,11 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     The ground is linear between the centres of pixels, and goes on level beyond the outermost; the material is that of
     the pixel. A turn at constant acceleration that runs on by a part o of the line takes as long as 4 o of the line.
 
-    Parameters
-    ----------
-    materials : ndarray of int, shape (nx,)
-        Numbers of the pixels' materials; -1 for none.
-    ground : ndarray, shape (nx,)
-        Topography [m].
-    dwell : float
-        Time over a pixel [tau].
-    overscan : float
-        o [1].
-
-    Returns
-    -------
-    ndarray, shape (n, PROGRAM)
-        Pixel i of the trace has the number i, of the retrace nx + i.
+    `materials` (shape (nx,)): numbers of the pixels' materials; -1 for none.
+    `ground` (shape (nx,)): topography [m].
+    `dwell`: time over a pixel [tau].
+    `overscan`: o [1].
+    Returns an array of shape (n, PROGRAM): pixel i of the trace has the number i, of the retrace nx + i.
 
     Examples
     --------

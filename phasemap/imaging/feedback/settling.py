@@ -26,20 +26,9 @@ HALVINGS = 6
 def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
     """Halve the gains until the feedback comes to rest on the softest and the stiffest material, as an operator does.
 
-    Parameters
-    ----------
-    control : Feedback
-        With gains.
-    job : Job
-    work : Work
-        The scene's materials at the setpoint.
-    engine : int
-        Code of the solver that moves the tip.
-
-    Returns
-    -------
-    Feedback
-        The same, if its gains are quiet. Where they never are, those halved six times.
+    `work`: the scene's materials at the setpoint.
+    `engine`: code of the solver that moves the tip.
+    Returns the same, if its gains are quiet. Where they never are, those halved six times.
     """
     valid = np.flatnonzero(work.refused() == col.GOOD)
     if not len(valid):

@@ -32,24 +32,12 @@ MOST = 1 << 17  # distinct materials up to which gains are those for all of them
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What all lines of an image under one tip share.
+    """What all lines of an image under one tip share."""
 
-    Parameters
-    ----------
-    control : Feedback
-        With gains.
-    engine : int
-        Code of the solver that moves the tip.
-    lifts : Lifts or None
-        None for the equation of motion, which has all harmonics.
-    notes : dict
-        Gains and what they are worth, for the image's attributes.
-    """
-
-    control: Feedback
-    engine: int
-    lifts: Lifts | None
-    notes: dict[str, float]
+    control: Feedback  # with gains
+    engine: int  # code of the solver that moves the tip
+    lifts: Lifts | None  # none for the equation of motion, which has all harmonics
+    notes: dict[str, float]  # gains and what they are worth, for the image's attributes
 
 
 def _check(job: Job) -> None:
@@ -85,11 +73,6 @@ def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
     """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
 
     The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not.
-
-    Raises
-    ------
-    InputError
-        If the averaged lever is asked for, and cannot follow a material.
     """
     name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
     if name == "auto":

@@ -44,23 +44,9 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
     proportional to integral gain.
 
-    Parameters
-    ----------
-    control : Feedback
-    scope : Microscope
-    work : Work
-        The scene's materials at the setpoint.
-
-    Returns
-    -------
-    Feedback
-        With both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of the free
-        lever, which follows the scanner with a lag, settles without overshoot.
-
-    Raises
-    ------
-    InputError
-        If the derivative gain leaves no stable gains.
+    `work`: the scene's materials at the setpoint.
+    Returns: with both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of
+        the free lever, which follows the scanner with a lag, settles without overshoot.
     """
     return LinearLoop(control, scope, work).tuned()
 
@@ -187,8 +173,8 @@ def _moving(loop: Array) -> Array:
 
 def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and the mean deflection."""
-    z0, mean, amplitude = orbit[:3]
-    a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, orbit)))
+    z0, mean, amplitude, push, drag = orbit[:5]
+    a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
     state = np.zeros(of.STATE)
     state[of.AMP : of.AMP + 2] = a.real, a.imag
     state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag

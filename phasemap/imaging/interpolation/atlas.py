@@ -24,20 +24,11 @@ REST = 1e-8  # coefficients of a border that are left out, over the largest
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Interpolants over materials, as `phasemap._kernels.materials.interpolate` reads them.
-
-    Parameters
-    ----------
-    tree : Tree
-    sums : tuple of ndarray
-        Arguments of `evaluate` after what is wanted.
-    errors : ndarray, shape (pieces, 2)
-        Estimated in each piece, of height [m] and phase [rad].
-    """
+    """Interpolants over materials, as `phasemap._kernels.materials.interpolate` reads them."""
 
     tree: Tree
-    sums: tuple[Array | Ints, ...]
-    errors: Array
+    sums: tuple[Array | Ints, ...]  # arguments of `evaluate` after what is wanted
+    errors: Array  # shape (pieces, 2); estimated in each piece, of height [m] and phase [rad]
 
     @classmethod
     def of(

@@ -19,13 +19,6 @@ class Axes:
     phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it. See theory,
     Eq. (interpolation-1).
 
-    Parameters
-    ----------
-    logarithmic : bool
-        Whether x0 is ln K.
-    offset : float
-        a [1]; 0 where nothing is damped, and then x1 = alpha1.
-
     Examples
     --------
     >>> axes = Axes.around(np.array([1e9, 4e9]), np.array([0.0, 0.1]))
@@ -34,8 +27,8 @@ class Axes:
     ['2e+09', '0.05', '0.02']
     """
 
-    logarithmic: bool
-    offset: float
+    logarithmic: bool  # whether x0 is ln K
+    offset: float  # a [1]; 0 where nothing is damped, and then x1 = alpha1
 
     @classmethod
     def around(cls, stiffness: Array, damping: Array) -> Axes:

@@ -23,9 +23,11 @@ from phasemap.imaging.interpolation.exact_orbits import DEPTH, FUNCTIONS, HEIGHT
 Array = NDArray[np.float64]
 
 SCAN = 17  # points on a line
+LEAST_BELOW = 4  # steps between them that make a layer of their own
 HALVINGS = 7  # after which the step of a smooth function has become small
 SMALLEST = 5e-12  # step of the tip offset [m] that is taken for a jump
 JUMP = 0.3  # share of a step that stays in a jump
+FEWEST, PLAIN = 3, 0.8  # halvings after which such a share leaves no doubt
 EXACT = 4e-6  # width, over the adhesion, to which a jump is located
 SMOOTH = 1e-5  # last coefficients of a border, over the adhesion
 ROUGH = 1e-4  # the same where the error is measured instead
@@ -38,23 +40,12 @@ FINEST = 17  # nodes of a border along one coordinate
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """A surface x2 = s(x0, x1).
+    """A surface x2 = s(x0, x1)."""
 
-    Parameters
-    ----------
-    box : tuple of float
-        Low and high of x0, and of x1.
-    coefficients : ndarray, shape (n0, n1)
-    error : float
-        Of s, estimated.
-    sudden : bool
-        Whether the orbit jumps there; else it has a kink.
-    """
-
-    box: tuple[float, float, float, float]
-    coefficients: Array
-    error: float
-    sudden: bool
+    box: tuple[float, float, float, float]  # low and high of x0, and of x1
+    coefficients: Array  # shape (n0, n1)
+    error: float  # of s, estimated
+    sudden: bool  # whether the orbit jumps there; else it has a kink
 
     def height(self, x0: Array, x1: Array) -> Array:
         """x2 of the border."""
@@ -84,16 +75,37 @@ def _above(exact: ExactOrbits, bases: Array, heights: Array, function: int) -> A
 
 
 def _orbits(exact: ExactOrbits, bases: Array, heights: Array) -> Array:
+    return exact(_points(bases, heights).reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))
+
+
+def _points(bases: Array, heights: Array) -> Array:
     points = np.empty((*heights.shape, 3))
     points[..., :2] = bases[:, None]
     points[..., 2] = heights
-    return exact(points.reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))
+    return points
 
 
-def _scan(exact: ExactOrbits, bases: Array, low: Array, high: Array) -> _Lines:
+def _scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> _Lines:
+    """Orbits along lines.
+
+    Time, which is slow, is asked where it may find periodic orbits that curves do not lead to: past the last that they
+    lead to there mostly are none. Where that is above the adhesion `few`, it does not matter.
+    """
     share = np.linspace(0, 1, SCAN)
     heights = low[:, None] + (high - low)[:, None] * share
-    orbits = _orbits(exact, bases, heights)
+    points = _points(bases, heights)
+    orbits = exact(points.reshape(-1, 3), in_time=False).reshape(*heights.shape, len(FUNCTIONS))
+    held = np.isfinite(orbits[..., HEIGHT])
+    beside = ~held
+    beside[:, 1:-1] &= held[:, 2:] | held[:, :-2]
+    beside[:, 0] &= held[:, 1]
+    beside[:, -1] &= held[:, -2]
+    for where in (beside, ~held & ~beside):
+        if not where.any() or heights[~held].min() > few:
+            break
+        orbits[where] = exact(points[where])
+        if np.isnan(orbits[where][:, HEIGHT]).all():
+            break
     return _Lines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
 
 
@@ -138,29 +150,51 @@ def _jumps(exact: ExactOrbits, bases: Array, lines: _Lines) -> tuple[_Brackets, 
     """Bracket the largest step on every line, and whether it is a jump."""
     brackets = _largest_step(lines)
     before = brackets.step
-    where = before > 0
-    for _ in range(HALVINGS):
+    steps = where = before > 0
+    for i in range(HALVINGS):
         brackets = brackets.halved(exact, bases, where)
+        if i + 1 >= FEWEST:
+            where = where & ~(brackets.step > PLAIN * before)
+        if not where.any():
+            break
     with np.errstate(invalid="ignore"):
-        jumps = where & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
+        jumps = steps & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
     return brackets, jumps
 
 
 class Undecided(Exception):
-    """The borders over this box do not form whole layers."""
+    """The borders over this box do not form whole layers.
+
+    Parameters
+    ----------
+    below : float, optional
+        Adhesion up to which there are none.
+    """
+
+    def __init__(self, below: float | None = None) -> None:
+        super().__init__()
+        self.below = below
 
 
-def find_borders(exact: ExactOrbits, box: tuple[float, float, float, float], low: float, high: float) -> list[Border]:
+def find_borders(
+    exact: ExactOrbits, box: tuple[float, float, float, float], low: float, high: float, few: float = np.inf
+) -> list[Border]:
     """Borders above a box of (x0, x1) that matter for adhesions between low and high, from below.
 
-    Raises
-    ------
-    Undecided
-        If a border exists over a part of the box only, or is not smooth.
+    Above the adhesion `few` are so few materials that no border is looked for there. Raises Undecided if a border
+    exists over a part of the box only, or is not smooth, or is for few materials only.
     """
     bases = _bases(box)
-    lines = _scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high))
+    lines = _scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)
+    at_resonance = exact.scope.frequency_ratio == 1
+    lost = np.diff(np.isfinite(lines.offsets), axis=1)
+    if at_resonance and lost.any():  # beside the attractive branch's end orbits are held on both sides
+        raise Undecided(_point_below(lines, float(lines.heights[:, :-1][lost].min())))
     brackets, jumps = _jumps(exact, bases, lines)
+    if at_resonance and jumps.any():
+        below = _point_below(lines, float(brackets.low[jumps].min()))
+        if below is not None and below > few:
+            raise Undecided(below)
     touching = lines.depths > 0
     grazing = np.isfinite(lines.depths).all() and bool(touching.any() and not touching.all())
     found: list[Border] = []
@@ -178,6 +212,12 @@ def find_borders(exact: ExactOrbits, box: tuple[float, float, float, float], low
     for lower, upper in itertools.pairwise(found):
         _check_order(lower, upper)
     return found
+
+
+def _point_below(lines: _Lines, height: float) -> float | None:
+    """The point of a scan next below this adhesion, if a layer of its own lies below."""
+    at = int(np.searchsorted(lines.heights[0], height, "right")) - 1
+    return float(lines.heights[0, at]) if at >= LEAST_BELOW else None
 
 
 def _bases(box: tuple[float, float, float, float]) -> Array:

@@ -29,14 +29,9 @@ DEEPEST = 14  # cuts one after another
 def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> Atlas:
     """Make an atlas for the materials of an image.
 
-    Parameters
-    ----------
-    exact : ExactOrbits
-    sample : ndarray, shape (n, 3)
-        Points drawn from the image, each once; without any, the atlas is empty.
-    count : int
-        How many distinct ones the image has.
-    tolerances : ndarray, shape (functions,)
+    `sample` (shape (n, 3)): points drawn from the image, each once; without any, the atlas is empty.
+    `count`: how many distinct ones the image has.
+    `tolerances` (shape (functions,)).
     """
     if not len(sample):
         return Atlas.of([[LEAF, OUTSIDE, -1, -1]], [0.0], [], [])
@@ -73,15 +68,22 @@ class _Builder:
     def _budget(self, materials: Array) -> int:
         return int(WORTH * self.weight * len(materials)) if len(materials) * self.weight >= LEAST else 0
 
+    def _few_above(self, materials: Array) -> float:
+        """Adhesion above which so few materials lie that a search for borders does not pay."""
+        few = max(1, int(COLUMN / (WORTH * self.weight)))
+        return float(np.partition(materials[:, 2], -few)[-few])
+
     def column(self, box: Box, materials: Array, depth: int) -> int:
         """Everything above a box of (x0, x1): its layers, or the two halves of it."""
         if self._budget(materials) < COLUMN or depth > DEEPEST:
             return self._node(LEAF, OUTSIDE)
         low, high = box[4], box[5]
         try:
-            borders = find_borders(self.exact, (box[0], box[1], box[2], box[3]), low, high)
-        except Undecided:
-            return self._cut_column(box, materials, depth)
+            borders = find_borders(self.exact, (box[0], box[1], box[2], box[3]), low, high, self._few_above(materials))
+        except Undecided as undecided:
+            if undecided.below is None:
+                return self._cut_column(box, materials, depth)
+            return self._cut_lines(box, undecided.below, materials, depth)
         if borders:
             return self._layers(box, materials, depth, borders)
         return self.cell(Cell((*box[:4], 0.0, 1.0 if high > low else 0.0), low, high), materials, depth)
@@ -100,6 +102,14 @@ class _Builder:
             half[2 * axis + (side == 2)] = at
             a, b, c, d, e, f = half
             self.nodes[node][side] = self.column((a, b, c, d, e, f), part, depth + 1)
+        return node
+
+    def _cut_lines(self, box: Box, at: float, materials: Array, depth: int) -> int:
+        """Two columns, below and above one adhesion."""
+        node = self._node(CUT, 2, at)
+        above = materials[:, 2] >= at
+        self.nodes[node][2] = self.column((*box[:4], box[4], at), materials[~above], depth + 1)
+        self.nodes[node][3] = self.column((*box[:4], at, box[5]), materials[above], depth + 1)
         return node
 
     def _layers(self, box: Box, materials: Array, depth: int, borders: list[Border]) -> int:

@@ -31,22 +31,14 @@ TRIED = 1 / 40  # share of them
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A box in (x0, x1, u), with u the place between the lower and the upper end of a layer.
+    """A box in (x0, x1, u), with u the place between the lower and the upper end of a layer."""
 
-    Parameters
-    ----------
-    box : tuple of float
-        Low and high of x0, x1 and u.
-    lower, upper : float or Border
-        Ends of the layer in x2.
-    form : int
-        How u goes with the relative place (`phasemap._kernels.materials.interpolate`): evenly, or with roots at
-        borders, where orbits change with the root of the distance.
-    """
-
-    box: tuple[float, float, float, float, float, float]
+    box: tuple[float, float, float, float, float, float]  # low and high of x0, x1 and u
+    # lower, upper: ends of the layer in x2
     lower: End
     upper: End
+    # How u goes with the relative place (`phasemap._kernels.materials.interpolate`): evenly, or with roots at
+    # borders, where orbits change with the root of the distance
     form: int = PLAIN
 
     def side(self, axis: int) -> tuple[float, float]:
@@ -100,19 +92,11 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A cell with its interpolant.
-
-    Parameters
-    ----------
-    cell : Cell
-    coefficients : ndarray, shape (n0, n1, n2, functions)
-    errors : ndarray, shape (2,)
-        Estimated, of height [m] and phase [rad].
-    """
+    """A cell with its interpolant."""
 
     cell: Cell
-    coefficients: Array
-    errors: Array
+    coefficients: Array  # shape (n0, n1, n2, functions)
+    errors: Array  # shape (2,); Estimated, of height [m] and phase [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,14 +196,8 @@ class Fit:
 def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
     """Interpolate in a cell, with at most `budget` exact orbits.
 
-    Parameters
-    ----------
-    exact : ExactOrbits
-    cell : Cell
-    tolerances : ndarray, shape (functions,)
-    materials : ndarray, shape (n, 3)
-        Points of the image in this cell, on some of which the interpolant is tried.
-    budget : int
+    `tolerances` (shape (functions,)).
+    `materials` (shape (n, 3)): points of the image in this cell, on some of which the interpolant is tried.
     """
     asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:

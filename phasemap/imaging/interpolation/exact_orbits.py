@@ -10,9 +10,9 @@ from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.interpolation.axes import Axes
+from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import by_name
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,8 @@ class ExactOrbits:
 
     Parameters
     ----------
-    scope : Microscope
     amplitude : float
         At the setpoint [m].
-    axes : Axes
     workers : int
         Threads.
     accuracy : Accuracy, optional
@@ -49,43 +47,27 @@ class ExactOrbits:
         self.asked += len(points)
         return work_of(*self.axes.materials(points.T), self.scope, amplitude or self.amplitude)
 
-    def __call__(self, points: Array, amplitude: float | None = None) -> Array:
+    def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
         """FUNCTIONS after engagement.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-        amplitude : float, optional
-            In place of that at the setpoint [m].
-
-        Returns
-        -------
-        ndarray, shape (n, 6)
-            NaN where no orbit is held.
+        `points` (shape (n, 3)).
+        `amplitude`: in place of that at the setpoint [m].
+        `in_time`: whether time is asked where no curve of orbits tells, which is a thousand times slower.
+        Returns an array of shape (n, 6): NaN where no orbit is held.
         """
         work = self._work(points, amplitude)
-        rows, status, _ = run(by_name("orbit"), work, self._accuracy, threads=self._workers)
+        rows, status, _ = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
         return _functions(rows, status)
 
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
         """FUNCTIONS of the orbits next to guesses, without engagement, which is cheaper near a jump.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-        guesses : ndarray, shape (n, functions)
-            As from exact orbits; tip offset, phase and mean deflection are used.
-        away : ndarray, shape (n,)
-            How far off the tip offset may be [m].
-        amplitude : float, optional
-            In place of that at the setpoint [m].
-        group : int
-            So many points, one after another, are close to each other.
-
-        Returns
-        -------
-        ndarray, shape (n, 6)
-            NaN where there is no stable orbit so near.
+        `points` (shape (n, 3)).
+        `guesses` (shape (n, functions)): as from exact orbits; tip offset, phase and mean deflection are used.
+        `away` (shape (n,)): how far off the tip offset may be [m].
+        `amplitude`: in place of that at the setpoint [m].
+        `group`: so many points, one after another, are close to each other.
+        Returns an array of shape (n, 6): NaN where there is no stable orbit so near.
         """
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.nearby import nearby_rows
@@ -109,5 +91,5 @@ class ExactOrbits:
 
 def _functions(rows: Array, status: NDArray[np.int8]) -> Array:
     values: Array = rows[:, FUNCTIONS]
-    values[status != col.GOOD] = np.nan
+    values[(status != col.GOOD) | col.irregular(rows)] = np.nan
     return values

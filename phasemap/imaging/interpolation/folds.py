@@ -38,21 +38,11 @@ NARROWEST = 1 / math.sqrt(3)
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Ends of the attractive branch above some points of (x0, x1).
+    """Ends of the attractive branch above some points of (x0, x1)."""
 
-    Parameters
-    ----------
-    adhesion : ndarray, shape (n,)
-        w_f [J/m2].
-    orbit : ndarray, shape (n, functions)
-        The orbit there.
-    curvature : ndarray, shape (n,)
-        c [J/m2 per m2].
-    """
-
-    adhesion: Array
-    orbit: Array
-    curvature: Array
+    adhesion: Array  # shape (n,); w_f [J/m2]
+    orbit: Array  # shape (n, functions); the orbit there
+    curvature: Array  # shape (n,); c [J/m2 per m2]
 
     @property
     def table(self) -> Array:

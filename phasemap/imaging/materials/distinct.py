@@ -47,13 +47,7 @@ class Distinct:
         return int(taken)
 
     def numbers(self, materials: Array) -> NDArray[np.int32]:
-        """Which member each material is.
-
-        Raises
-        ------
-        InputError
-            If one is not a member: the maps are not what they were.
-        """
+        """Which member each material is."""
         from phasemap._kernels.materials.distinct import look_up
 
         out = np.empty(len(materials), np.int32)

@@ -23,19 +23,12 @@ KEPT = 1 << 17  # digests from which the number of distinct materials is estimat
 
 
 class Place(NamedTuple):
-    """Where a part lies in an image.
+    """Where a part lies in an image."""
 
-    Attributes
-    ----------
-    row, column : int
-        Of its first pixel.
-    image : (int, int)
-        Rows and columns of the whole.
-    """
-
+    # row, column: of its first pixel
     row: int
     column: int
-    image: tuple[int, int]
+    image: tuple[int, int]  # rows and columns of the whole
 
     def drawn(self, shape: tuple[int, int]) -> NDArray[np.intp]:
         """Which pixels of a part of this shape are among those drawn from the whole image, each once."""
@@ -56,21 +49,16 @@ def _drawn(pixels: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Materials of a surface, or of a part of it.
+    """Materials of a surface, or of a part of it."""
 
-    Parameters
-    ----------
-    materials : ndarray, shape (n, 4) or (n, 5), or None
-        The distinct ones, as `Surface.unique` gives them; None if there are more than were asked for.
-    sample : ndarray, shape (m, 4) or (m, 5)
-        Those of the drawn pixels that have one, each once and in order; of no interest where the whole has few.
-    smallest : ndarray of uint64
-        The smallest digests of the distinct materials, in order, at most KEPT; of no interest where `materials` are
-        known.
-    """
-
+    # shape (n, 4) or (n, 5), or None; the distinct ones, as `Surface.unique` gives them; None if there are more
+    # than were asked for
     materials: Array | None
+    # shape (m, 4) or (m, 5); those of the drawn pixels that have one, each once and in order; of no interest
+    # where the whole has few
     sample: Array
+    # uint64; the smallest digests of the distinct materials, in order, at most KEPT; of no interest where
+    # `materials` are known
     smallest: Digests
 
     @property
@@ -102,13 +90,8 @@ class Survey:
 def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
     """Look at the materials of a surface, or of a part of one.
 
-    Parameters
-    ----------
-    surface : Surface
-    most : int
-        Distinct materials up to which all of them are wanted.
-    place : Place, optional
-        Where the part lies; without it the surface is the whole.
+    `most`: distinct materials up to which all of them are wanted.
+    `place`: where the part lies; without it the surface is the whole.
 
     Examples
     --------

@@ -19,33 +19,18 @@ MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """Stable branches, each continued at its ends as a constant.
+    """Stable branches, each continued at its ends as a constant."""
 
-    Parameters
-    ----------
-    amplitude : ndarray, shape (branches, n)
-        [m].
-    phase : ndarray, shape (branches, n)
-        [degree].
-    gap : ndarray, shape (branches, n)
-        How far the point is beyond the branch's end [units of the axis]; 0 on the branch.
-    """
-
-    amplitude: np.ndarray
-    phase: np.ndarray
+    amplitude: np.ndarray  # shape (branches, n) [m]
+    phase: np.ndarray  # shape (branches, n) [degree]
+    # shape (branches, n); how far the point is beyond the branch's end [units of the axis]; 0 on the branch
     gap: np.ndarray
 
 
 def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
     """The branches of a sweep.
 
-    Parameters
-    ----------
-    setup : Setup
-    axis : str
-        "frequency" or "tip_offset".
-    values : ndarray
-        [Hz or m].
+    `values`: [Hz or m].
     """
     if axis == "frequency":
         return _of_frequency(setup, values)

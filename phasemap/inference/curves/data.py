@@ -18,22 +18,12 @@ DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Amplitudes and phases along an axis, in one direction or both.
+    """Amplitudes and phases along an axis, in one direction or both."""
 
-    Parameters
-    ----------
-    axis : str
-        "frequency" or "tip_offset".
-    values : ndarray, shape (n,)
-        [Hz or m].
-    directions : tuple of str
-    measured, errors : dict of ndarray, shape (directions, n)
-        "amplitude" [m] and "phase" [degree], or one of them, and their standard errors.
-    """
-
-    axis: str
-    values: np.ndarray
+    axis: str  # "frequency" or "tip_offset"
+    values: np.ndarray  # shape (n,) [Hz or m]
     directions: tuple[str, ...]
+    # measured, errors: "amplitude" [m] and "phase" [degree], or one of them, and their standard errors
     measured: dict[str, np.ndarray]
     errors: dict[str, np.ndarray]
 
@@ -51,21 +41,8 @@ class Data:
 def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[str, tuple[Any, Any]]) -> Data:
     """What was measured, as arrays.
 
-    Parameters
-    ----------
-    axis : str
-        "frequency" or "tip_offset".
-    name : str
-        What the user calls its values.
-    values, direction
-        As given.
-    given : dict
-        Measured values and their errors of each of `QUANTITIES`, as given.
-
-    Raises
-    ------
-    InputError
-        If something is missing, of the wrong shape, not finite, or an error is not above 0.
+    `name`: what the user calls its values.
+    `given`: measured values and their errors of each of `QUANTITIES`, as given.
     """
     unit = "Hz" if axis == "frequency" else "m"
     along = check_axis(name, values, unit, above=0 if axis == "frequency" else -np.inf)

@@ -28,25 +28,13 @@ TURN = 60.0  # phase that counts as one on the optimiser's scale, about a radian
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything that the measured curve depends on.
-
-    Parameters
-    ----------
-    material : Material
-    scope : Microscope
-    height : float
-        Tip offset of a frequency sweep, or what is added to the tip offsets of a distance sweep [m].
-    amplitude_scale : float
-        Amplitude that the instrument says over the true one [1].
-    phase_offset : float
-        Phase that the instrument says less the true one [degree].
-    """
+    """Everything that the measured curve depends on."""
 
     material: Material
     scope: Microscope
-    height: float
-    amplitude_scale: float = 1.0
-    phase_offset: float = 0.0
+    height: float  # tip offset of a frequency sweep, or what is added to the tip offsets of a distance sweep [m]
+    amplitude_scale: float = 1.0  # amplitude that the instrument says over the true one [1]
+    phase_offset: float = 0.0  # phase that the instrument says less the true one [degree]
 
     def at(self, name: str, value: float) -> Setup:
         """The same with one parameter changed."""
@@ -72,27 +60,14 @@ class Setup:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted parameter and its scale: value = start exp(q size), or start + q size.
-
-    Parameters
-    ----------
-    name : str
-    start : float
-        Value at q = 0, in `units`.
-    units : str
-    logarithmic : bool
-    size : float
-        Change of the value, or of its logarithm, that counts as one.
-    reach : float
-        Largest |q| that is tried.
-    """
+    """One fitted parameter and its scale: value = start exp(q size), or start + q size."""
 
     name: str
-    start: float
+    start: float  # value at q = 0, in `units`
     units: str
     logarithmic: bool
-    size: float
-    reach: float
+    size: float  # change of the value, or of its logarithm, that counts as one
+    reach: float  # largest |q| that is tried
 
     def value(self, q: float) -> float:
         """The value at q."""
@@ -104,13 +79,7 @@ class Parameter:
 
 
 def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter, ...]:
-    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or occurs twice, or the start value cannot be varied.
-    """
+    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping."""
     loss, other = ("damping", "viscosity") if setup.material.viscosity is None else ("viscosity", "damping")
     if names is None:
         names = ("modulus", "adhesion", loss)

@@ -45,18 +45,10 @@ class Ruler:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """An orbit for each datum.
+    """An orbit for each datum."""
 
-    Parameters
-    ----------
-    read : dict of ndarray, shape (directions, n)
-        Amplitude [m] and phase [degree] as they would be read, or one of them.
-    gap : ndarray, shape (directions, n)
-        How far the datum is beyond the end of the branch [units of the axis].
-    """
-
-    read: dict[str, np.ndarray]
-    gap: np.ndarray
+    read: dict[str, np.ndarray]  # amplitude [m] and phase [degree] as they would be read, or one of them
+    gap: np.ndarray  # shape (directions, n); how far the datum is beyond the end of the branch [units of the axis]
 
 
 class Problem:

@@ -29,7 +29,6 @@ class Fit:
         With the fitted values, if any belong to it.
     values, errors : dict of str to float
         Fitted parameters and their standard errors, in `units`; infinite where the data do not determine one.
-    units : dict of str to str
     correlation : xarray.DataArray
         Correlations of the errors, dims ("parameter", "other"); NaN beside the diagonal where an error is infinite
         because the data do not change with it.

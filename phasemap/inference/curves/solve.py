@@ -22,39 +22,20 @@ EVALUATIONS = 60  # of the optimiser, per stage
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Best scaled parameters of one start.
+    """Best scaled parameters of one start."""
 
-    Parameters
-    ----------
-    q : ndarray, shape (parameters,)
-    chi2 : float
-        Of the data alone.
-    cost : float
-        With the gaps.
-    """
-
-    q: np.ndarray
-    chi2: float
-    cost: float
+    q: np.ndarray  # shape (parameters,)
+    chi2: float  # of the data alone
+    cost: float  # with the gaps
 
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What the data say about the scaled parameters around a solution.
+    """What the data say about the scaled parameters around a solution."""
 
-    Parameters
-    ----------
-    errors : ndarray, shape (parameters,)
-        Standard errors; infinite where the data do not determine the parameter.
-    correlation : ndarray, shape (parameters, parameters)
-        NaN beside the diagonal for these.
-    null : ndarray, shape (combinations, parameters)
-        Directions in which the data hardly change.
-    """
-
-    errors: np.ndarray
-    correlation: np.ndarray
-    null: np.ndarray
+    errors: np.ndarray  # shape (parameters,); standard errors; infinite where the data do not determine the parameter
+    correlation: np.ndarray  # shape (parameters, parameters); NaN beside the diagonal for these
+    null: np.ndarray  # shape (combinations, parameters); directions in which the data hardly change
 
 
 def likelihood(chi2: float, degrees: int) -> float:
@@ -67,11 +48,7 @@ def likelihood(chi2: float, degrees: int) -> float:
 def search(problem: Problem, starts: int) -> tuple[Solution, int]:
     """The best solution from the start given, and from others as long as none is good.
 
-    Returns
-    -------
-    solution : Solution
-    tried : int
-        Starts that were used.
+    Returns `tried`: starts that were used.
     """
     degrees = problem.data.size - len(problem.parameters)
     best, tried = None, 0

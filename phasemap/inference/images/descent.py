@@ -57,14 +57,9 @@ class Problems(Protocol):
 def descend(problems: Problems, todo: NDArray[np.bool_], q: Array, places: Array, defect: Array) -> tuple[Found, Array]:
     """Go downhill; `q` and `places` are moved, and the orbits there are returned with their costs.
 
-    Parameters
-    ----------
-    problems : Problems
-    todo : ndarray of bool, shape (n,)
-        Which have data at all.
-    q : ndarray, shape (n, p)
-    places, defect : ndarray
-        Where the orbits are, and how much the exact ones differ from the averaged.
+    `todo` (shape (n,)): which have data at all.
+    `q` (shape (n, p)).
+    `places`, `defect`: where the orbits are, and how much the exact ones differ from the averaged.
     """
     found = problems.orbits(q, places, search=True)
     cost = np.where(found.good, problems.cost(found.values, defect, q), np.inf)

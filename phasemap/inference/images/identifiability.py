@@ -22,12 +22,7 @@ DETERMINED, COMBINED, OPEN, GIVEN = range(len(CODES))
 def codes_of(errors: Array, held: Array) -> NDArray[np.int8]:
     """How well each logarithm is known: by itself, only with the others, or not at all.
 
-    Parameters
-    ----------
-    errors : ndarray
-        With what all others and the zeros leave open.
-    held : ndarray
-        With all others held.
+    `errors`: with what all others and the zeros leave open.
 
     Examples
     --------
@@ -40,11 +35,8 @@ def codes_of(errors: Array, held: Array) -> NDArray[np.int8]:
 def errors_with(joint: Joint, slopes: Array, plan: Plan, leave_out: int | None = None) -> Array:
     """Errors of the logarithms if the zeros were as planned, to first order, shape (3 u,).
 
-    Parameters
-    ----------
-    slopes : ndarray, shape (u, m, 2, 3)
-    leave_out : int, optional
-        Which of the unknown regions would be known; its errors are 0.
+    `slopes` (shape (u, m, 2, 3)).
+    `leave_out`: which of the unknown regions would be known; its errors are 0.
     """
     zeros = plan.zeros(len(joint.weights))
     other = replace(

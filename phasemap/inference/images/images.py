@@ -20,8 +20,6 @@ from phasemap.results.variables import describe, provenance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["invert"]
-
 BLOCKS = (512, 2048)  # least and most pixels that are solved together: small parts cost time, but threads want some
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 
@@ -150,13 +148,7 @@ def _dataset(
 
 
 def check_prior(prior: object, factor: object) -> float:
-    """The factor, after a look at both.
-
-    Raises
-    ------
-    InputError
-        If they cannot be a prior of logarithms.
-    """
+    """The factor, after a look at both."""
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")
     if prior.thickness is not None:

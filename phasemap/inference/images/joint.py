@@ -35,38 +35,18 @@ END = 0.98  # of the range searched: a property beyond has run away
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """The same regions and images in n problems, which differ in where they start or in what was drawn.
-
-    Parameters
-    ----------
-    model : Model
-    unknown : ndarray of int
-        Regions whose material is sought, u of r.
-    data : ndarray, shape (n, r, m, 2)
-        Phase [rad] and tip offset up to a constant [m].
-    weights : ndarray, shape (r, m, 2)
-        1 over their standard errors, 0 without a datum.
-    sides : ndarray of int8, shape (n, r, m)
-    fixed : ndarray, shape (n, r, m, 2)
-        Of regions of known materials.
-    projection : Projection
-    held : ndarray, shape (n, p)
-        What is known of the zeros beforehand, over its standard error.
-    centre : ndarray, shape (n, 3 u)
-        Of the prior.
-    prior : ndarray, shape (3 u, 3 u)
-    """
+    """The same regions and images in n problems, which differ in where they start or in what was drawn."""
 
     model: Model
-    unknown: NDArray[np.intp]
-    data: Array
-    weights: Array
-    sides: Codes
-    fixed: Array
+    unknown: NDArray[np.intp]  # int; regions whose material is sought, u of r
+    data: Array  # shape (n, r, m, 2); phase [rad] and tip offset up to a constant [m]
+    weights: Array  # shape (r, m, 2); 1 over their standard errors, 0 without a datum
+    sides: Codes  # shape (n, r, m)
+    fixed: Array  # shape (n, r, m, 2); of regions of known materials
     projection: Projection
-    held: Array
-    centre: Array
-    prior: Array
+    held: Array  # shape (n, p); what is known of the zeros beforehand, over its standard error
+    centre: Array  # shape (n, 3 u); of the prior
+    prior: Array  # shape (3 u, 3 u)
 
     @property
     def reach(self) -> float:
@@ -135,63 +115,30 @@ class Joint:
 
 
 class Fitted(NamedTuple):
-    """What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    q : ndarray, shape (3 u,)
-        Means of the logarithms.
-    covariance : ndarray, shape (3 u, 3 u)
-    information : ndarray, shape (3 u, 3 u)
-        Inverse of the covariance to first order, at the best materials.
-    zeros : ndarray, shape (p,)
-        Those of the best materials.
-    drawn : ndarray, shape (draws, p)
-        Those of the draws, the first of which are around the best solution; NaN at the very end of a branch.
-    weights : ndarray, shape (draws,)
-    values : ndarray, shape (r, m, 2)
-        Phase [rad] and tip offset [m] of the best materials, without zeros.
-    sides : ndarray of int8, shape (r, m)
-    slopes : ndarray, shape (u, m, 2, 3)
-        Derivatives of phase and tip offset.
-    data : int
-        Number of data, less those that zeros take up.
-    chi2, degrees : float
-    others : list of ndarray
-        Logarithms of other solutions that fit as well.
-    exact : bool
-        Whether the orbits are the exact ones.
-    """
-
-    q: Array
-    covariance: Array
-    information: Array
-    zeros: Array
+    q: Array  # shape (3 u,); means of the logarithms
+    covariance: Array  # shape (3 u, 3 u)
+    information: Array  # shape (3 u, 3 u); inverse of the covariance to first order, at the best materials
+    zeros: Array  # shape (p,); those of the best materials
+    # shape (draws, p); those of the draws, the first of which are around the best solution; NaN at the very end
+    # of a branch
     drawn: Array
-    weights: Array
-    values: Array
-    sides: Codes
-    slopes: Array
-    data: int
+    weights: Array  # shape (draws,)
+    values: Array  # shape (r, m, 2); phase [rad] and tip offset [m] of the best materials, without zeros
+    sides: Codes  # shape (r, m)
+    slopes: Array  # shape (u, m, 2, 3); derivatives of phase and tip offset
+    data: int  # number of data, less those that zeros take up
     chi2: float
     degrees: float
-    others: list[Array]
-    exact: bool
+    others: list[Array]  # logarithms of other solutions that fit as well
+    exact: bool  # whether the orbits are the exact ones
 
 
 def fit(joint: Joint, starts: Starts) -> Fitted:
     """Solve from all starts, and draw around the best and what is as good.
 
-    Parameters
-    ----------
-    joint : Joint
-        Of as many problems as there are starts.
-    starts : Starts
-
-    Raises
-    ------
-    InputError
-        If no material has orbits in every image.
+    `joint`: of as many problems as there are starts.
     """
     q, places = starts.q.copy(), np.full(joint.sides.shape, np.nan)
     found, cost, defect, exact = _solve(joint, q, places, DEFECTS)

@@ -29,33 +29,18 @@ PARAMETERS = ("modulus", "adhesion", "damping")
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Materials by the logarithms of their properties over those of a reference.
+    """Materials by the logarithms of their properties over those of a reference."""
 
-    Parameters
-    ----------
-    reference : ndarray, shape (3,)
-        Modulus [Pa], adhesion [J/m2], damping [1].
-    centre, widths : ndarray, shape (3,)
-        Mean and standard deviation of the logarithms by the prior.
-    reach : float
-        Largest logarithm that is tried.
-    poisson_ratio : float
-    scope : Microscope
-    law : Law
-    levers : ndarray, shape (m, 5)
-    amplitudes : ndarray, shape (m,)
-        At the setpoint [m].
-    """
-
-    reference: Array
+    reference: Array  # shape (3,); modulus [Pa], adhesion [J/m2], damping [1]
+    # centre, widths: shape (3,); mean and standard deviation of the logarithms by the prior
     centre: Array
     widths: Array
-    reach: float
+    reach: float  # largest logarithm that is tried
     poisson_ratio: float
     scope: Microscope
     law: Law
-    levers: Array
-    amplitudes: Array
+    levers: Array  # shape (m, 5)
+    amplitudes: Array  # shape (m,); at the setpoint [m]
 
     def image(self, j: int) -> Model:
         """The same for one image only."""

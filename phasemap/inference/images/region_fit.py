@@ -26,8 +26,6 @@ from phasemap.results.variables import coded, describe, provenance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["fit_regions"]
-
 Array = NDArray[np.float64]
 
 FLAGS_OF_REGIONS = (*FLAGS, "ambiguous")
@@ -157,13 +155,7 @@ def fit_regions(
 
 
 def _materials(known: Mapping[int, Material], names: list[int]) -> dict[int, Material]:
-    """Known materials by the number of their region.
-
-    Raises
-    ------
-    InputError
-        If they are not Materials, are of regions that are not there, or of all.
-    """
+    """Known materials by the number of their region."""
     for name, one in known.items():
         if name not in names:
             raise InputError("a region of known material", name, f"one of {', '.join(map(str, names))}")

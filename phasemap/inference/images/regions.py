@@ -15,13 +15,7 @@ MEDIAN = 1.2533  # standard error of a median over that of a mean
 
 
 def labels_of(labels: object, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Check a map of labels.
-
-    Raises
-    ------
-    InputError
-        If it has another shape than the images, or is not of whole numbers.
-    """
+    """Check a map of labels."""
     given = np.asarray(labels)
     if given.shape != shape or given.dtype.kind not in "iub":
         raise InputError("labels", f"{given.dtype} of shape {given.shape}", f"whole numbers of shape {shape}")
@@ -29,13 +23,7 @@ def labels_of(labels: object, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArray[np.intp]]:
-    """Names of the regions, and of each pixel its number among them, -1 where it has none.
-
-    Raises
-    ------
-    InputError
-        If the labels have another shape than the images, are not whole numbers, or are all below 0.
-    """
+    """Names of the regions, and of each pixel its number among them, -1 where it has none."""
     given = labels_of(labels, shape)
     names, numbers = np.unique(given, return_inverse=True)
     skipped = int((names < 0).sum())

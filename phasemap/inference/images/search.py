@@ -28,48 +28,26 @@ DEFECTS = 2  # times that the difference of exact and averaged orbits is taken
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Averaged orbits of materials all over the range, for each image and branch.
+    """Averaged orbits of materials all over the range, for each image and branch."""
 
-    Parameters
-    ----------
-    q : ndarray, shape (g, 3)
-    values : ndarray, shape (2, g, m, 2)
-        On the attractive and the repulsive branch; NaN without an orbit.
-    places : ndarray, shape (2, g, m)
-    """
-
-    q: Array
-    values: Array
-    places: Array
+    q: Array  # shape (g, 3)
+    values: Array  # shape (2, g, m, 2); on the attractive and the repulsive branch; NaN without an orbit
+    places: Array  # shape (2, g, m)
 
 
 class Solution(NamedTuple):
-    """What was found for n pixels.
+    """What was found for n pixels."""
 
-    Attributes
-    ----------
-    q : ndarray, shape (n, 3)
-    information : ndarray, shape (n, 3, 3)
-        Inverse of the covariance, prior included.
-    slopes : ndarray, shape (n, 2 m, 3)
-        Derivatives of the weighted data.
-    rest : ndarray, shape (n, 2 m)
-        Weighted residuals.
-    values : ndarray, shape (n, m, 2)
-        Phase and tip offset of the model.
-    places, defect : ndarray, shape (n, m), (n, m, 2)
-        Where the averaged orbits are, and how much the exact ones differ.
-    good, corrected : ndarray of bool, shape (n,)
-        Whether there is an orbit in every image, and whether the exact ones are known.
-    """
-
-    q: Array
-    information: Array
-    slopes: Array
-    rest: Array
-    values: Array
+    q: Array  # shape (n, 3)
+    information: Array  # shape (n, 3, 3); inverse of the covariance, prior included
+    slopes: Array  # shape (n, 2 m, 3); derivatives of the weighted data
+    rest: Array  # shape (n, 2 m); weighted residuals
+    values: Array  # shape (n, m, 2); phase and tip offset of the model
+    # places, defect: shape (n, m), (n, m, 2); where the averaged orbits are, and how much the exact ones differ
     places: Array
     defect: Array
+    # good, corrected: bool, shape (n,); whether there is an orbit in every image, and whether the exact ones are
+    # known
     good: NDArray[np.bool_]
     corrected: NDArray[np.bool_]
 

@@ -25,16 +25,10 @@ PHASE, HEIGHT = 0, 1
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Data of n pixels or regions in m images.
+    """Data of n pixels or regions in m images."""
 
-    Parameters
-    ----------
-    values, errors : ndarray, shape (n, m, 2)
-        Phase [rad] and height [m], and their standard errors, infinite where there is no datum.
-    scopes : tuple of Microscope, length m
-    setpoints : tuple of float, length m
-    """
-
+    # values, errors: shape (n, m, 2); phase [rad] and height [m], and their standard errors, infinite where there
+    # is no datum
     values: Array
     errors: Array
     scopes: tuple[Microscope, ...]
@@ -51,15 +45,7 @@ class Stack:
 def list_of_images(images: object) -> list[xr.Dataset]:
     """The images of a stack, each a Dataset over ("y", "x").
 
-    Parameters
-    ----------
-    images : xarray.Dataset or sequence of xarray.Dataset
-        A Dataset has a leading dim "setpoint", with its coordinate, or "image".
-
-    Raises
-    ------
-    InputError
-        If they are not Datasets, have no phase, or different grids.
+    `images`: a Dataset has a leading dim "setpoint", with its coordinate, or "image".
     """
     import xarray as xr
 
@@ -85,13 +71,7 @@ def list_of_images(images: object) -> list[xr.Dataset]:
 
 
 def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ...]:
-    """Setpoint of each image: as given, or from its attributes.
-
-    Raises
-    ------
-    InputError
-        If one is unknown.
-    """
+    """Setpoint of each image: as given, or from its attributes."""
     if setpoints is not None:
         given = np.atleast_1d(np.asarray(setpoints, dtype=object)).tolist()
         if len(given) != len(images):
@@ -109,13 +89,7 @@ def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ..
 
 
 def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
-    """One microscope an image; they may differ in the drive only.
-
-    Raises
-    ------
-    InputError
-        If they do not.
-    """
+    """One microscope an image; they may differ in the drive only."""
     scopes = (scope,) * count if isinstance(scope, Microscope) else tuple(scope) if isinstance(scope, Sequence) else ()
     if len(scopes) != count or not all(isinstance(one, Microscope) for one in scopes):
         raise InputError("scope", scope, f"a Microscope, or {count} of them, one an image")
@@ -134,13 +108,7 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
 
 
 def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> Array:
-    """Zero of a quantity in each image, as given or from the attribute of this name, shape (m,).
-
-    Raises
-    ------
-    InputError
-        If one is unknown or not a number.
-    """
+    """Zero of a quantity in each image, as given or from the attribute of this name, shape (m,)."""
     if given is None:
         recorded = [one.attrs.get(name) for one in images]
         if None in recorded:
@@ -154,13 +122,7 @@ def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> A
 
 
 def noise_of(name: str, value: object, unit: str, count: int, **bounds: float) -> Array:
-    """Standard errors within these bounds, shape (m,).
-
-    Raises
-    ------
-    InputError
-        If they are not.
-    """
+    """Standard errors within these bounds, shape (m,)."""
     given = np.asarray(value, dtype=object)
     if given.shape not in ((), (count,)):
         raise InputError(name, value, f"a number or {count} [{unit}]")
@@ -170,13 +132,7 @@ def noise_of(name: str, value: object, unit: str, count: int, **bounds: float) -
 def make_stack(
     images: Any, scope: Any, setpoints: Any, phase: tuple[Any, Any, Any], height: tuple[Any, Any, Any]
 ) -> Stack:
-    """Check everything that is given for pixels, row by row; phase and height: error, zero and error of the zero.
-
-    Raises
-    ------
-    InputError
-        If something is missing or does not fit.
-    """
+    """Check everything that is given for pixels, row by row; phase and height: error, zero and error of the zero."""
     found = list_of_images(images)
     count = len(found)
     scopes, ratios = scopes_of(scope, count), setpoints_of(found, setpoints)

@@ -33,20 +33,13 @@ class Starts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Materials a region may be of.
+    """Materials a region may be of."""
 
-    Parameters
-    ----------
-    q : ndarray, shape (g, 3)
-    values : ndarray, shape (2, g, m, 2)
-        Phase [rad] and tip offset [m] on the attractive and the repulsive branch; NaN without an orbit.
-    cost : ndarray, shape (g,)
-        Of the prior.
-    """
-
-    q: Array
+    q: Array  # shape (g, 3)
+    # shape (2, g, m, 2); phase [rad] and tip offset [m] on the attractive and the repulsive branch; NaN without
+    # an orbit
     values: Array
-    cost: Array
+    cost: Array  # shape (g,); of the prior
 
 
 def patterns(stack: Stack) -> Codes:
@@ -65,18 +58,10 @@ def make_starts(
 ) -> Starts:  # fmt: skip
     """Rank pairs of materials and branches.
 
-    Parameters
-    ----------
-    stack : Stack
-        Regions; zeros that are known are taken off.
-    candidates : list of Candidates
-        Of each region.
-    known : list of int
-        Regions that are of a known material.
-    kinds : tuple
-        Of the zeros of phase and height, as of `Plan`.
-    sides : ndarray of int8, shape (regions, images), optional
-        Branches, if they are known.
+    `stack`: regions; zeros that are known are taken off.
+    `known`: regions that are of a known material.
+    `kinds`: of the zeros of phase and height, as of `Plan`.
+    `sides` (shape (regions, images)): branches, if they are known.
     """
     regions = len(stack)
     first = known[0] if known else 0

@@ -25,24 +25,16 @@ UNITS = {"modulus": "Pa", "adhesion": "J m-2", "damping": "1"}
 
 
 class Answer(NamedTuple):
-    """Of n pixels.
+    """Of n pixels."""
 
-    Attributes
-    ----------
-    materials, errors : ndarray, shape (n, 3)
-        Properties, and standard errors of their logarithms.
-    chi2, degrees : ndarray, shape (n,)
-    flags : ndarray of uint8, shape (n,)
-    values : ndarray, shape (n, m, 2)
-        Phase [rad] and tip offset [m] of these materials in every image.
-    """
-
+    # materials, errors: shape (n, 3); Properties, and standard errors of their logarithms
     materials: Array
     errors: Array
+    # chi2, degrees: shape (n,)
     chi2: Array
     degrees: Array
-    flags: NDArray[np.uint8]
-    values: Array
+    flags: NDArray[np.uint8]  # shape (n,)
+    values: Array  # shape (n, m, 2); phase [rad] and tip offset [m] of these materials in every image
 
     @classmethod
     def empty(cls, count: int, images: int) -> Answer:

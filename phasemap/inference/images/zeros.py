@@ -27,18 +27,10 @@ FLAT = 1e-9  # of the largest singular value: a combination of zeros that change
 
 @dataclass(frozen=True, eq=False)
 class Zeros:
-    """Columns of the design, in units of the data, and how well each zero is known beforehand.
+    """Columns of the design, in units of the data, and how well each zero is known beforehand."""
 
-    Parameters
-    ----------
-    columns : ndarray, shape (regions, m, 2, p)
-        What a unit of each zero adds to phases [rad] and heights [m].
-    widths : ndarray, shape (p,)
-        Standard deviations of the prior about 0 [rad, m], infinite where nothing is known.
-    """
-
-    columns: Array
-    widths: Array
+    columns: Array  # shape (regions, m, 2, p); what a unit of each zero adds to phases [rad] and heights [m]
+    widths: Array  # shape (p,); standard deviations of the prior about 0 [rad, m], infinite where nothing is known
 
     def weighted(self, weights: Array) -> Projection:
         """The zeros beside data with these weights, shape (regions, m, 2)."""
@@ -53,21 +45,13 @@ class Zeros:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """What weighted residuals say about the zeros, and what is left of them.
+    """What weighted residuals say about the zeros, and what is left of them."""
 
-    Parameters
-    ----------
-    basis : ndarray, shape (n + p, rank)
-        Orthonormal, of what zeros explain: of n data, and of p rows that hold the zeros to what is known beforehand.
-    inverse : ndarray, shape (p, n + p)
-        From residuals to zeros.
-    is_known : ndarray of bool, shape (p,)
-        Which zeros are known beforehand.
-    """
-
+    # shape (n + p, rank); Orthonormal, of what zeros explain: of n data, and of p rows that hold the zeros to
+    # what is known beforehand
     basis: Array
-    inverse: Array
-    is_known: NDArray[np.bool_]
+    inverse: Array  # shape (p, n + p); from residuals to zeros
+    is_known: NDArray[np.bool_]  # shape (p,); which zeros are known beforehand
 
     def without(self, residuals: Array) -> Array:
         """Residuals or their derivatives, shape (..., n + p, k), without what zeros explain."""
@@ -77,27 +61,18 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is known of the zeros of m images.
+    """What is known of the zeros of m images."""
 
-    Parameters
-    ----------
-    phase, height : str or None
-        "shared" for one unknown of all images, "free" for one in each, None where it is known.
-    phase_given, height_given : ndarray, shape (m,)
-        [rad, m]; 0 where it is not known.
-    phase_error, height_error : ndarray, shape (m,)
-        Standard errors in each image by itself [rad, m].
-    topography_error : float
-        Standard deviation of what regions stand out [m], infinite where nothing is known of it.
-    """
-
+    # phase, height: "shared" for one unknown of all images, "free" for one in each, None where it is known
     phase: str | None
     height: str | None
+    # phase_given, height_given: shape (m,) [rad, m]; 0 where it is not known
     phase_given: Array
     height_given: Array
+    # phase_error, height_error: shape (m,); standard errors in each image by itself [rad, m]
     phase_error: Array
     height_error: Array
-    topography_error: float
+    topography_error: float  # standard deviation of what regions stand out [m], infinite where nothing is known of it
 
     def zeros(self, regions: int) -> Zeros:
         """All zeros of this many regions; the first of them are those of the phase."""
@@ -145,13 +120,7 @@ class Plan:
 def make_plan(
     images: list[xr.Dataset], phase: tuple[Any, Any], height: tuple[Any, Any], topography_error: object
 ) -> Plan:
-    """Check what is said of the zeros: what is given, and its standard error.
-
-    Raises
-    ------
-    InputError
-        If it is neither a word nor numbers.
-    """
+    """Check what is said of the zeros: what is given, and its standard error."""
     count = len(images)
     if phase[0] is None:
         phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]

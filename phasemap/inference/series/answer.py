@@ -42,16 +42,7 @@ class _Fit(NamedTuple):
 def dataset_of(
     problem: Problem, draws: Draws, seen: Medians, images: Sequence[xr.Dataset], labels: Sequence[Labels]
 ) -> xr.Dataset:
-    """All variables and sentences.
-
-    Parameters
-    ----------
-    problem : Problem
-    draws : Draws
-    seen : Medians
-    images : sequence of xarray.Dataset
-    labels : sequence of ndarray
-    """
+    """All variables and sentences."""
     import xarray as xr
 
     state = problem.state(draws.x)

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.model import Model
@@ -28,16 +29,9 @@ HALF = 0.5  # share of a cell's corners where there is an orbit, above which the
 
 @dataclass(frozen=True, eq=False)
 class Lever:
-    """A model of materials under one lever, whose free amplitude may be any.
+    """A model of materials under one lever, whose free amplitude may be any."""
 
-    Parameters
-    ----------
-    model : Model
-        Of any settings.
-    scope : Microscope
-    """
-
-    model: Model
+    model: Model  # of any settings
     scope: Microscope
 
     def at(self, amplitudes: Array, ratios: Array) -> Model:
@@ -52,68 +46,40 @@ class Lever:
     ) -> Array:  # fmt: skip
         """Phases [rad] on both branches, shape (2, k), NaN without an orbit; `places` are moved.
 
-        Parameters
-        ----------
-        logs : ndarray, shape (k, 3)
-            Of the material, for each setting.
-        amplitudes, ratios : ndarray, shape (k,)
-        places : ndarray, shape (2, k)
-        asked : ndarray of bool, shape (2, k), optional
-            Where there may be an orbit at all.
-        search : bool
-            Whether to look for orbits everywhere where `places` lead nowhere.
+        `logs` (shape (k, 3)): of the material, for each setting.
+        `amplitudes`, `ratios` (shape (k,)).
+        `places` (shape (2, k)).
+        `asked` (shape (2, k)): where there may be an orbit at all.
+        `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
+        from phasemap._kernels.rows.derivatives import averaged_phases
+
         asked = np.ones(places.shape, bool) if asked is None else asked
-        kinds, which = np.unique(np.stack([amplitudes, ratios]), axis=1, return_inverse=True)
-        which = which.reshape(-1)
-        model = self.at(*kinds)
-        sides = np.zeros((2, len(logs), kinds.shape[1]), np.int8)  # each row in the image of its own setting only
-        rows = np.arange(len(logs))
-        for branch, side in enumerate(SIDES):
-            sides[branch, rows, which] = side * asked[branch]
-        at = np.full(sides.shape, np.nan)
-        at[:, rows, which] = places
-        both = np.concatenate([logs, logs])
-        flat = at.reshape(-1, kinds.shape[1])
-        values, good = self._averaged(model, both, sides.reshape(flat.shape), flat, search)
-        places[:] = flat.reshape(at.shape)[:, rows, which]
-        phases: Array = values.reshape(*at.shape, 2)[:, rows, which, 0]
-        return np.where(good.reshape(2, -1) & asked, phases, np.nan)
+        model, phases = self.at(amplitudes, ratios), np.empty_like(places)
+        rows, sides = model.rows(logs), np.array(SIDES, np.int8)[:, np.newaxis] * asked
 
-    def _averaged(
-        self, model: Model, logs: Array, sides: NDArray[np.int8], places: Array, search: bool
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Phase [rad] and tip offset [m], and success, without derivatives, which take most of the time."""
-        from phasemap._kernels.rows.derivatives import Found, averaged_block
+        def solve(first: int, last: int) -> None:
+            some = slice(first, last)
+            levers, held = model.levers[some], model.amplitudes[some]
+            for side, place, phase in zip(sides, places, phases, strict=True):
+                averaged_phases(model.law, rows[some], levers, held, side[some], search, place[some], phase[some])
 
-        slopes, good = np.zeros((*sides.shape, 2, 0)), np.zeros(len(sides), np.bool_)
-        found = Found(np.zeros((*sides.shape, 2)), slopes, good)
-        rows = model.rows(logs)[np.newaxis]
-        averaged_block(model.law, rows, 1.0, model.levers, model.amplitudes, sides, search, places, found)
-        return found.values, found.good
+        cores = workers_of(None)
+        spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)
+        return phases
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint.
+    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint."""
 
-    Parameters
-    ----------
-    axes : list of ndarray
-        Five.
-    values : ndarray, shape (..., 6)
-        Phase [rad], place and whether there is an orbit, of both branches.
-    """
-
-    axes: list[Array]
-    values: Array
+    axes: list[Array]  # five
+    values: Array  # shape (..., 6); phase [rad], place and whether there is an orbit, of both branches
 
     def look(self, points: Array) -> tuple[Array, Array, Array]:
         """Phases [rad], NaN without an orbit, places, and shares of the corners that have one, shape (2, ...).
 
-        Parameters
-        ----------
-        points : ndarray, shape (..., 5)
+        `points` (shape (..., 5)).
         """
         from scipy.interpolate import RegularGridInterpolator
 
@@ -129,15 +95,9 @@ class Table:
 def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
-    Parameters
-    ----------
-    lever : Lever
-    reach : ndarray, shape (3,)
-        Largest logarithms of the materials.
-    amplitudes : (float, float)
-        Least and largest free amplitude [m].
-    levels : ndarray, shape (k,)
-        Setpoints, rising, two at least.
+    `reach` (shape (3,)): largest logarithms of the materials.
+    `amplitudes`: least and largest free amplitude [m].
+    `levels` (shape (k,)): setpoints, rising, two at least.
     """
     materials = [np.linspace(-most, most, count) for most, count in zip(reach, COUNTS, strict=True)]
     grid = lever.model.centre + np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)

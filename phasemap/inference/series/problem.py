@@ -16,53 +16,32 @@ Array = NDArray[np.float64]
 
 REACH = 2.25  # standard deviations of the prior within which everything is sought
 OTHER = 0.25  # chance that of two branches the tip is on the one that it does not meet first
-TOGETHER = 16  # combinations that are solved for at a time
 ALL = np.newaxis
 
 
 class State(NamedTuple):
-    """Physical values of n combinations.
+    """Physical values of n combinations."""
 
-    Attributes
-    ----------
-    logs : ndarray, shape (n, r, 3)
-        Of the materials over those of the reference.
-    amplitudes, ratios : ndarray, shape (n, m)
-        Free amplitudes at the drive frequency [m], and setpoints.
-    zeros : ndarray, shape (n, m)
-        Expected zeros of the phase [degree].
-    """
-
-    logs: Array
+    logs: Array  # shape (n, r, 3); of the materials over those of the reference
+    # amplitudes, ratios: shape (n, m); free amplitudes at the drive frequency [m], and setpoints
     amplitudes: Array
     ratios: Array
-    zeros: Array
+    zeros: Array  # shape (n, m); expected zeros of the phase [degree]
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Unknowns, each normal with standard deviation 1 and cut off at `REACH`, and the data.
-
-    Parameters
-    ----------
-    lever : Lever
-    table : Table
-    settings : Settings
-    values, errors : ndarray, shape (r, m)
-        Median phases as recorded and their standard errors [degree]; infinite errors where there is no datum.
-    known : ndarray, shape (r, 3)
-        Logarithms of the materials that are given, NaN where they are sought.
-    widths : ndarray, shape (3,)
-        Standard deviations of the logarithms by the prior.
-    """
+    """Unknowns, each normal with standard deviation 1 and cut off at `REACH`, and the data."""
 
     lever: Lever
     table: Table
     settings: Settings
+    # values, errors: shape (r, m); median phases as recorded and their standard errors [degree]; infinite errors
+    # where there is no datum
     values: Array
     errors: Array
-    known: Array
-    widths: Array
+    known: Array  # shape (r, 3); logarithms of the materials that are given, NaN where they are sought
+    widths: Array  # shape (3,); standard deviations of the logarithms by the prior
 
     @property
     def unknown(self) -> NDArray[np.intp]:
@@ -114,19 +93,11 @@ class Problem:
     def solved(self, state: State) -> Array:
         """Phases [degree], shape (2, n, r, m), of averaged orbits."""
         _, places, share = self.tabulated(state)
-        found = np.empty_like(places)
         regions, files = self.values.shape
-        for first in range(0, len(state.logs), TOGETHER):
-            some = slice(first, first + TOGETHER)
-            logs, at = state.logs[some], places[:, some]
-            sizes, levels = (
-                np.repeat(values[some], regions, axis=0).ravel() for values in (state.amplitudes, state.ratios)
-            )
-            found[:, some] = self.lever.phases(
-                np.repeat(logs, files, axis=1).reshape(-1, 3), sizes, levels, at.reshape(2, -1),
-                (share[:, some] > 0).reshape(2, -1),
-            ).reshape(at.shape)  # fmt: skip
-        return np.degrees(found)
+        sizes, levels = (np.repeat(values, regions, axis=0).ravel() for values in (state.amplitudes, state.ratios))
+        logs = np.repeat(state.logs, files, axis=1).reshape(-1, 3)
+        found = self.lever.phases(logs, sizes, levels, places.reshape(2, -1), (share > 0).reshape(2, -1))
+        return np.degrees(found.reshape(places.shape))
 
     def likelihood(self, phases: Array, zeros: Array, sign: Array) -> tuple[Array, Array]:
         """Logarithm of the likelihood, shape (n,), and chances of the repulsive branch, shape (n, r, m).
@@ -134,12 +105,9 @@ class Problem:
         Where the tip may be on either branch, both count, the one it meets first for more: the attractive one, if it
         goes on without a gap to larger setpoints.
 
-        Parameters
-        ----------
-        phases : ndarray, shape (2, n, r, m)
-        zeros : ndarray, shape (n, m)
-        sign : ndarray, shape (n,)
-            Of the recorded phase.
+        `phases` (shape (2, n, r, m)).
+        `zeros` (shape (n, m)).
+        `sign` (shape (n,)): of the recorded phase.
         """
         there = ~np.isnan(phases)
         left = (~there[0]).astype(float) @ self.settings.above > 0  # a gentler file has no attractive orbit

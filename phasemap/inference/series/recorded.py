@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
 from phasemap.io.metadata import of_simulation
 
@@ -26,16 +26,7 @@ FREE_AMPLITUDES = ("free_amplitude", "free_amplitude_voltage")
 def read_files(files: Sequence[Any]) -> list[xr.Dataset]:
     """Images by their names, which are their attribute "title"; doubts of the readers are told with the file's name.
 
-    Parameters
-    ----------
-    files : sequence of path-like or xarray.Dataset
-
-    Raises
-    ------
-    InputError
-        If one is neither, or two are the same image.
-    FileError
-        If a file cannot be read.
+    Raises FileError if a file cannot be read.
     """
     from phasemap.io.read import read_image
 
@@ -65,22 +56,14 @@ def _check_different(images: Sequence[xr.Dataset]) -> None:
     for (name, phase), (other, again) in combinations(phases, 2):
         if np.array_equal(phase, again, equal_nan=True):
             hint = "These two hold the same phase image; leave one out."
-            raise InputError("files", f"{name} and {other}", "different ones", hint)
+            both = f"{name} twice" if name == other else f"{name} and {other}"
+            raise InputError("files", Word(both), "different ones", hint)
 
 
 def recorded_of(images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]) -> list[dict[str, Any]]:
     """What each file says of its settings; where some do not say the free amplitude, it follows from the others.
 
-    Parameters
-    ----------
-    images : sequence of xarray.Dataset
-    names : sequence of str
-    told : list of str
-        Gets a sentence on everything that is not as recorded.
-
-    Returns
-    -------
-    list of dict
+    `told`: gets a sentence on everything that is not as recorded.
     """
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     for name, one in zip(names, known, strict=True):

@@ -30,31 +30,18 @@ Target = Callable[[Array, Array], Array]
 
 
 class Draws(NamedTuple):
-    """Equally likely combinations.
+    """Equally likely combinations."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n, p)
-    sign : ndarray, shape (n,)
-    fit : ndarray, shape (n,)
-        Logarithm of the likelihood.
-    accepted : float
-        Share of the last moves that were accepted.
-    """
-
-    x: Array
-    sign: Array
-    fit: Array
-    accepted: float
+    x: Array  # shape (n, p)
+    sign: Array  # shape (n,)
+    fit: Array  # shape (n,); logarithm of the likelihood
+    accepted: float  # share of the last moves that were accepted
 
 
 def sample(problem: Problem, seed: int) -> Draws:
     """Draw from what prior and data leave possible.
 
-    Raises
-    ------
-    SolveError
-        If the tip oscillates nowhere within the prior.
+    Raises SolveError if the tip oscillates nowhere within the prior.
     """
     rng = np.random.default_rng(seed)
 

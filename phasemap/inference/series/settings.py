@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
+from phasemap._shared.plausible import question
 from phasemap._shared.units import say
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
@@ -32,7 +33,7 @@ HIGHEST = (0.4, 0.97)  # between which the highest setpoint of a series is, wher
 LOWEST = 0.05  # setpoint used in practice
 STEP = 0.06  # of setpoints that are interpolated
 ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be anywhere on the circle [degree]
-SAME = 0.02  # by which free amplitudes are the same
+SAME = 0.02  # by which free amplitudes are the same, and setpoints
 SAME_LEVER = 1.1  # factor within which files say the same of a lever
 AWAY = 0.2  # half widths of the resonance beside which a drive is said to be
 NEAR_ZERO = 5.0  # by which the phase of the free lever drifts from what was recorded of it [degree]
@@ -41,42 +42,26 @@ SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """Of m files.
-
-    Parameters
-    ----------
-    names : tuple of str
-    ratios : ndarray, shape (m,)
-        Setpoints; where they are not known, what is recorded of the setpoint over what is of the free amplitude.
-    relative : ndarray, shape (m,)
-        Free amplitudes over their common scale.
-    scale, factor : float
-        Of the free amplitude at the drive frequency [m]: median and standard deviation as a factor.
-    amplitude, setpoint, zero : str
-        "held", "shared" or "free".
-    metres : bool
-        Whether `ratios` are amplitudes [m], of which the free amplitude follows from the setpoint.
-    zeros, zero_errors : ndarray, shape (m,)
-        [degree]
-    sign : int or None
-        Of the recorded phase; None where it is not known.
-    told : tuple of str
-        Sentences on where all this comes from.
-    """
+    """Of m files."""
 
     names: tuple[str, ...]
+    # shape (m,); Setpoints; where they are not known, what is recorded of the setpoint over what is of the free
+    # amplitude
     ratios: Array
-    relative: Array
+    relative: Array  # shape (m,); free amplitudes over their common scale
+    # scale, factor: of the free amplitude at the drive frequency [m]: median and standard deviation as a factor
     scale: float
     factor: float
+    # amplitude, setpoint, zero: "held", "shared" or "free"
     amplitude: str
     setpoint: str
     zero: str
-    metres: bool
+    metres: bool  # whether `ratios` are amplitudes [m], of which the free amplitude follows from the setpoint
+    # zeros, zero_errors: shape (m,) [degree]
     zeros: Array
     zero_errors: Array
-    sign: int | None
-    told: tuple[str, ...] = ()
+    sign: int | None  # of the recorded phase; none where it is not known
+    told: tuple[str, ...] = ()  # sentences on where all this comes from
 
     def __len__(self) -> int:
         return len(self.names)
@@ -136,13 +121,7 @@ class Settings:
 
 
 def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Microscope, list[str]]:
-    """The microscope, of what the files say and what has to be assumed, which is told.
-
-    Raises
-    ------
-    InputError
-        If the files are of different drive frequencies.
-    """
+    """The microscope, of what the files say and what has to be assumed, which is told."""
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
@@ -189,13 +168,7 @@ def _of_lever(known: list[dict[str, Any]], names: list[str]) -> tuple[dict[str, 
 
 
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
-    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`.
-
-    Raises
-    ------
-    InputError
-        If what is given does not fit.
-    """
+    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`."""
     count, told = len(images), list[str]()
     known = recorded_of(images, names, told)
     amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)
@@ -213,6 +186,8 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
         told.append("Which way the instrument counts phase is not known: both ways are tried.")
+    if all(float(one.max()) < (1 + SAME) * float(one.min()) for one in (relative, ratios)):
+        told.append("All files have the same setting: they say what one of them says, with less noise.")
     return Settings(
         tuple(names), ratios, relative, scale, factor, amplitude, setpoint, zero, metres,
         np.broadcast_to(zeros, (count,)).astype(float), np.broadcast_to(errors, (count,)).astype(float), sign,
@@ -240,6 +215,8 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
     count = len(known)
     if given is not None and not isinstance(given, str):
         values = _given("free_amplitudes", given, count, "m")
+        for one in values.tolist():
+            question("free_amplitudes", one, "m", AMPLITUDE)
         scale = float(np.exp(np.log(values).mean()))
         return HELD, scale, CALIBRATED, values / scale
     if isinstance(given, str) and given not in (SHARED, FREE):
@@ -281,13 +258,23 @@ def _setpoints(
         return HELD, False, metres / (relative * scale)
     values = metres if metres is not None else volts
     if values is None:
-        raise InputError("setpoints", None, f"{count} numbers, because the files do not say them")
+        listed = "; ".join(f"{one.get('title', 'a file')}: {_setpoint_in_words(one)}" for one in known)
+        allowed = "ratios to the free amplitude in all files, or voltages in all"
+        raise InputError("what files say of the setpoint", Word(listed), allowed, "Give the ratios (setpoints).")
     told.append(
         "Setpoints are recorded without the free amplitude: the highest is taken to be anywhere from "
         f"{HIGHEST[0]:g} to {HIGHEST[1]:g}."
     )
     same = bool(np.ptp(relative) == 0)
     return SHARED, metres is not None and same and amplitude == SHARED, values / relative
+
+
+def _setpoint_in_words(one: dict[str, Any]) -> str:
+    """What a file says of its setpoint."""
+    for name, unit in (("setpoint", "1"), ("setpoint_amplitude", "m"), ("setpoint_voltage", "V")):
+        if name in one:
+            return say(float(one[name]), unit, 3) + (" of the free amplitude" if unit == "1" else "")
+    return "nothing"
 
 
 def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str]) -> tuple[str, Any, Any]:

@@ -26,13 +26,7 @@ class OffOrbit:
     def go(self, curves: Curves, column: int, x: float) -> tuple[int, np.ndarray]:
         """Move slowly to a value of the control, and return a status code and a full row of what a lock-in shows there.
 
-        Parameters
-        ----------
-        curves : Curves
-        column : int
-            Of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
-        x : float
-            Its value.
+        `column`: of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
         """
         from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_at
         from phasemap._kernels.engagement.in_time import carry_on, carry_to

@@ -45,13 +45,7 @@ class Question:
     scope: Microscope
 
     def at(self, name: str, value: float) -> Question:
-        """The same with one parameter changed.
-
-        Raises
-        ------
-        InputError
-            If the parameter is unknown or the value is out of range.
-        """
+        """The same with one parameter changed."""
         if name in MATERIAL:
             other = {"damping": "viscosity", "viscosity": "damping"}.get(name)
             changes: dict[str, Any] = {name: value}
@@ -121,17 +115,7 @@ def swept_path(
 ) -> Path:
     """The path of a sweep in a parameter, with z0 or A held.
 
-    Parameters
-    ----------
-    held : callable
-        Tip offset or amplitude [m] that is held under a microscope.
-    of_amplitude : bool
-        Which of the two.
-
-    Raises
-    ------
-    InputError
-        If a value of the sweep is out of range, or what depends on it changes too much from end to end.
+    `held`: tip offset or amplitude [m] that is held under a microscope.
     """
     from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept
     from phasemap._kernels.quadrature import TABLES

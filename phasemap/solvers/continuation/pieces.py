@@ -26,21 +26,11 @@ TIGHT = 0.1  # of the tolerance that pixels use
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One connected piece of a curve, in the order in which it was followed.
+    """One connected piece of a curve, in the order in which it was followed."""
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n, FULL)
-        Full rows of `phasemap._kernels.columns`.
-    traces : ndarray, shape (n, 2, samples)
-        Deflection [m] and force [N] over one period.
-    ended : int
-        How it ended, a code of `phasemap._kernels.continuation.piece`.
-    """
-
-    rows: np.ndarray
-    traces: np.ndarray
-    ended: int
+    rows: np.ndarray  # shape (n, FULL); full rows of `phasemap._kernels.columns`
+    traces: np.ndarray  # shape (n, 2, samples); deflection [m] and force [N] over one period
+    ended: int  # how it ended, a code of `phasemap._kernels.continuation.piece`
 
 
 class Curves:
@@ -48,10 +38,8 @@ class Curves:
 
     Parameters
     ----------
-    path : Path
     index : int
         Entry of a point whose values are wanted.
-    wanted : ndarray, sorted
     box : tuple of float
         Smallest and largest control, smallest amplitude [m].
     samples : int
@@ -101,6 +89,9 @@ class Curves:
 
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
+        from phasemap._kernels.lever import phase_of
+        from phasemap._kernels.orbits.collocation.system import VALUE, Z0, A, P, S
+
         amplitude, stiffness = row[col.AMPLITUDE], self.standing(m)[1][col.STIFFNESS]
         drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
         guess = np.array([row[col.TIP_OFFSET], row[col.MEAN], amplitude, row[col.STIFFENING] * amplitude, drag])
@@ -108,12 +99,9 @@ class Curves:
         if status != col.GOOD:
             return False
         exact = row.copy()
-        push, drag, z0, amplitude = orbit.head[0, :4]
-        lever = self.standing(m)[1]
-        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = z0, amplitude
-        exact[col.PHASE] = np.arctan2(
-            push + amplitude * (1 - lever[col.OMEGA] ** 2), 2 * lever[col.ALPHA0] * lever[col.OMEGA] * amplitude - drag
-        )
+        value = orbit.head[VALUE]
+        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = value[Z0], value[A]
+        exact[col.PHASE] = phase_of(self.standing(m)[1], value[A], value[P], value[S])
         if self.knows(exact, m):
             return False
         self._follow(orbit, spare, (1.0, -1.0))
@@ -137,14 +125,8 @@ class Curves:
     def after_ends(self, column: int, beside: float, close: float) -> None:
         """Follow the pieces on which a tip lands where others end, in contact made or lost.
 
-        Parameters
-        ----------
-        column : int
-            Of the control.
-        beside : float
-            How far past the end the tip is let go, in the control.
-        close : float
-            How well its motion must have settled [m].
+        `beside`: how far past the end the tip is let go, in the control.
+        `close`: how well its motion must have settled [m].
         """
         from phasemap._kernels.orbits.time.landing import land_free
 

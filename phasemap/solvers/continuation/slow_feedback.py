@@ -24,22 +24,12 @@ class Place:
 
 
 class Held(NamedTuple):
-    """Where a feedback holds an amplitude.
+    """Where a feedback holds an amplitude."""
 
-    Attributes
-    ----------
-    place : Place or None
-        None if the tip hunts, or nothing can be held.
-    row : ndarray, shape (FULL,), or None
-    trace : ndarray, shape (2, samples), or None
-        None too where the motion is not periodic.
-    jump : Jump or None
-        If the feedback lost its orbit on the way: from where it was last held, to where it is held again.
-    """
-
-    place: Place | None
-    row: np.ndarray | None
-    trace: np.ndarray | None
+    place: Place | None  # none if the tip hunts, or nothing can be held
+    row: np.ndarray | None  # shape (FULL,), or None
+    trace: np.ndarray | None  # shape (2, samples), or None; none too where the motion is not periodic
+    # If the feedback lost its orbit on the way: from where it was last held, to where it is held again
     jump: Jump | None
 
 

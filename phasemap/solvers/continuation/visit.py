@@ -21,22 +21,12 @@ LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Stable orbits between two folds or losses of stability, in the order of the control.
+    """Stable orbits between two folds or losses of stability, in the order of the control."""
 
-    Parameters
-    ----------
-    piece : int
-        Number of the piece.
-    rows : ndarray, shape (n, FULL)
-    traces : ndarray, shape (n, 2, samples)
-    x : ndarray, shape (n,)
-        The control, rising.
-    """
-
-    piece: int
-    rows: np.ndarray
-    traces: np.ndarray
-    x: np.ndarray
+    piece: int  # number of the piece
+    rows: np.ndarray  # shape (n, FULL)
+    traces: np.ndarray  # shape (n, 2, samples)
+    x: np.ndarray  # shape (n,); the control, rising
 
     @cached_property
     def at_wanted(self) -> dict[int, int]:
@@ -166,7 +156,7 @@ def walk(
         if here is None:
             continue
         found = here.at_wanted.get(k)
-        status[k] = Status.not_converged.code if found is None else Status.good.code
+        status[k] = col.NOT_CONVERGED if found is None else col.GOOD
         if found is not None:
             rows[k], traces[k] = here.rows[found], here.traces[found]
     return Visit(rows, traces, status, jumps, here)

@@ -29,18 +29,8 @@ def derived(
 ) -> dict[str, xr.Variable]:  # fmt: skip
     """Channels of each material, and of the second less the first under the name with ``_contrast``.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of `phasemap.results.quantities.CHANNELS`.
-    pair : Pair
-    materials : pair of Material
-        Those of the pair.
-    labels : pair of str
-        What they are called.
-    axes : tuple of ndarray
-    engaged : Engaged
-        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    `names`: of `phasemap.results.quantities.CHANNELS`.
+    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     """
     import xarray as xr
 
@@ -51,7 +41,8 @@ def derived(
         for k, free in enumerate(axes[1]):
             scope, work = pair.at(frequency, free), pair.work(frequency, free, axes[2])
             rows = engaged.rows[:, i, k].reshape(-1, col.COLUMNS)
-            wide = with_adhesion(rows, work, np.repeat(bare, len(axes[2]), axis=0))
+            used = engaged.solver[:, i, k].reshape(-1)
+            wide = with_adhesion(rows, work, used, np.repeat(bare, len(axes[2]), axis=0))
             orbit = {name: FLOATS[name].value(wide) for name in _used(names)}
             motion = motion_of(scope, wide[:, col.AMPLITUDE], np.degrees(wide[:, col.PHASE]), orbit)
             for name in names:

@@ -34,21 +34,9 @@ def record(
 ) -> xr.Dataset:
     """Make the Dataset of a map, with all its dimensions.
 
-    Parameters
-    ----------
-    axes : tuple of ndarray
-    names : sequence of str
-        Of the two materials.
-    engaged : Engaged
-        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    regime : ndarray of int8, shape (2, frequencies, free amplitudes, setpoints)
-    jumps : sequence of Jump
-    inversions : sequence of Inversion
-
-    Returns
-    -------
-    xarray.Dataset
-        As `phasemap.contrast` describes it, without attributes.
+    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    `regime` (shape (2, frequencies, free amplitudes, setpoints)).
+    Returns: as `phasemap.contrast` describes it, without attributes.
     """
     import xarray as xr
 

@@ -28,20 +28,12 @@ SEEN = 0.5  # contrast [degree] that stands out of the noise of a phase image; b
 
 
 class Jump(NamedTuple):
-    """A jump of one material's phase.
+    """A jump of one material's phase."""
 
-    Attributes
-    ----------
-    point : ndarray, shape (3,)
-        Frequency [Hz], free amplitude [m] and setpoint [1].
-    material : int
-        0 or 1.
-    before, after : ndarray, shape (2,)
-        Phases of both materials on either side [degree]; `after` at the larger value of what changes.
-    """
-
-    point: Array
-    material: int
+    point: Array  # shape (3,); frequency [Hz], free amplitude [m] and setpoint [1]
+    material: int  # 0 or 1
+    # before, after: shape (2,); phases of both materials on either side [degree]; `after` at the larger value of
+    # what changes
     before: Array
     after: Array
 
@@ -53,18 +45,10 @@ class Jump(NamedTuple):
 
 
 class Inversion(NamedTuple):
-    """A zero of the contrast.
+    """A zero of the contrast."""
 
-    Attributes
-    ----------
-    point : ndarray, shape (3,)
-        Frequency [Hz], free amplitude [m] and setpoint [1].
-    phase : float
-        That both materials have there [degree].
-    """
-
-    point: Array
-    phase: float
+    point: Array  # shape (3,); frequency [Hz], free amplitude [m] and setpoint [1]
+    phase: float  # that both materials have there [degree]
 
 
 class _Place(NamedTuple):
@@ -91,17 +75,9 @@ def borders(
 ) -> tuple[list[Jump], list[Inversion]]:
     """Find every jump and inversion between neighbours of a map; none of a contrast of one sign that is seen.
 
-    Parameters
-    ----------
-    pair : Pair
-    axes : tuple of ndarray
-        Frequencies, free amplitudes and setpoints, each rising.
-    phases, branch : ndarray, shape (2, frequencies, free amplitudes, setpoints)
-        Of both materials [degree, code].
-    workers : int
-        How many threads.
-    progress : callable, optional
-        Called in lines between neighbours that are looked into.
+    `axes`: frequencies, free amplitudes and setpoints, each rising.
+    `phases`, `branch` (shape (2, frequencies, free amplitudes, setpoints)): of both materials [degree, code].
+    `progress`: called in lines between neighbours that are looked into.
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _suspects(axis, axes, phases, branch, sure)]

@@ -38,33 +38,18 @@ RULE = (
 
 
 class Choice(NamedTuple):
-    """The point recommended.
+    """The point recommended."""
 
-    Attributes
-    ----------
-    place : tuple of int, or None
-        Its indices in the map, None if no point holds both materials.
-    sentence : str
-        Where it is, and why.
-    """
-
-    place: tuple[int, int, int] | None
-    sentence: str
+    place: tuple[int, int, int] | None  # its indices in the map, None if no point holds both materials
+    sentence: str  # where it is, and why
 
 
 def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, jumps: Sequence[Jump]) -> Choice:
     """Choose the point to work at.
 
-    Parameters
-    ----------
-    axes : tuple of ndarray
-        Frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
-    names : sequence of str
-        Of the two materials.
-    engaged : Engaged
-        Arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    regime : ndarray, shape (2, frequencies, free amplitudes, setpoints)
-    jumps : sequence of Jump
+    `axes`: frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
+    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
+    `regime` (shape (2, frequencies, free amplitudes, setpoints)).
     """
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)

@@ -29,31 +29,13 @@ def bench(
 ) -> xr.Dataset:
     """Measure error and time of every method.
 
-    Parameters
-    ----------
-    pixels : int
-        Cases of each regime that are compared with the reference; more pixels are timed.
-    seed : int
-        Of the cases drawn.
-    peers : bool
-        Whether numbalsoda, heyoka and scipy are measured too, as far as they are installed.
-    quick : bool
-        Repeat timings less often, and do not time compilation from scratch.
-    progress : callable, optional
-        Told what is being done.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time, period_time,
-        compile_time [s], the parameters of the cases and the references; ("image",): whole images in which every
-        pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
+    `pixels`: cases of each regime that are compared with the reference; more pixels are timed.
+    `peers`: whether numbalsoda, heyoka and scipy are measured too, as far as they are installed.
+    `quick`: repeat timings less often, and do not time compilation from scratch.
+    Returns dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time,
+        period_time, compile_time [s], the parameters of the cases and the references; ("image",): whole images in
+        which every pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
         `phasemap.validation.bench.picture.draw` show it.
-
-    Raises
-    ------
-    InputError
-        If `pixels` or `seed` is not a whole number of at least 1 or 0.
     """
     whole("pixels", pixels, 1)
     whole("seed", seed, 0)

@@ -23,8 +23,6 @@ from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
 from phasemap.validation.bench.regimes import POISSON_RATIO, RESONANCE, Batch
 
-__all__ = ["Solved", "box", "draw", "solve"]
-
 Array = np.ndarray
 Range = tuple[float, float]
 
@@ -47,22 +45,12 @@ EVENLY = ("frequency_ratio", "setpoint")  # the others over decades
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What became of the materials of a batch.
-
-    Attributes
-    ----------
-    batch : Batch
-    seconds : ndarray
-        Processor time of each material.
-    status : ndarray of int8
-    irregular : ndarray of bool
-        Whether the motion that holds the setpoint is not periodic.
-    """
+    """What became of the materials of a batch."""
 
     batch: Batch
-    seconds: Array
+    seconds: Array  # processor time of each material
     status: Array
-    irregular: Array
+    irregular: Array  # bool; whether the motion that holds the setpoint is not periodic
 
     @property
     def law(self) -> str:
@@ -142,20 +130,8 @@ def box(
 ) -> str:
     """Draw materials and microscopes, solve all, and say how long that took and what became of them.
 
-    Parameters
-    ----------
-    materials : int
-        In all.
-    microscopes : int
-    seed : int
-        Of what is drawn.
-    progress : callable, optional
-        Told how many microscopes are done.
-
-    Returns
-    -------
-    str
-        A Markdown table with a line a contact law, and the slowest material.
+    `progress`: told how many microscopes are done.
+    Returns a Markdown table with a line a contact law, and the slowest material.
     """
     found: list[Solved] = []
     known: set[str] = set()

@@ -34,45 +34,24 @@ ENGAGERS = ("orbit", "march", "averaging")
 
 @dataclass(frozen=True)
 class Known:
-    """A case, its reference, and a start for peers.
-
-    Parameters
-    ----------
-    case : Case
-    batch, index : int
-        Where it stands among the batches.
-    outcome : int
-        What became of the reference, a place in `OUTCOMES`.
-    reference : Reference, optional
-        None if there is none.
-    start : Start, optional
-        The averaged orbit; where there is none, first harmonic and mean of the exact one.
-    """
+    """A case, its reference, and a start for peers."""
 
     case: Case
+    # batch, index: where it stands among the batches
     batch: int
     index: int
-    outcome: int
-    reference: Reference | None = None
-    start: Start | None = None
+    outcome: int  # what became of the reference, a place in `OUTCOMES`
+    reference: Reference | None = None  # none if there is none
+    start: Start | None = None  # the averaged orbit; where there is none, first harmonic and mean of the exact one
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A regime with its cases drawn.
-
-    Parameters
-    ----------
-    name : str
-    works : tuple of Work
-        All pixels, which are timed.
-    known : tuple of Known
-        Those that are compared with a reference: the first few of each work.
-    """
+    """A regime with its cases drawn."""
 
     name: str
-    works: tuple[Work, ...]
-    known: tuple[Known, ...]
+    works: tuple[Work, ...]  # all pixels, which are timed
+    known: tuple[Known, ...]  # those that are compared with a reference: the first few of each work
 
 
 def prepare(
@@ -80,16 +59,8 @@ def prepare(
 ) -> Field:
     """Draw a regime's cases and find the references of the first few in each batch.
 
-    Parameters
-    ----------
-    regime : Regime
-    batches, pixels : int
-        How many microscopes, and how many materials under each.
-    references : int
-        How many of these are compared with the reference.
-    rng : numpy.random.Generator
-    tick : callable
-        Called after each reference.
+    `batches`, `pixels`: how many microscopes, and how many materials under each.
+    `references`: how many of these are compared with the reference.
     """
     drawn = draw(regime, batches, pixels, rng)
     known: list[Known] = []

@@ -13,10 +13,7 @@ FIRST = {"orbit": "orbit", "averaging": "averaging", "auto": "image", "march": "
 def of_solvers(empty: bool) -> dict[str, float]:
     """Seconds of the processor until each solver has solved its first pixels.
 
-    Parameters
-    ----------
-    empty : bool
-        Whether the process finds nothing on disk.
+    `empty`: whether the process finds nothing on disk.
     """
     costs: list[Cost] = []
     if empty:

@@ -16,38 +16,6 @@ from dataclasses import dataclass
 class Case:
     """A pixel: microscope, material and setpoint.
 
-    Parameters
-    ----------
-    stiffness : float
-        k of the lever [N/m].
-    quality_factor : float
-        Q of the lever [1].
-    free_amplitude : float
-        Amplitude of the free lever at resonance [m].
-    radius : float
-        R of the tip [m].
-    modulus : float
-        Young's modulus of the sample [Pa].
-    adhesion : float
-        Work of adhesion w [J/m2].
-    damping : float
-        alpha1 [1].
-    poisson_ratio : float
-        Of the sample [1].
-    setpoint : float
-        Amplitude over free amplitude at the drive frequency [1].
-    decay_length : float, optional
-        d0 [m]; None for no force before contact.
-    frequency_ratio : float
-        Drive over resonance frequency [1].
-    damping_exponent : float
-        n [1].
-    contact : {"dmt", "hertz"}
-    tip_modulus : float, optional
-        [Pa]; None is a rigid tip.
-    tip_poisson_ratio : float
-        [1]
-
     Examples
     --------
     >>> case = Case(40.0, 400.0, 20e-9, 10e-9, 2e9, 0.05, 0.01, 0.35, 0.7, decay_length=0.3e-9)
@@ -55,21 +23,21 @@ class Case:
     14.0
     """
 
-    stiffness: float
-    quality_factor: float
-    free_amplitude: float
-    radius: float
-    modulus: float
-    adhesion: float
-    damping: float
-    poisson_ratio: float
-    setpoint: float
-    decay_length: float | None = None
-    frequency_ratio: float = 1.0
-    damping_exponent: float = 0.5
-    contact: str = "dmt"
-    tip_modulus: float | None = None
-    tip_poisson_ratio: float = 0.3
+    stiffness: float  # k of the lever [N/m]
+    quality_factor: float  # Q of the lever [1]
+    free_amplitude: float  # amplitude of the free lever at resonance [m]
+    radius: float  # R of the tip [m]
+    modulus: float  # Young's modulus of the sample [Pa]
+    adhesion: float  # work of adhesion w [J/m2]
+    damping: float  # alpha1 [1]
+    poisson_ratio: float  # of the sample [1]
+    setpoint: float  # amplitude over free amplitude at the drive frequency [1]
+    decay_length: float | None = None  # d0 [m]; none for no force before contact
+    frequency_ratio: float = 1.0  # drive over resonance frequency [1]
+    damping_exponent: float = 0.5  # n [1]
+    contact: str = "dmt"  # "dmt" or "hertz"
+    tip_modulus: float | None = None  # [Pa]; none is a rigid tip
+    tip_poisson_ratio: float = 0.3  # [1]
 
     @property
     def amplitude(self) -> float:

@@ -29,34 +29,15 @@ OTHER = 1.0
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured.
+    """How much is measured."""
 
-    Parameters
-    ----------
-    batches : int
-        Microscopes drawn in a regime.
-    timed : int
-        Pixels under each that are timed.
-    references : int
-        Pixels under each that are compared with the reference, at most `timed`.
-    seed : int
-        Of the cases drawn.
-    budget : float
-        Seconds for which the timing of a solver is repeated in each regime, all rounds together.
-    rounds : int
-        How often everything is timed in turn.
-    cold : bool
-        Whether compilation is timed too, with an empty cache.
-    regimes : tuple of Regime
-    """
-
-    batches: int = 5
-    timed: int = 64
-    references: int = 8
-    seed: int = 1
-    budget: float = 0.15
-    rounds: int = 3
-    cold: bool = True
+    batches: int = 5  # microscopes drawn in a regime
+    timed: int = 64  # pixels under each that are timed
+    references: int = 8  # pixels under each that are compared with the reference, at most `timed`
+    seed: int = 1  # of the cases drawn
+    budget: float = 0.15  # seconds for which the timing of a solver is repeated in each regime, all rounds together
+    rounds: int = 3  # how often everything is timed in turn
+    cold: bool = True  # whether compilation is timed too, with an empty cache
     regimes: tuple[Regime, ...] = REGIMES
 
     @classmethod
@@ -77,56 +58,33 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What was measured; arrays over (regime, method, case) unless said otherwise.
-
-    Attributes
-    ----------
-    phase_error, height_error : ndarray
-        Against the reference [degree, m], with sign.
-    phase_bound, height_bound : ndarray
-        What the solver itself estimates [degree, m]; NaN where it does not.
-    result : ndarray of int8
-        A place in `RESULTS`.
-    time : ndarray, shape (regime, method)
-        Per distinct pixel on one core [s].
-    period_time : ndarray, shape (regime, method)
-        Per period of the oscillation [s]; NaN for methods that do not integrate in time.
-    compile_time : ndarray, shape (method,)
-        Of the processor [s].
-    clock : ndarray, shape (regime, method, 2, pieces)
-        Shortest time so far of each piece of work, and of a period of each case [s].
-    seconds : float
-        That all of it took.
-    """
+    """What was measured; arrays over (regime, method, case) unless said otherwise."""
 
     plan: Plan
     methods: tuple[Method, ...]
     absent: tuple[str, ...]
     fields: tuple[Field, ...]
+    # phase_error, height_error: against the reference [degree, m], with sign
     phase_error: Array
     height_error: Array
+    # phase_bound, height_bound: what the solver itself estimates [degree, m]; NaN where it does not
     phase_bound: Array
     height_bound: Array
-    result: Array
-    time: Array
+    result: Array  # int8; a place in `RESULTS`
+    time: Array  # shape (regime, method); per distinct pixel on one core [s]
+    # shape (regime, method); per period of the oscillation [s]; NaN for methods that do not integrate in time
     period_time: Array
-    compile_time: Array
+    compile_time: Array  # shape (method,); of the processor [s]
+    # shape (regime, method, 2, pieces); shortest time so far of each piece of work, and of a period of each case
+    # [s]
     clock: Array
-    seconds: float
+    seconds: float  # that all of it took
 
 
 def measure(plan: Plan, peers: list[Peer], absent: list[str], say: Say) -> Measured:
     """Do everything that a plan says.
 
-    Parameters
-    ----------
-    plan : Plan
-    peers : list of Peer
-        Those to be measured.
-    absent : list of str
-        Names of those that are not installed.
-    say : callable
-        Told what is going on.
+    `absent`: names of those that are not installed.
     """
     started = time.perf_counter()
     methods = methods_of(peers)

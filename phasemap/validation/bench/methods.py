@@ -18,28 +18,14 @@ ETAS = (0.8, 0.6, 0.45, 0.3)
 
 @dataclass(frozen=True)
 class Method:
-    """A solver of phasemap at one tolerance, or a peer at one.
+    """A solver of phasemap at one tolerance, or a peer at one."""
 
-    Parameters
-    ----------
-    family : str
-        What shares a line in the diagram: the name of the solver or peer.
-    setting : str
-        The tolerance in words; empty where there is none.
-    solver : Solver, optional
-    accuracy : Accuracy
-        Asked of the solver.
-    peer : Peer, optional
-    tolerance : float
-        Of the peer's integrator, or eta of the march [1].
-    """
-
-    family: str
-    setting: str = ""
+    family: str  # what shares a line in the diagram: the name of the solver or peer
+    setting: str = ""  # the tolerance in words; empty where there is none
     solver: Solver | None = None
-    accuracy: Accuracy = field(default_factory=Accuracy)
+    accuracy: Accuracy = field(default_factory=Accuracy)  # asked of the solver
     peer: Peer | None = None
-    tolerance: float = 0.0
+    tolerance: float = 0.0  # of the peer's integrator, or eta of the march [1]
 
     @property
     def label(self) -> str:
@@ -59,13 +45,7 @@ class Method:
 
 
 def methods_of(peers: list[Peer]) -> tuple[Method, ...]:
-    """Every method, in the order of the table.
-
-    Parameters
-    ----------
-    peers : list of Peer
-        Those to be measured.
-    """
+    """Every method, in the order of the table."""
     auto = [
         Method("auto", f"{phase:g}°", by_name("auto"), Accuracy(phase, HEIGHT_PER_DEGREE * phase)) for phase in PHASES
     ]

@@ -16,14 +16,7 @@ PERIODS = 10
 def march_period_time(work: Work, known: Known, eta: float) -> float:
     """Seconds in which the march integrates one period of a reference orbit.
 
-    Parameters
-    ----------
-    work : Work
-        Holds the case in row ``known.index``.
-    known : Known
-        With a reference.
-    eta : float
-        Size of the steps.
+    `work`: holds the case in row ``known.index``.
     """
     from phasemap._kernels.orbits.time.march import march_period
 

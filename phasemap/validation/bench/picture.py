@@ -59,21 +59,10 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     A point is the median error of a method at one tolerance, the thin line goes on to the 99th percentile; points of
     one method are joined. Nearer to the lower left is better.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Of `phasemap.validation.bench.bench`.
-    path : path-like, optional
-        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    InputError
-        If the format is unknown.
-    FileError
-        If `path` cannot be written.
+    `ds`: of `phasemap.validation.bench.bench`.
+    `path`: where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
+    `overwrite`: whether an existing file may be replaced.
+    Raises FileError if `path` cannot be written.
     """
     from phasemap.plot.page import Page
 

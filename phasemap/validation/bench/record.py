@@ -52,10 +52,7 @@ REFERENCE = {
 def to_dataset(measured: Measured) -> xr.Dataset:
     """Everything that was measured, with units and provenance.
 
-    Returns
-    -------
-    xarray.Dataset
-        Dims ("regime", "solver", "case"); a solver is one of phasemap's or a peer, at one tolerance.
+    Returns a Dataset over ("regime", "solver", "case"); a solver is one of phasemap's or a peer, at one tolerance.
     """
     import xarray as xr
 
@@ -156,11 +153,7 @@ def failures(ds: xr.Dataset) -> xr.DataArray:
 def meets(ds: xr.Dataset, phase: float, height: float) -> xr.DataArray:
     """Whether a method is within both errors on at least 95 % of a regime's cases, failures counted as not within.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-    phase, height : float
-        [degree, m]
+    `phase`, `height`: [degree, m].
     """
     ran = compared(ds)
     within = (abs(ds["phase_error"]) <= phase) & (abs(ds["height_error"]) <= height) & ran
@@ -170,16 +163,9 @@ def meets(ds: xr.Dataset, phase: float, height: float) -> xr.DataArray:
 def cheapest(ds: xr.Dataset, phase: float, height: float) -> dict[str, list[tuple[float, str]]]:
     """The least time in which each family meets both errors, and the method that does.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-    phase, height : float
-        [degree, m]
-
-    Returns
-    -------
-    dict of str to list of (float, str)
-        By family, for each regime: time per pixel [s] and label, or (NaN, "") where no tolerance reaches the errors.
+    `phase`, `height`: [degree, m].
+    Returns: by family, for each regime: time per pixel [s] and label, or (NaN, "") where no tolerance reaches the
+        errors.
     """
     time = ds["time"].where(meets(ds, phase, height)).values
     found: dict[str, list[tuple[float, str]]] = {}
@@ -199,16 +185,8 @@ def cheapest(ds: xr.Dataset, phase: float, height: float) -> dict[str, list[tupl
 def period_time_at(ds: xr.Dataset, phase: float) -> dict[str, list[float]]:
     """Time of a period at a tolerance whose median error is `phase`, between tolerances on a log-log scale.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-    phase : float
-        [degree]
-
-    Returns
-    -------
-    dict of str to list of float
-        By family, for each regime [s]; NaN where the error lies outside what was measured.
+    `phase`: [degree].
+    Returns: by family, for each regime [s]; NaN where the error lies outside what was measured.
     """
     error = abs(ds["phase_error"]).median("case").values
     found = {}

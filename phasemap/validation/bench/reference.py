@@ -35,59 +35,35 @@ class NoOrbit(ArithmeticError):
 
 @dataclass(frozen=True)
 class Start:
-    """Roughly where an orbit is; names the branch.
+    """Roughly where an orbit is; names the branch."""
 
-    Parameters
-    ----------
-    tip_offset, mean_deflection : float
-        [m]
-    phase : float
-        [degree]
-    """
-
+    # tip_offset, mean_deflection: [m]
     tip_offset: float
     mean_deflection: float
-    phase: float
+    phase: float  # [degree]
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A periodic orbit at the setpoint.
+    """A periodic orbit at the setpoint."""
 
-    Attributes
-    ----------
-    tip_offset, mean_deflection : float
-        [m]
-    phase : float
-        [degree]
-    floquet : float
-        Largest modulus of the Floquet multipliers [1].
-    phase_uncertainty, height_uncertainty : float
-        Last step of Newton's method, and what the integrator's tolerance may do to the orbit [degree, m]; the error
-        that is left is smaller.
-    state : (float, float)
-        z, z' [setpoint amplitudes] at `instant`.
-    instant : float
-        Time of the state [rad at resonance], near the point farthest from the surface.
-    """
-
+    # tip_offset, mean_deflection: [m]
     tip_offset: float
     mean_deflection: float
-    phase: float
-    floquet: float
+    phase: float  # [degree]
+    floquet: float  # largest modulus of the Floquet multipliers [1]
+    # phase_uncertainty, height_uncertainty: Last step of Newton's method, and what the integrator's tolerance may
+    # do to the orbit [degree, m]; the error that is left is smaller
     phase_uncertainty: float
     height_uncertainty: float
-    state: tuple[float, float]
-    instant: float
+    state: tuple[float, float]  # z, z' [setpoint amplitudes] at `instant`
+    instant: float  # time of the state [rad at resonance], near the point farthest from the surface
 
 
 def find_orbit(case: Case, start: Start) -> Reference:
     """Find the orbit of a case near a start.
 
-    Raises
-    ------
-    NoOrbit
-        If shooting does not converge.
+    Raises NoOrbit if shooting does not converge.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
 from phasemap.solvers.problem import Work, make_work
-from phasemap.validation.bench.bistable import is_bistable
+from phasemap.validation.bench.bistable import end_of_attraction, is_bistable
 from phasemap.validation.bench.equation import Case, Equation
 
 Array = np.ndarray
@@ -25,23 +25,17 @@ Range = tuple[float, float]
 
 RESONANCE = 300e3  # [Hz]; only ratios to it matter
 POISSON_RATIO = 0.35
+SIMILAR = 2  # stiffnesses and dampings in a batch of `Border`
+BESIDE = (1e-3, 3e-2)  # distance of its pixels from the border, over its adhesion, which theory knows to a percent
 MOST_DRAWS = 50  # times as many candidates as cases are asked for, after which a regime is given up
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Distinct materials under one microscope, as an image gives them.
-
-    Parameters
-    ----------
-    scope : Microscope
-    materials : ndarray, shape (n, 4)
-        Modulus [Pa], adhesion [J/m2], damping [1], Poisson's ratio [1].
-    setpoint : float
-    """
+    """Distinct materials under one microscope, as an image gives them."""
 
     scope: Microscope
-    materials: Array
+    materials: Array  # shape (n, 4); Modulus [Pa], adhesion [J/m2], damping [1], Poisson's ratio [1]
     setpoint: float
 
     def __len__(self) -> int:
@@ -88,34 +82,25 @@ class Regime(Protocol):
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges from which a case is drawn: logarithmic for what spans decades, uniform for radius, setpoint, d0.
-
-    Parameters
-    ----------
-    name : str
-    stiffness, quality_factor, free_amplitude, radius : (float, float)
-        Of the microscope [N/m, 1, m, m].
-    modulus, adhesion, damping : (float, float)
-        Of the material [Pa, J/m2, 1]; one material in five has no adhesion, one in five no damping.
-    decay_length, setpoint : (float, float)
-        [m, 1]
-    ratios : tuple of float
-        Drive over resonance frequency, of which a microscope takes one; the free amplitude is that at the drive.
-    bistable : bool
-        Whether only materials are kept on which there are an attractive and a repulsive orbit at the setpoint.
-    """
+    """Ranges from which a case is drawn: logarithmic for what spans decades, uniform for radius, setpoint, d0."""
 
     name: str
+    # stiffness, quality_factor, free_amplitude, radius: of the microscope [N/m, 1, m, m]
     stiffness: Range
     quality_factor: Range
     free_amplitude: Range
     radius: Range
+    # modulus, adhesion, damping: of the material [Pa, J/m2, 1]; one material in five has no adhesion, one in five
+    # no damping
     modulus: Range
     adhesion: Range
     damping: Range
+    # decay_length, setpoint: [m, 1]
     decay_length: Range = (0.15e-9, 0.5e-9)
     setpoint: Range = (0.4, 0.95)
+    # Drive over resonance frequency, of which a microscope takes one; the free amplitude is that at the drive
     ratios: tuple[float, ...] = (1.0,)
+    # Whether only materials are kept on which there are an attractive and a repulsive orbit at the setpoint
     bistable: bool = False
 
     def draw(self, pixels: int, rng: np.random.Generator) -> Batch:
@@ -159,19 +144,11 @@ class Ranges:
 
 @dataclass(frozen=True)
 class Image:
-    """Pixels of an image: a polymer blend with diffuse interfaces, the modulus of each part varying by a tenth.
-
-    Parameters
-    ----------
-    name : str
-    scope : Microscope
-    first, second : Material
-        The parts.
-    setpoint : float
-    """
+    """Pixels of an image: a polymer blend with diffuse interfaces, the modulus of each part varying by a tenth."""
 
     name: str
     scope: Microscope
+    # first, second: the parts
     first: Material
     second: Material
     setpoint: float = 0.7
@@ -202,6 +179,39 @@ class Image:
         )
 
 
+@dataclass(frozen=True)
+class Border:
+    """Pixels beside the end of the attractive branch, some on either side of it: where an image changes its branch.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        From which microscopes, stiffness and damping are drawn; the adhesion follows.
+    """
+
+    ranges: Ranges
+
+    @property
+    def name(self) -> str:
+        """See `Regime`."""
+        return self.ranges.name
+
+    def draw(self, pixels: int, rng: np.random.Generator) -> Batch:
+        """See `Regime`."""
+        for _ in range(MOST_DRAWS):
+            batch = self.ranges.draw(SIMILAR, rng)
+            ends = [end_of_attraction(batch.case(i)) for i in range(SIMILAR)]
+            known = [i for i in range(SIMILAR) if ends[i] is not None]
+            if not known:
+                continue
+            chosen = np.array(known)[np.arange(pixels) % len(known)]
+            beside = np.where(rng.random(pixels) < 0.5, -1, 1) * _spread(rng, BESIDE, pixels)
+            materials = batch.materials[chosen]
+            materials[:, 1] = np.array(ends, np.float64)[chosen] * (1 + beside)
+            return Batch(batch.scope, materials, batch.setpoint)
+        raise RuntimeError(f"no cases in the regime {self.name!r}")  # the ranges above are such that there are many
+
+
 REGIMES: tuple[Regime, ...] = (
     Ranges("air, hard sample", (20, 50), (200, 850), (1e-8, 1e-7), (5e-9, 2e-8), (2e9, 3e11), (0.02, 0.5), (1e-4, 0.1)),
     Ranges("air, soft sample", (5, 50), (150, 600), (2e-8, 1e-7), (8e-9, 30e-9), (1e7, 1e9), (0.005, 0.1), (3e-3, 0.2)),
@@ -222,20 +232,19 @@ REGIMES: tuple[Regime, ...] = (
         Material(3.0e9, adhesion=0.07, damping=0.004, poisson_ratio=0.35),
         Material(0.2e9, adhesion=0.06, damping=0.03, poisson_ratio=0.45),
     ),
+    Border(
+        Ranges(
+            "beside a border", (20, 50), (200, 600), (1e-8, 3e-8), (8e-9, 25e-9), (5e8, 2e10), (0.02, 0.3),
+            (1e-3, 0.02), setpoint=(0.62, 0.9),
+        )
+    ),
 )  # fmt: skip
 
 
 def draw(regime: Regime, batches: int, pixels: int, rng: np.random.Generator) -> tuple[Batch, ...]:
     """Draw microscopes of a regime, and materials under each.
 
-    Parameters
-    ----------
-    regime : Regime
-    batches : int
-        How many microscopes (for `Image`: images).
-    pixels : int
-        How many materials under each.
-    rng : numpy.random.Generator
+    `batches`: how many microscopes (for `Image`: images).
 
     Examples
     --------

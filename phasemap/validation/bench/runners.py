@@ -30,18 +30,12 @@ SHORT = 1e-3
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver or peer says of a case.
+    """What a solver or peer says of a case."""
 
-    Attributes
-    ----------
-    phase, tip_offset : float
-        [degree, m]; NaN where it found no orbit.
-    phase_bound, height_bound : float
-        Errors that it states [degree, m]; NaN where it states none.
-    """
-
+    # phase, tip_offset: [degree, m]; NaN where it found no orbit
     phase: float = math.nan
     tip_offset: float = math.nan
+    # phase_bound, height_bound: errors that it states [degree, m]; NaN where it states none
     phase_bound: float = math.nan
     height_bound: float = math.nan
 
@@ -65,11 +59,7 @@ class Runner(Protocol):
 def runner_of(method: Method, budget: float) -> Runner:
     """Make a method ready to run; a peer is compiled by this.
 
-    Parameters
-    ----------
-    method : Method
-    budget : float
-        Seconds for which the timing of a solver is repeated in each regime.
+    `budget`: seconds for which the timing of a solver is repeated in each regime.
     """
     if method.peer is not None:
         return PeerRunner(method.peer, method.tolerance)

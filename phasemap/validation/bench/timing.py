@@ -14,17 +14,8 @@ MOST = 12  # repeats
 def best_of(call: Callable[[], T], budget: float) -> tuple[float, T]:
     """Call again and again for about `budget` seconds; the shortest time [s] is the one that nothing disturbed.
 
-    Parameters
-    ----------
-    call : callable
-    budget : float
-        [s]
-
-    Returns
-    -------
-    seconds : float
-    result
-        Of the last call.
+    `budget`: [s].
+    Returns the shortest time [s], and what the last call gave.
 
     Examples
     --------

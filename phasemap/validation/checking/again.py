@@ -27,31 +27,20 @@ from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 from phasemap.validation.checking.picture import Picture
 
-__all__ = ["Again", "other_solver", "solve_again"]
-
 Array = NDArray[np.float64]
 Pixels = NDArray[np.intp]
 Codes = NDArray[np.int8]
 
 
 class Again(NamedTuple):
-    """What a solver found, for n pixels.
+    """What a solver found, for n pixels."""
 
-    Attributes
-    ----------
-    pixels : ndarray of int, shape (n,)
-        Flat, in the order of the picture.
-    rows : ndarray, shape (n, WIDE)
-    status, solver : ndarray of int8, shape (n,)
-    materials : int
-        How many distinct ones these pixels have.
-    """
-
-    pixels: Pixels
-    rows: Array
+    pixels: Pixels  # int, shape (n,); Flat, in the order of the picture
+    rows: Array  # shape (n, WIDE)
+    # status, solver: int8, shape (n,)
     status: Codes
     solver: Codes
-    materials: int
+    materials: int  # how many distinct ones these pixels have
 
 
 @dataclass(frozen=True)
@@ -65,13 +54,7 @@ class _Part:
 
 
 def other_solver(made_by: str, wanted: str | None) -> Solver:
-    """The solver that shares nothing with the one that made the image: the march from far, or the orbit for a march.
-
-    Raises
-    ------
-    InputError
-        If another is wanted that is not independent.
-    """
+    """The solver that shares nothing with the one that made the image: the march from far, or the orbit for a march."""
     independent: dict[str, Solver] = {"march": FromFar(), "orbit": Orbit(complete=True)}
     if made_by == "march":
         del independent["march"]
@@ -90,16 +73,9 @@ def solve_again(
 ) -> Again:
     """Solve pixels again.
 
-    Parameters
-    ----------
-    picture : Picture
-    surface : Surface
-        As it passed under the tip.
-    pixels : ndarray of int, shape (n,)
-        Flat.
-    solver : Solver
-    threads, progress
-        As in `phasemap.simulate`.
+    `surface`: as it passed under the tip.
+    `pixels` (shape (n,)): flat.
+    `threads`, `progress`: as in `phasemap.simulate`.
     """
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
     rows = np.full((len(pixels), WIDE), np.nan)
@@ -111,12 +87,12 @@ def solve_again(
         if carries:
             found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
             at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
-            several = with_adhesion(found.rows, part.work, part.bare), found.status, found.solver
+            several = with_adhesion(found.rows, part.work, found.solver, part.bare), found.status, found.solver
         else:
             # Only the march knows a memory: instead of an orbit it is engaged from far, which images may do without.
             by_time = FromFar() if part.work.law.memory and isinstance(solver, Orbit) else solver
             solved, codes, by = run(by_time, part.work, claims.accuracy, threads=threads, progress=report)
-            at, several = (part.numbers,), (with_adhesion(solved, part.work, part.bare), codes, by)
+            at, several = (part.numbers,), (with_adhesion(solved, part.work, by, part.bare), codes, by)
         rows[part.pixels], status[part.pixels], used[part.pixels] = (values[at] for values in several)
         materials, done = materials + len(part.work), done + len(part.pixels)
     return Again(pixels, rows, status, used, materials)
@@ -161,17 +137,9 @@ def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: 
 def carried(picture: Picture) -> tuple[NDArray[np.int8], Array]:
     """Branch on which the tip comes to each pixel, and its tip offset [m]: of the last pixel before that has an orbit.
 
-    Parameters
-    ----------
-    picture : Picture
-        Of `Raster`.
-
-    Returns
-    -------
-    branch : ndarray of int8, shape (2, ny, nx)
-        NOWHERE where the tip is engaged.
-    offset : ndarray, shape (2, ny, nx)
-        NaN where the image does not say it.
+    `picture`: of `Raster`.
+    Returns `branch` (shape (2, ny, nx)): NOWHERE where the tip is engaged.
+    Returns `offset` (shape (2, ny, nx)): NaN where the image does not say it.
     """
     control, change = picture.claims.control, picture.claims.realism.tip_change
     assert isinstance(control, Raster)

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
     from phasemap.scenes.scene import Scene
 
-__all__ = ["PIXELS", "check"]
-
 PIXELS = 64
 PER_LINE = 32  # pixels that a line in time counts for
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-__all__ = ["Claims", "claims_of", "microscope_from", "scene_of"]
-
 T = TypeVar("T")
 
 KINDS: dict[str, type[Any]] = {
@@ -46,21 +44,7 @@ NEEDED = ("microscope", "setpoint", "solver", "control", "accuracy", "realism", 
 
 @dataclass(frozen=True)
 class Claims:
-    """What was asked for when an image was made; the arguments of `phasemap.simulate`.
-
-    Parameters
-    ----------
-    microscope : Microscope
-    setpoint : float
-    solver : str
-    control : Engage, Raster or Feedback
-    accuracy : Accuracy
-    realism : Realism
-    shape : (int, int)
-        Rows and columns.
-    pixel_size : (float, float)
-        (dy, dx) [m].
-    """
+    """What was asked for when an image was made; the arguments of `phasemap.simulate`."""
 
     microscope: Microscope
     setpoint: float
@@ -68,8 +52,8 @@ class Claims:
     control: Control
     accuracy: Accuracy
     realism: Realism
-    shape: tuple[int, int]
-    pixel_size: tuple[float, float]
+    shape: tuple[int, int]  # rows and columns
+    pixel_size: tuple[float, float]  # (dy, dx) [m]
 
     @property
     def amplitude(self) -> float:
@@ -80,17 +64,8 @@ class Claims:
 def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
     """Read what an image says it is.
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        What `phasemap.simulate` returned.
-    scope : Microscope, optional
-        Needed where its contact law is a user's own.
-
-    Raises
-    ------
-    InputError
-        If the image has no such configuration, or `scope` is another microscope.
+    `image`: what `phasemap.simulate` returned.
+    `scope`: needed where its contact law is a user's own.
 
     Examples
     --------
@@ -133,11 +108,6 @@ def _table(text: object) -> dict[str, Any]:
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
     """Make a microscope again from what `phasemap.results.variables.describe` gave.
 
-    Raises
-    ------
-    InputError
-        If a part is none of phasemap's, such as a user's contact law.
-
     Examples
     --------
     >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9), Interaction("maugis"))
@@ -155,13 +125,7 @@ def microscope_from(stored: Mapping[str, Any]) -> Microscope:
 
 
 def _made(stored: Any, *kinds: type[T]) -> T:
-    """The object, of one of these kinds, that `phasemap.results.variables.describe` described.
-
-    Raises
-    ------
-    InputError
-        If it is of no known kind, or a value is not allowed.
-    """
+    """The object, of one of these kinds, that `phasemap.results.variables.describe` described."""
     try:
         with unquestioned():  # who made the image was told already
             thing = _object(stored)
@@ -195,23 +159,11 @@ def _object(stored: Any) -> Any:
 def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape: tuple[int, int]) -> Scene:
     """Make the scene again that an image carries.
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        Written by ``phasemap run``, or returned by `phasemap.scenes.scene.Scene.simulate`.
-    folders : iterable of path-like
-        Where files that the scene names may be.
-    shape : (int, int)
-        Rows and columns of the image; a scene that says others is not made.
-
-    Raises
-    ------
-    PhasemapError
-        If the image has no scene.
-    InputError
-        If it is none, or has another shape.
-    FileError
-        If a file that the scene names is in none of the folders, or has changed.
+    `image`: written by ``phasemap run``, or returned by `phasemap.scenes.scene.Scene.simulate`.
+    `folders`: where files that the scene names may be.
+    `shape`: rows and columns of the image; a scene that says others is not made.
+    Raises PhasemapError if the image has no scene.
+    Raises FileError if a file that the scene names is in none of the folders, or has changed.
     """
     if "scene" not in image.attrs:
         raise PhasemapError(

@@ -30,8 +30,6 @@ from phasemap.validation.checking.tolerance import (
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["compare"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -56,14 +54,7 @@ class _Quantity(NamedTuple):
 def compare(picture: Picture, surface: Surface, again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
     """Judge what the image says of the pixels that were solved again.
 
-    Parameters
-    ----------
-    picture : Picture
-    surface : Surface
-        As it passed under the tip.
-    again : Again
-    by : str
-        What solved them, in words.
+    `surface`: as it passed under the tip.
     """
     claimed, found = picture.raw("status").reshape(-1)[again.pixels], again.status == col.GOOD
     decided = _decided(picture, again)

@@ -27,8 +27,6 @@ from phasemap.validation.checking.channels import follows
 from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import Claim, judged, pixels_in_words
 
-__all__ = ["invariants"]
-
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-8  # of what is compared; the solvers iterate until little less is left
@@ -40,11 +38,7 @@ CLOSES = 1e-6  # energy closure of an exact orbit, as the tests assert it
 def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
     """Judge what all pixels claim.
 
-    Parameters
-    ----------
-    picture : Picture
-    surface : Surface
-        As it passed under the tip, drift and all.
+    `surface`: as it passed under the tip, drift and all.
     """
     yield _numbers(picture)
     if picture.claims.realism.bits is not None:

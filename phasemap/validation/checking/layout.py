@@ -17,8 +17,6 @@ from phasemap.validation.checking.result import FAILS, HOLDS, Claim
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["layout"]
-
 
 def layout(image: xr.Dataset, claims: Claims) -> Claim:
     """Judge the layout; nothing else can be looked at where it fails."""

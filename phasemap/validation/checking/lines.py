@@ -21,8 +21,6 @@ from phasemap.solvers.solver import by_name
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import HOLDS, OPEN, Claim, judged
 
-__all__ = ["scan_again"]
-
 Rows = NDArray[np.intp]
 Values = dict[str, Any]
 """Of each variable an array of shape (directions, lines, nx)."""
@@ -42,18 +40,11 @@ def scan_again(
 ) -> list[Claim]:
     """Judge a few whole lines, there and back.
 
-    Parameters
-    ----------
-    picture : Picture
-        Of a `Feedback`.
-    surface : Surface
-        As it passed under the tip.
-    count : int
-        How many lines: the first ones where the tip was engaged once, or else some with most changes of branch, and
-        any others.
-    seed : int
-    threads, progress
-        As in `phasemap.simulate`; progress is in lines.
+    `picture`: of a `Feedback`.
+    `surface`: as it passed under the tip.
+    `count`: how many lines: the first ones where the tip was engaged once, or else some with most changes of
+        branch, and any others.
+    `threads`, `progress`: as in `phasemap.simulate`; progress is in lines.
     """
     claims = picture.claims
     job = Job(

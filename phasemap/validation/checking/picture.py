@@ -27,16 +27,9 @@ MEAN = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """The variables of an image, each of shape (directions, ny, nx) also where there is one direction only.
+    """The variables of an image, each of shape (directions, ny, nx) also where there is one direction only."""
 
-    Parameters
-    ----------
-    image : xarray.Dataset
-        Of the dims and shape that `claims` has.
-    claims : Claims
-    """
-
-    image: xr.Dataset
+    image: xr.Dataset  # of the dims and shape that `claims` has
     claims: Claims
 
     @property

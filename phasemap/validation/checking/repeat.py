@@ -23,8 +23,6 @@ from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import FAILS, OPEN, Claim, judged
 from phasemap.validation.checking.tolerance import Errors, allowed, spread, values_again
 
-__all__ = ["repeat"]
-
 Array = NDArray[Any]
 Pixels = NDArray[np.intp]
 
@@ -38,14 +36,8 @@ FACTOR = 10.0  # between errors that are estimated twice
 def repeat(picture: Picture, surface: Surface, pixels: Pixels, threads: int | None) -> Claim:
     """Judge whether the solver that made the image finds the same.
 
-    Parameters
-    ----------
-    picture : Picture
-    surface : Surface
-        As it passed under the tip.
-    pixels : ndarray of int, shape (n,)
-        Flat.
-    threads : int, optional
+    `surface`: as it passed under the tip.
+    `pixels` (shape (n,)): flat.
     """
     again = _made_again(picture, surface, pixels, threads)
     names = [str(name) for name in picture.image.data_vars if name in again]  # not integrals over orbits, where asked
@@ -106,5 +98,6 @@ def _largest(picture: Picture, pixels: Pixels, again: dict[str, Any]) -> dict[st
     amplitude = RELATIVE * picture.claims.amplitude + picture.coarse("amplitude")
     largest["amplitude"] = amplitude + largest["amplitude_spread"]
     largest["adhesion_virial"], largest["adhesion_loss"] = largest["virial"], largest["dissipation"]
+    largest["contact_storage"] = largest["virial"]
     largest["energy_closure"] = np.full(len(pixels), CLOSES)
     return largest

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from phasemap.validation.checking.picture import Picture
 
-__all__ = ["FAILS", "HOLDS", "OPEN", "Check", "Claim", "judged", "pixels_in_words"]
-
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"
 SHOWN = 3  # of the pixels that fail
 WIDTH = 62  # of what was found, in letters
@@ -25,27 +23,15 @@ LAYOUT = "{:<46}  {:<10}  {:>9}  "
 
 @dataclass(frozen=True)
 class Claim:
-    """One thing that an image says of itself.
+    """One thing that an image says of itself."""
 
-    Attributes
-    ----------
-    about : str
-        The claim, in words.
-    result : {"holds", "FAILS", "not judged"}
-        "not judged" where nothing was claimed that could be contradicted, or what could contradict it comes to no
-        result.
-    pixels : int
-        In how many pixels it was looked at.
-    found : str
-        What was found, in words.
-    worst : tuple of (int, int, int)
-        Direction, row and column of the pixels that contradict it most, none where it holds.
-    """
-
-    about: str
+    about: str  # the claim, in words
+    # "holds" or "FAILS" or "not judged"; "not judged" where nothing was claimed that could be contradicted, or
+    # what could contradict it comes to no result
     result: str
-    pixels: int
-    found: str = ""
+    pixels: int  # in how many pixels it was looked at
+    found: str = ""  # what was found, in words
+    # Direction, row and column of the pixels that contradict it most, none where it holds
     worst: tuple[tuple[int, int, int], ...] = ()
 
 
@@ -102,16 +88,9 @@ class Check:
 def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:
     """The claim that no pixel is bad; not judged where there is none to look at.
 
-    Parameters
-    ----------
-    about : str
-    picture : Picture
-        Whose pixels they are.
-    bad, looked_at : ndarray of bool, shape (directions, ny, nx)
-    by : ndarray
-        How bad each is, of that shape; the worst are named.
-    found : str
-        What there is to say where it holds.
+    `bad`, `looked_at` (shape (directions, ny, nx)).
+    `by`: how bad each is, of that shape; the worst are named.
+    `found`: what there is to say where it holds.
     """
     pixels, bad = int(np.count_nonzero(looked_at)), bad & looked_at
     count = int(np.count_nonzero(bad))

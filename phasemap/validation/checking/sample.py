@@ -7,23 +7,12 @@ from numpy.typing import NDArray
 
 from phasemap.validation.checking.picture import Picture
 
-__all__ = ["kinds", "sample"]
-
 
 def sample(picture: Picture, pixels: int, seed: int) -> NDArray[np.intp]:
     """Draw pixels, as many of each kind as there is room for, and then any.
 
-    Parameters
-    ----------
-    picture : Picture
-    pixels : int
-        How many; all if there are no more.
-    seed : int
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        Flat, in the order of the picture, each once.
+    `pixels`: how many; all if there are no more.
+    Returns an array of shape (n,): flat, in the order of the picture, each once.
     """
     kind, random = kinds(picture), np.random.default_rng(seed)
     if kind.size <= pixels:

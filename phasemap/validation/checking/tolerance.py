@@ -17,8 +17,6 @@ from phasemap.results.variables import IMAGE_VARIABLES
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import MEAN, Picture
 
-__all__ = ["IRREGULAR", "QUANTITIES", "Errors", "allowed", "spread", "stated", "values_again"]
-
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 

@@ -7,12 +7,14 @@ import math
 import numpy as np
 
 from phasemap._kernels.arrays import copy, copy_rows
-from phasemap._kernels.columns import DAMPING, LONGRANGE, RELEASE, STIFFNESS
+from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_slope, damping
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate
 from phasemap._kernels.orbits.collocation.system import (
+    AT,
+    BROKEN,
     CONTACT,
     CONTACTS,
     COS,
@@ -21,7 +23,10 @@ from phasemap._kernels.orbits.collocation.system import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    FIRST,
+    GAP,
     INSIDE,
+    LAST,
     LEVEL,
     LINEAR,
     MOST_CONTACTS,
@@ -52,6 +57,8 @@ from phasemap._kernels.quadrature import (
     T_NUMBERS,
     T_S,
 )
+
+LONGEST = 5.0  # [rad] of the contact's own oscillation that an element may span
 
 
 @kernel
@@ -105,6 +112,22 @@ def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float,
 
 
 @kernel
+def _permanent_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, nearest: float, level: int) -> int:
+    """Which of CONTACT_COUNTS resolves a whole period in contact; -1 where graded elements are short enough.
+
+    The longest of these spans most of half a period, too much where the contact's own frequency is high.
+    """
+    deepest = nearest + 2.0 * amplitude
+    rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
+    if p[DAMPING] != 0.0:
+        rate += damping(law, deepest, p)
+    turn = TWO_PI * rate / lever[OMEGA]
+    if 0.5 * turn * (1.0 - math.exp(-GRADED_WIDTHS[level])) < LONGEST:
+        return -1
+    return _pick((4.0 + math.floor(turn / LONGEST)) * (1.0 + 0.5 * level))
+
+
+@kernel
 def _neck_count(law: Law, p: np.ndarray, lever: np.ndarray, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
     rate = math.sqrt(1.0 + abs(contact_slope(law, 0.5 * p[RELEASE], p)) / lever[STIFFNESS])
@@ -144,8 +167,11 @@ def lay(
     head[COUNT, ELEMENTS], head[COUNT, LINEAR] = 0, 0.0
     reach = reach_of(law, p)
     if contacts <= 0:
-        theta, nearest = head[CONTACT, 0], head[CONTACT, 1]
+        theta, nearest = head[CONTACT, AT], head[CONTACT, GAP]
         side = OUTSIDE if contacts != PERMANENT else INSIDE if nearest > 0.0 else NECK
+        pick = _permanent_count(law, p, lever, amplitude, nearest, level) if side == INSIDE else -1
+        if pick >= 0:
+            return _span(tables, orbit, INSIDE, theta, theta + TWO_PI, pick)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUTSIDE else 0.0)) / amplitude)
         if side == OUTSIDE and p[LONGRANGE] == 0.0:
             scale = 0.0
@@ -154,8 +180,8 @@ def lay(
         )
     ok = True
     for i in range(contacts):
-        start, end, broken = head[CONTACT + i, 0], head[CONTACT + i, 1], head[CONTACT + i, 2]
-        following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
+        start, end, broken = head[CONTACT + i, FIRST], head[CONTACT + i, LAST], head[CONTACT + i, BROKEN]
+        following = head[CONTACT + i + 1, FIRST] if i + 1 < contacts else head[CONTACT, FIRST] + TWO_PI
         half = 0.5 * (end - start)
         ok = _span(tables, orbit, INSIDE, start, end, _contact_count(law, p, lever, amplitude, half, level)) and ok
         if broken > end:

@@ -22,6 +22,7 @@ from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, S
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
+from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ALL_CUT,
@@ -48,6 +49,7 @@ from phasemap._kernels.orbits.response.nodes import (
     X,
     first_harmonic,
     lay,
+    middle_of,
     parts_of,
     periods_before,
     relay,
@@ -56,25 +58,30 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.passes import (
     AMP,
     CLOSED,
+    COARSE,
     DRAG,
     ERR_HEIGHT,
     ERR_PHASE,
+    FOUND,
     HEIGHT,
+    LAST_RATIO,
+    LAST_W,
+    LOST,
     MEAN,
     PASSES,
     PHASE,
+    PHASE_CHANGE,
     PUSH,
     SLOPE,
     STATE,
     E,
+    after_pass,
     closure,
     evaluate,
-    remaining,
-    state_errors,
+    first_pass,
     unresolved,
 )
 
-LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
 MOST_STEPS, MOST_HALVINGS = 16, 6
 REUSED = 0.1  # ratio of changes with which a step may do with the stiffness of the one before
 MUCH = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
@@ -109,12 +116,6 @@ def new_bench(parts: int) -> Bench:
 def node(k: int) -> int:
     """The k-th node in contact."""
     return TOUCH + k if k < N else LATE + k - N
-
-
-@kernel
-def middle_of(f: np.ndarray) -> int:
-    """A node in the middle of the contact."""
-    return TOUCH + N // 2 if parts_of(f) == 1 else LATE
 
 
 @kernel
@@ -181,9 +182,7 @@ def fill(
 @kernel
 def drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
-    i, omega, amplitude = node(k), lever[OMEGA], state[AMP]
-    x = state[PUSH] + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+    i, (x, y) = node(k), needed(lever, state[AMP], state[PUSH], state[DRAG])
     share = 2.0 * WEIGHTS[k % N] * f[WEIGHT, i] / (math.pi * lever[BASE] * lever[BASE])
     return (x * f[COS, i] - y * f[SIN, i]) * share
 
@@ -266,52 +265,41 @@ def newton(
     The error left is taken from the last two changes, as that of passes is.
     """
     f, state, longrange, middle = bench.nodes, bench.state, p[LONGRANGE] != 0.0, middle_of(bench.nodes)
-    amplitude, omega = state[AMP], lever[OMEGA]
     h = evaluate(law, p, lever, f, state, True)
-    phase_before, height_before, w_before, left_before = math.nan, math.nan, f[W, middle], math.inf
+    phase, height, left_before, anew = state[PHASE], state[HEIGHT], math.inf, True
+    first_pass(state)
+    state[LAST_W] = f[W, middle]
     if state[PASSES] > 0.0:
-        phase_before, height_before = state[PHASE], state[HEIGHT]
-    phase_change, height_change, ratio_before, anew = math.nan, math.nan, 1.0, True
+        state[PHASE], state[HEIGHT] = phase, height
     for _ in range(MOST_STEPS):
         share = _step(law, p, lever, reach, bench, h, anew)
         if not share > 0.0:
             return LOST
         h = evaluate(law, p, lever, f, state, True)
         state[PASSES] += 1.0
-        x = state[PUSH] + amplitude * (1.0 - omega * omega)
-        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
-        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
-        if not math.isfinite(phase + height):
+        nodes, ratio_before = unresolved(lever, f, True, longrange), state[LAST_RATIO]
+        ratio = after_pass(lever, state, h, f[W, middle], nodes)
+        if not math.isfinite(state[PHASE] + state[HEIGHT]):
             return LOST
-        phase_last, height_last = phase_change, height_change
-        phase_change = abs(phase - phase_before)
-        height_change = max(abs(height - height_before), abs(f[W, middle] - w_before))
-        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
         anew = not ratio < REUSED
-        nodes = unresolved(lever, f, True, longrange)
-        state[PHASE], state[HEIGHT] = phase, height
-        if phase_change < MUCH and nodes > limits[0] * lever[BASE]:
+        if state[PHASE_CHANGE] < MUCH and nodes > limits[0] * lever[BASE]:
             return COARSE
-        if ratio >= 0.0 and share == 1.0:
-            rest = remaining(ratio, ratio_before)
-            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
-            state_errors(lever, state, rest, phase_left, height_left, nodes)
+        if share < 1.0:
+            state[LAST_RATIO] = ratio_before
+        elif ratio >= 0.0:
             left = abs(closure(lever, state))
             small = state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]
             if small and left < CLOSED:
                 return FOUND
             if small and left > 0.5 * left_before:
                 return COARSE
-            ratio_before, left_before = ratio, left
-        phase_before, height_before, w_before = phase, height, f[W, middle]
+            left_before = left
     return LOST
 
 
 @kernel
-def cut(lever: np.ndarray, short: Bench, long: Bench, longrange: bool) -> None:
+def cut(lever: np.ndarray, f: np.ndarray, finer: np.ndarray, longrange: bool) -> None:
     """Carry an orbit over to nodes that cut its contact in two."""
-    f, finer = short.nodes, long.nodes
-    copy(short.state, long.state)
     copy(f[FAR], finer[FAR])
     copy(f[FAR_WEIGHT], finer[FAR_WEIGHT])
     lay(finer, lever, f[THETA, ENTRY], f[THETA, EXIT], longrange)

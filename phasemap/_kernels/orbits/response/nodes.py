@@ -110,6 +110,12 @@ def parts_of(f: np.ndarray) -> int:
     return 2 if f.shape[1] > ALL else 1
 
 
+@kernel
+def middle_of(f: np.ndarray) -> int:
+    """A node in the middle of the contact."""
+    return TOUCH + N // 2 if parts_of(f) == 1 else LATE
+
+
 @kernel(fastmath=ANY_ORDER)
 def _running(f: np.ndarray, first: int) -> tuple[float, float]:
     """Integrals of g exp(-lambda theta) from an element's start to its nodes; returns those over all of it."""

@@ -10,25 +10,43 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import MAXIMUM, near_resonance
+from phasemap._kernels.engagement.resonance import MAXIMUM, at_crossing, near_resonance
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.response.firm import firm
-from phasemap._kernels.orbits.response.newton import COARSE, FOUND, Bench, cut, middle_of, newton
-from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, W
-from phasemap._kernels.orbits.response.passes import AMP, HEIGHT, PUSH, SLOPE, STATE, E, converge, sound, start
-from phasemap._kernels.orbits.response.pressed import SHALLOWEST, press
+from phasemap._kernels.orbits.response.newton import Bench, cut, newton
+from phasemap._kernels.orbits.response.nodes import ALL, ALL_CUT, ENTRY, EXIT, FIELDS, THETA, W, middle_of
+from phasemap._kernels.orbits.response.passes import (
+    AMP,
+    COARSE,
+    FOUND,
+    HEIGHT,
+    PARTS,
+    PUSH,
+    SLOPE,
+    STATE,
+    E,
+    beside_resonance,
+    converge,
+    evaluate,
+    sound,
+    start,
+)
+from phasemap._kernels.orbits.response.pressed import ROWS, SHALLOWEST, M, press
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
+CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 STEP = 1e-3  # of the amplitude, for dz0/dA
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
 
 class Room(NamedTuple):
-    """Scratch arrays of the cheap path: nodes, two states, a maximum of the mismatch and its fit."""
+    """Scratch arrays of the cheap path: sets of nodes, two states, a maximum of the mismatch and its fit."""
 
     nodes: np.ndarray
+    finer: np.ndarray
+    pressed: np.ndarray
     state: np.ndarray
     other: np.ndarray
     top: np.ndarray
@@ -50,7 +68,14 @@ def farthest(lever: np.ndarray, amplitude: float) -> float:
 @kernel
 def new_room() -> Room:
     """Return empty scratch arrays."""
-    return Room(np.zeros((FIELDS, ALL)), np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
+    nodes, finer, pressed = np.zeros((FIELDS, ALL)), np.zeros((FIELDS, ALL_CUT)), np.zeros((ROWS, 2 * M + 1))
+    return Room(nodes, finer, pressed, np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
+
+
+@kernel
+def solved(room: Room) -> np.ndarray:
+    """The nodes at which the orbit of `room.state` is."""
+    return room.finer if room.state[PARTS] > 1.0 else room.nodes
 
 
 @kernel
@@ -68,21 +93,20 @@ def refine(
     reach: float,
     guess: np.ndarray,
     limits: np.ndarray,
-    f: np.ndarray,
-    state: np.ndarray,
+    room: Room,
 ) -> bool:  # fmt: skip
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if e < -SHALLOWEST * amplitude:
-        _begin(guess, e, state)
-        return press(law, p, lever, limits, state) and _belongs(lever, guess, state)
-    if _pass_from(law, p, lever, reach, guess, e, limits, f, state):
+        _begin(guess, e, room.state)
+        return press(law, p, lever, limits, room.pressed, room.state) and _belongs(lever, guess, room.state)
+    if _pass_from(law, p, lever, reach, guess, e, limits, room):
         return True
     if not grazes(p, reach, guess):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
-    return _pass_from(law, p, lever, reach, guess, e, limits, f, state)
+    return _pass_from(law, p, lever, reach, guess, e, limits, room)
 
 
 @kernel
@@ -94,17 +118,27 @@ def _pass_from(
     guess: np.ndarray,
     e: float,
     limits: np.ndarray,
-    f: np.ndarray,
-    state: np.ndarray,
+    room: Room,
 ) -> bool:  # fmt: skip
-    """Passes from a harmonic orbit with this e, which settles whether the tip touches."""
+    """Passes from a harmonic orbit with this e, which settles whether the tip touches.
+
+    Beside resonance, where contacts are long, they go on at nodes that cut them in two.
+    """
+    f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
     _begin(guess, e, state)
-    return (
-        start(law, p, lever, reach, f, state)
-        and converge(law, p, lever, f, state, False, limits[0], limits[1])
-        and _belongs(lever, guess, state)
-        and sound(law, p, lever, reach, f, state)
-    )
+    if not start(law, p, lever, reach, f, state):
+        return False
+    state[PARTS] = 1.0
+    found = converge(law, p, lever, f, state, False, limits[0], limits[1])
+    if found == COARSE and f[THETA, EXIT] > f[THETA, ENTRY] and beside_resonance(lever):
+        gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
+        if not at_crossing(law, p, lever, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
+            return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
+        cut(lever, f, room.finer, longrange)
+        f, state[PARTS] = room.finer, 2.0
+        evaluate(law, p, lever, f, state, True)
+        found = converge(law, p, lever, f, state, False, limits[0], limits[1])
+    return found == FOUND and _belongs(lever, guess, state) and sound(law, p, lever, reach, f, state)
 
 
 @kernel
@@ -135,7 +169,8 @@ def refine_stiff(
         return 0
     found = newton(law, p, lever, reach, limits, bench)
     if found == COARSE:
-        cut(lever, short, long, p[LONGRANGE] != 0.0)
+        cut(lever, short.nodes, long.nodes, p[LONGRANGE] != 0.0)
+        copy(short.state, long.state)
         bench, parts = long, 2
         found = newton(law, p, lever, reach, limits, bench)
     f, state = bench.nodes, bench.state
@@ -149,15 +184,18 @@ def refine_stiff(
 @kernel
 def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
-    f, here, there = room.nodes, room.state, room.other
+    f, here, there = solved(room), room.state, room.other
+    if here[PARTS] == 0.0:
+        return False
     copy(here, there)
     move = STEP * here[AMP]
     there[AMP] += move
     there[E] += move
-    if not converge(law, p, lever, f, there, False, limits[0], min(limits[1], 1e-2 * move)):
+    if converge(law, p, lever, f, there, False, limits[0], min(limits[1], 1e-2 * move)) != FOUND:
         return False
     if not there[HEIGHT] - here[HEIGHT] > LEAST_ALONG * move:
         return False
     # Back to where the nodes were.
     reach = reach_of(law, p)
-    return converge(law, p, lever, f, here, False, limits[0], limits[1]) and sound(law, p, lever, reach, f, here)
+    found = converge(law, p, lever, f, here, False, limits[0], limits[1])
+    return found == FOUND and sound(law, p, lever, reach, f, here)

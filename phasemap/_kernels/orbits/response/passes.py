@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
-from phasemap._kernels.lever import mismatch
+from phasemap._kernels.lever import mismatch, phase_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     COS,
@@ -33,12 +33,14 @@ from phasemap._kernels.orbits.response.nodes import (
     force,
     grade,
     lay,
+    middle_of,
     parts_of,
     relay,
     respond,
 )
 from phasemap._kernels.quadrature import barycentric
 
+LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
 MOST_PASSES, MOST_MOVES = 24, 4
 ENOUGH = 0.02  # of the first mismatch in a pass may be left, for the next pass changes it again
 SAFETY = 8.0  # over the error that two changes tell
@@ -49,9 +51,11 @@ LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to whe
 WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
 DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
 # Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
-# largest A cos(theta) + w where the nodes are others, else 0.
+# largest A cos(theta) + w where the nodes are others, else 0; what the last pass changed, and the ratio before; and
+# in how many parts the contact is at the nodes.
 AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL = range(9)
-PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, APEX, STATE = range(9, 16)
+PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, APEX = range(9, 15)
+LAST_W, PHASE_CHANGE, HEIGHT_CHANGE, LAST_RATIO, PARTS, STATE = range(15, 21)
 BARYCENTRIC = barycentric(X)
 _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
@@ -154,53 +158,72 @@ def balance(
     return h
 
 
+@kernel
+def first_pass(state: np.ndarray) -> None:
+    """Forget the changes of passes made before."""
+    for i in (PHASE, HEIGHT, LAST_W, PHASE_CHANGE, HEIGHT_CHANGE):
+        state[i] = math.nan
+    state[LAST_RATIO] = 1.0
+
+
+@kernel
+def after_pass(lever: np.ndarray, state: np.ndarray, h: float, w: float, nodes: float) -> float:
+    """Phase and tip offset after a pass, from the mismatch left and a deflection `w`, and the errors that are left.
+
+    The errors are taken from the last two changes as if they went on like a geometric series, many times over: theory,
+    Eq. (errors-1). Returns the ratio of the changes, NaN before there are two.
+    """
+    phase, height = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), state[E] - h / state[SLOPE] - state[MEAN]
+    phase_last, height_last = state[PHASE_CHANGE], state[HEIGHT_CHANGE]
+    phase_change = abs(phase - state[PHASE])
+    height_change = max(abs(height - state[HEIGHT]), abs(w - state[LAST_W]))
+    state[PHASE], state[HEIGHT], state[LAST_W] = phase, height, w
+    state[PHASE_CHANGE], state[HEIGHT_CHANGE] = phase_change, height_change
+    ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
+    if ratio >= 0.0:
+        rest = remaining(ratio, state[LAST_RATIO])
+        phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
+        state_errors(lever, state, rest, phase_left, height_left, nodes)
+        state[LAST_RATIO] = ratio
+    return ratio
+
+
 @kernel(shared=True)
 def converge(
     law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, hold: bool,
     limit_phase: float, limit_height: float,
-) -> bool:  # fmt: skip
-    """Repeat passes until the estimated errors are below the limits; with `hold`, the drive is what is found.
+) -> int:  # fmt: skip
+    """Repeat passes until estimated errors are below the limits: FOUND, LOST or COARSE; with `hold`, drive is found.
 
-    The error left is taken from the last two changes as if they went on like a geometric series, many times over:
-    theory, Eq. (errors-1).
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes that contract slowly in contact are given up soon, for Newton's method.
     """
-    amplitude, omega, longrange = state[AMP], lever[OMEGA], p[LONGRANGE] != 0.0
+    longrange = p[LONGRANGE] != 0.0
     touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
-    nearest = TOUCH + N // 2 if touching else OUT
-    phase_before, height_before, phase_change, height_change = math.nan, math.nan, math.nan, math.nan
-    w_before, left_before = 0.0, math.inf
-    ratio_before, slow, most_slow = 1.0, 0, 1 if touching and beside_resonance(lever) else 4
+    nearest, beside = middle_of(f) if touching else OUT, touching and beside_resonance(lever)
+    left_before, slow, most_slow = math.inf, 0, 1 if beside else 4
+    first_pass(state)
     for _ in range(MOST_PASSES):
         respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
         h = balance(law, p, lever, f, state, touching, hold)
         state[PASSES] += 1.0
-        x = state[PUSH] + amplitude * (1.0 - omega * omega)
-        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
-        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
-        if not (math.isfinite(phase + height) and f[THETA, EXIT] >= f[THETA, ENTRY]):
-            return False
-        phase_last, height_last = phase_change, height_change
-        phase_change = abs(phase - phase_before)
-        height_change = max(abs(height - height_before), abs(f[W, nearest] - w_before))
-        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
+        nodes = unresolved(lever, f, touching, longrange)
+        ratio = after_pass(lever, state, h, f[W, nearest], nodes)
+        if not (math.isfinite(state[PHASE] + state[HEIGHT]) and f[THETA, EXIT] >= f[THETA, ENTRY]):
+            return LOST
         if ratio >= 0.0:
-            rest = remaining(ratio, ratio_before)
-            nodes = unresolved(lever, f, touching, longrange)
-            state[PHASE], state[HEIGHT] = phase, height
-            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
-            state_errors(lever, state, rest, phase_left, height_left, nodes)
-            left = 0.0 if hold else abs(closure(lever, state))
+            left = 0.0 if hold else closure(lever, state)
             small = state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height
-            if small and left < CLOSED:
-                return True
+            if small and abs(left) < CLOSED:
+                return FOUND
             slow += ratio > 0.7
-            if slow > most_slow or nodes > limit_phase * lever[BASE] or (small and left > 0.5 * left_before):
-                return False
-            ratio_before, left_before = ratio, left
-        phase_before, height_before, w_before = phase, height, f[W, nearest]
-    return False
+            stays = abs(left - left_before) < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
+            if nodes > limit_phase * lever[BASE] or (small and stays):
+                return COARSE
+            if slow > most_slow:
+                return LOST
+            left_before = left
+    return LOST
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -242,10 +265,11 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
     little, decay = 1e-3 * depth, -4.0 * math.pi * a
-    for k in range(3 * N):
+    late = (parts_of(f) - 1) * N  # nodes of a later half of the contact
+    for k in range(3 * N + late):
         # In the order of time: the element before contact runs backwards.
-        j = N - 1 - k if k < N else k
-        in_contact = N <= j < 2 * N
+        j = N - 1 - k if k < N else k if k < 2 * N else LATE + k - 2 * N if k < 2 * N + late else k - late
+        in_contact, width = N <= k < 2 * N + late, WEIGHTS[j % N if j < LATE else j - LATE] * f[WEIGHT, j]
         if not (touching if in_contact else longrange):
             continue
         d = amplitude * f[COS, j] + f[W, j] - e
@@ -253,8 +277,8 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
             return False
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
         if in_contact and p[DAMPING] != 0.0:
-            decay += 2.0 / omega * WEIGHTS[j % N] * f[WEIGHT, j] * damping(law, max(d, 0.0), p)
-        width, squared = WEIGHTS[j % N] * f[WEIGHT, j], inverse_k * slope / (omega * omega)
+            decay += 2.0 / omega * width * damping(law, max(d, 0.0), p)
+        squared = inverse_k * slope / (omega * omega)
         if not in_contact:
             x1, y1 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x1, y1)
             x2, y2 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x2, y2)
@@ -264,7 +288,7 @@ def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
             x1, y1, x2, y2 = c * x1 + s * y1, nu * (c * y1 - s * x1), c * x2 + s * y2, nu * (c * y2 - s * x2)
         x1, y1 = turned(nu * nu + squared, width, x1, y1)
         x2, y2 = turned(nu * nu + squared, width, x2, y2)
-        if j == OUT - 1:
+        if k == 2 * N + late - 1:
             c, s = f[TURN_COS, EXIT], f[TURN_SIN, EXIT]
             x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
     trace = trace_of(a, nu, x1, y1, x2, y2)

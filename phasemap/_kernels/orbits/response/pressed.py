@@ -42,9 +42,9 @@ from phasemap._kernels.orbits.response.passes import (
     VIRIAL,
     WORK,
     E,
+    after_pass,
     closure,
-    remaining,
-    state_errors,
+    first_pass,
     turned,
 )
 
@@ -52,14 +52,18 @@ M = 48  # nodes on a period
 SHALLOWEST = 1.03  # e over -A: nearer than this to leaving contact the force is no longer smooth
 _ANGLE = 2 * np.pi * np.arange(M + 1) / M
 _COS, _SIN = np.cos(_ANGLE), np.sin(_ANGLE)
-# Rows of the scratch array, shape (ROWS, 2 M + 1): motion, its rate, force, and twice round what a force makes of both.
-W, U, G, TO_W, TO_U, ROWS = 0, 1, 2, 3, 4, 5
+# Rows of the scratch array, shape (ROWS, 2 M + 1): motion, its rate, force, twice round what a force makes of both, and
+# omega and alpha0 of the lever that does.
+W, U, G, TO_W, TO_U, OF, ROWS = 0, 1, 2, 3, 4, 5, 6
 
 
 @kernel
 def _tabulate(lever: np.ndarray, f: np.ndarray) -> None:
     """Fill the response to a force at a node: entry M - i + j is that of node i to node j."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
+    if f[OF, 0] == omega and f[OF, 1] == alpha0:
+        return
+    f[OF, 0], f[OF, 1] = omega, alpha0
     f[TO_W], f[TO_U] = 0.0, 0.0
     for n in range(2, M // 2):
         x, y = 1.0 - (n * omega) ** 2, 2.0 * alpha0 * n * omega
@@ -152,13 +156,16 @@ def _finish(f: np.ndarray, state: np.ndarray) -> float:
 
 
 @kernel
-def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, state: np.ndarray) -> bool:
-    """Exact orbit near the harmonic one of `state` if the tip stays in contact on it; as `converge` and `sound`."""
-    f, amplitude, omega = np.zeros((ROWS, 2 * M + 1)), state[AMP], lever[OMEGA]
+def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, f: np.ndarray, state: np.ndarray) -> bool:
+    """Exact orbit near the harmonic one of `state` if the tip stays in contact on it; as `converge` and `sound`.
+
+    `f` is a scratch array, zero at first, which keeps the lever's table.
+    """
+    amplitude = state[AMP]
     _tabulate(lever, f)
+    f[W], f[U] = 0.0, 0.0
     _force(law, p, lever, f, state)
-    phase_before, height_before, w_before = math.nan, math.nan, 0.0
-    phase_change, height_change, ratio_before = math.nan, math.nan, 1.0
+    first_pass(state)
     for _ in range(MOST_PASSES):
         _respond(f)
         h = first = _force(law, p, lever, f, state)
@@ -171,25 +178,12 @@ def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, state:
             if 0.3 < (h - h_before) / move / state[SLOPE] < 3.0:
                 state[SLOPE] = (h - h_before) / move
         state[PASSES] += 1.0
-        x = state[PUSH] + amplitude * (1.0 - omega * omega)
-        y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
-        phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
-        if not (math.isfinite(phase + height) and state[E] < -amplitude):
+        ratio = after_pass(lever, state, h, f[W, 0], _unresolved(f))
+        if not (math.isfinite(state[PHASE] + state[HEIGHT]) and state[E] < -amplitude):
             return False
-        phase_last, height_last = phase_change, height_change
-        phase_change = abs(phase - phase_before)
-        height_change = max(abs(height - height_before), abs(f[W, 0] - w_before))
-        ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
-        if ratio >= 0.0:
-            rest, nodes = remaining(ratio, ratio_before), _unresolved(f)
-            state[PHASE], state[HEIGHT] = phase, height
-            phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
-            state_errors(lever, state, rest, phase_left, height_left, nodes)
-            small = state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]
-            if small and abs(closure(lever, state)) < CLOSED:
-                stays = _finish(f, state) - state[E] > (SHALLOWEST - 1.0) * amplitude
-                clear = state[SLOPE] * (amplitude - state[E]) < -LEAST_SLOPE
-                return stays and clear and _steady(law, p, lever, f, state)
-            ratio_before = ratio
-        phase_before, height_before, w_before = phase, height, f[W, 0]
+        small = state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]
+        if ratio >= 0.0 and small and abs(closure(lever, state)) < CLOSED:
+            stays = _finish(f, state) - state[E] > (SHALLOWEST - 1.0) * amplitude
+            clear = state[SLOPE] * (amplitude - state[E]) < -LEAST_SLOPE
+            return stays and clear and _steady(law, p, lever, f, state)
     return False

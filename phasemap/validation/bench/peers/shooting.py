@@ -28,10 +28,7 @@ MOST_ITERATIONS = 25
 def constants(equation: Equation, phase: float) -> Array:
     """Constants of an equation whose orbit has about this phase [rad].
 
-    Raises
-    ------
-    ValueError
-        If the damping exponent is not 1/2, the only one the peers' right-hand sides know.
+    Raises ValueError if the damping exponent is not 1/2, the only one the peers' right-hand sides know.
     """
     if equation.exponent != 0.5:
         raise ValueError("peers know the damping exponent 1/2 only")
@@ -62,21 +59,10 @@ def shoot(period: Period, p: Array, start: Array, tolerance: float) -> Array:
     Newton's method, damped until the orbit nearly closes; the Jacobian, by forward differences, is kept while the
     residual shrinks fivefold. The last step is not checked by another integration.
 
-    Parameters
-    ----------
-    period : callable
-        See `Period`.
-    p : ndarray, shape (9,)
-        See `constants`.
-    start : ndarray, shape (3,)
-        (z, z', z0) at time p[BEGIN].
-    tolerance : float
-        Of the integrator.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Tip offset, phase [rad], and 1 where it converged, 0 where not.
+    `period`: see `Period`.
+    `p` (shape (9,)): see `constants`.
+    `start` (shape (3,)): (z, z', z0) at time p[BEGIN].
+    Returns an array of shape (3,): tip offset, phase [rad], and 1 where it converged, 0 where not.
     """
     x = start.copy()
     if p[ALPHA0] > 0.02:  # where the lever forgets quickly, a few periods bring the higher harmonics
