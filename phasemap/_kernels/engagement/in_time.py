@@ -150,7 +150,7 @@ def move_slowly(
         if not abs(tip.u[3]) < -lowest:
             return LOWEST
         before, change = now, sums[CHANGE]
-        still = change < STILL * amplitude and alike(sums)
+        still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)
         if still and abs(from_z0 - tip.u[3]) > least and skip(law, p, lever, how, 0.0, tip):
             return AGAIN
         if hasty and not still:
