@@ -13,6 +13,9 @@ numbering, and if it can Young's modulus [Pa], NaN where it does not know. Two s
   materials, with the labels numbered as suits them best
 * inversion: the share of pixels whose modulus is within a factor of 1.5
 
+The truth scores 1 and 1 in every case. What knows nothing scores, as the mean of the small set, 0.27 with one label
+for all pixels, 0.33 with labels at random, and 0.18 with 1 GPa everywhere, which two cases have in all materials.
+
 `run({"mine": method}, "large")` scores one; `write(folder, "large")` puts images and truth into netCDF files. Two
 methods are scored here: a threshold of the phase at the lower setpoint, and the package's fit of materials to these
 regions.

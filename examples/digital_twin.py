@@ -62,6 +62,7 @@ class Twin:
         """Scan, and give the channels asked for over channel, x and y ("vertical": y and x); `scan_rate` in lines/s.
 
         A channel is asked for by its name or its key. The backward trace comes in the order in which it is recorded.
+        Only None is taken as `modification`, here and below: what it fakes is simulated, and `tune` changes it.
         """
         if channels is not None and not isinstance(channels, list):
             raise TypeError("channels must be either None or a list of channel names")
@@ -78,10 +79,11 @@ class Twin:
         return found if direction == "horizontal" else found.transpose(0, 2, 1)
 
     def scanning_emulator(
-        self, direction: str = "horizontal", channels: list[str] | None = None, scan_rate: float | None = None
-    ) -> Iterator[np.ndarray]:
+        self, direction: str = "horizontal", channels: list[str] | None = None, scan_rate: float | None = None,
+        modification: None = None,
+    ) -> Iterator[np.ndarray]:  # fmt: skip
         """A scan, slice by slice along its first ("horizontal") or second ("vertical") axis, over channel and pixel."""
-        scan = self.get_scan(channels, scan_rate=scan_rate)
+        scan = self.get_scan(channels, modification, scan_rate)
         yield from np.moveaxis(scan, 1 if direction == "horizontal" else 2, 0)
 
     def go_to(self, x: float, y: float) -> bool:
@@ -93,10 +95,10 @@ class Twin:
 
     def scan_individual_line(
         self, direction: str = "horizontal", trace: str = "forward", coord: float = 0.0,
-        channels: list[str] | None = None,
+        channels: list[str] | None = None, modification: None = None,
     ) -> np.ndarray:  # fmt: skip
         """The line along x ("horizontal") at y = `coord`, or along y at x = `coord`, over channel and pixel."""
-        scan = self.get_scan(channels, trace=trace)
+        scan = self.get_scan(channels, modification, trace=trace)
         if direction == "horizontal":
             self.go_to(float(self.x_coords[-1 if trace == "forward" else 0]), coord)
             return scan[:, :, np.abs(self.y_coords - coord).argmin()]
@@ -104,7 +106,9 @@ class Twin:
         column = np.abs(self.x_coords - coord).argmin()
         return scan[:, column if trace == "forward" else -1 - column]
 
-    def scan_arbitrary_path(self, path_points: np.ndarray, channels: list[str] | None = None) -> np.ndarray:
+    def scan_arbitrary_path(
+        self, path_points: np.ndarray, channels: list[str] | None = None, modification: None = None
+    ) -> np.ndarray:
         """The pixels on straight lines between points (x, y) of a path, over channel and pixel."""
         points = np.asarray(path_points, float)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
@@ -116,7 +120,7 @@ class Twin:
         steps = np.abs(np.diff(places, axis=0)).max(axis=1)
         on = [np.linspace(a, b, n + 1) for a, b, n in zip(places, places[1:], steps, strict=False)]
         x, y = np.concatenate(on).round().astype(int).T
-        return self.get_scan(channels)[:, x, y]
+        return self.get_scan(channels, modification)[:, x, y]
 
     def get_spectrum(
         self, location: tuple[float, float] | None = None, channel: str | None = None

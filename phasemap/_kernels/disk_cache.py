@@ -1,4 +1,4 @@
-"""Compiled code on disk: one file for each function and set of argument types.
+"""Compiled code on disk, as long as nothing that it depends on changes: a file for each function and argument types.
 
 A file is found by its name, which has a digest of everything that its bits depend on: the sources of all kernels, of a
 formula all that it uses, the versions of Python, numba and LLVM, and the processor. It begins with a digest of its

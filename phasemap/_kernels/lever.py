@@ -1,4 +1,4 @@
-"""The free lever: its amplitude and phase, and the lengths and forces that it sets."""
+"""The lever: how far it swings freely, the drive that an orbit needs and from it the phase, lengths that it sets."""
 
 from __future__ import annotations
 
@@ -34,21 +34,25 @@ def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
     return 0.5 * free * half * half
 
 
+@kernel(light=True)
+def needed(lever: np.ndarray, amplitude: float, push: float, drag: float) -> tuple[float, float]:
+    """Drive [m] that a motion of this amplitude needs against P and S: its part in phase, and that ahead of it."""
+    omega = lever[OMEGA]
+    return push + amplitude * (1.0 - omega * omega), 2.0 * lever[ALPHA0] * omega * amplitude - drag
+
+
 @kernel
 def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
     """Drive needed over drive given, squared, less one: zero on an orbit. See theory, Eq. (averaging-4)."""
-    omega = lever[OMEGA]
-    x = push + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - drag
+    x, y = needed(lever, amplitude, push, drag)
     return (x * x + y * y) / (lever[BASE] * lever[BASE]) - 1.0
 
 
 @kernel(light=True)
-def phase_of(lever: np.ndarray, guess: np.ndarray) -> float:
-    """Phase [rad] from (z0, mean deflection, A, P, S): theory, Eq. (averaging-5)."""
-    omega, amplitude = lever[col.OMEGA], guess[col.G_A]
-    x = guess[col.G_P] + amplitude * (1.0 - omega * omega)
-    return math.atan2(x, 2.0 * lever[col.ALPHA0] * omega * amplitude - guess[col.G_S])
+def phase_of(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
+    """Phase [rad] of an orbit with this amplitude, P and S: theory, Eq. (averaging-5)."""
+    x, y = needed(lever, amplitude, push, drag)
+    return math.atan2(x, y)
 
 
 @kernel

@@ -41,6 +41,6 @@ def loop_energies(law: Law, rows: np.ndarray) -> np.ndarray:
     """`loop_energy` of every row; 0 without a neck."""
     energies = np.zeros(len(rows))
     for i in range(len(rows)):
-        if rows[i, 10] != 0.0:
+        if rows[i, RELEASE] != 0.0:
             energies[i] = loop_energy(law, parameters(rows[i]))
     return energies

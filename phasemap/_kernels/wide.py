@@ -4,8 +4,9 @@ from phasemap._kernels.columns import FULL, HARMONICS
 
 ADHESION_VIRIAL = FULL  # -<F_att A cos> [J], F_att the force less that of the same contact without adhesion or bias
 ADHESION_LOSS = FULL + 1  # what F_att takes in a cycle [J]: the energy of necks
-GRADIENT = FULL + 2  # <dF/dd> [N/m]
-DRAG = FULL + 3  # <2 alpha_s> [1]
-SIDEBANDS = FULL + 4  # what the second mode finds softer, for the first yields at sidebands: real, imaginary [N/m]
-WAVES = FULL + 6  # harmonics 2 ... 6 of z as complex amplitudes Z_n, z = Re(Z_n exp(i n theta)), real, imaginary [m]
+STORAGE = FULL + 2  # <F' (dd/dtheta)^2> [J], F' the slope of the same contact without adhesion or bias
+GRADIENT = FULL + 3  # <dF/dd> [N/m]
+DRAG = FULL + 4  # <2 alpha_s> [1]
+SIDEBANDS = FULL + 5  # what the second mode finds softer, for the first yields at sidebands: real, imaginary [N/m]
+WAVES = FULL + 7  # harmonics 2 ... 6 of z as complex amplitudes Z_n, z = Re(Z_n exp(i n theta)), real, imaginary [m]
 WIDE = WAVES + 2 * HARMONICS

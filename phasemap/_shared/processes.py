@@ -30,9 +30,9 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     the item at hand, if this process is killed.
 
     `items`: taken one by one, when a worker is free.
-    Returns: in the order in which they are done.
+    They come in the order in which they are done.
     Raises PhasemapError if a worker ended before its task did.
-    Raises Exception: what the task raised.
+    Raises what the task raised.
 
     Examples
     --------

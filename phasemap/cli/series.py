@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.microscope import Microscope
 
+SETS = {
+    "cantilever": ("stiffness", "resonance_frequency", "quality_factor"),
+    "tip": ("radius",),
+    "drive": ("frequency", "excitation"),
+}
 SAID = {"stiffness": "stiffness", "quality_factor": "quality factor", "radius": "tip radius"}
 EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
 one lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
 unknown: free amplitude, setpoint, zero and sign of the phase. A LIST has commas: a number a file in the order given,
-or one for all. key=value sets a part of the microscope that files do not say, such as tip.radius=20nm.
+or one for all; shared is one unknown for all files, free an unknown in each. key=value sets a part of the microscope
+that files do not say, such as tip.radius=20nm.
 
 examples:
   phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
@@ -39,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--by",
         choices=("phase", "height", "both"),
-        help="what tells regions apart; default: phase, or height where it is far sharper",
+        help="what tells regions apart; default: phase, or height where it is far sharper and the phase shows the same",
     )
     parser.add_argument(
         "--labels", metavar="LIST", help="netCDF files with maps of regions, as phasemap scene writes them"
@@ -122,10 +128,10 @@ def _changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]
     for word in words:
         key, _, text = word.partition("=")
         part, _, name = key.strip().partition(".")
-        allowed = {one: [field.name for field in fields(getattr(scope, one))] for one in ("cantilever", "tip", "drive")}
-        if name not in allowed.get(part, ()):
-            listed = ", ".join(f"{one}.{own}" for one, names in allowed.items() for own in names)
-            raise InputError("a key of the microscope", key, listed)
+        if name not in SETS.get(part, ()):
+            listed = ", ".join(f"{one}.{own}" for one, names in SETS.items() for own in names)
+            hint = "It is for --free-amplitudes." if name == "free_amplitude" else ""
+            raise InputError("a key of the microscope", key, listed, hint)
         try:
             value: Any = float(text)
         except ValueError:

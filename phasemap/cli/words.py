@@ -39,7 +39,7 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
 
     `name`: of the argument, as Python has it.
     `unit`: as in `numbers_in`.
-    Returns: as many as there are.
+    Returns as many numbers as there are images or files.
 
     Examples
     --------

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WORTH_SAYING = 0.1  # share of the residual's variance
+NOTABLE = 1.0  # degree, between the means of two images
 MOSTLY = 0.5  # share of the measured variance
 
 
@@ -81,7 +82,7 @@ def verdict_of(found: xr.Dataset) -> str:
     """Say how much of the first image the second explains, and what is in the rest.
 
     `found`: what `phasemap.compare` returned.
-    Returns one to five sentences.
+    One to five sentences.
     """
     first, second = names_of(found)
     explained = float(found["explained"])
@@ -93,8 +94,8 @@ def verdict_of(found: xr.Dataset) -> str:
     if found.sizes["region"] == 2 and float(found["region_contrast"][0, 1]):
         a, b = found["region_contrast"][:2, 1].values
         said.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
-    if float(found["sign"]) < 0:
-        said.append(f"For this the sign of the {first} phase was turned.")
+    if found.attrs.get("offset_from", "fitted") != "fitted":
+        said.append(_apart(found))
     slope = float(found["crosstalk"].sel(map="measured", cause="slope"))
     if slope > MOSTLY:
         said.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")
@@ -106,6 +107,16 @@ def verdict_of(found: xr.Dataset) -> str:
     if share > WORTH_SAYING:
         said.append(f"{what} {100 * share:.0f} % of what is left.")
     return " ".join(filter(None, [turned(found), *said]))
+
+
+def _apart(found: xr.Dataset) -> str:
+    """Say that the images are apart as a whole, where their zeros are held and that is most of what is left."""
+    first, second = names_of(found)
+    mean, spread = float(found["residual"].mean()), float(found["residual"].std())
+    if abs(mean) <= max(spread, NOTABLE):
+        return ""
+    how = found.attrs["offset_from"]
+    return f"With the zero that is {how}, the {first} phase is {mean:+.3g}° from the {second} one on average."
 
 
 def _alike(correlation: float, ssim: float) -> str:

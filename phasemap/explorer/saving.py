@@ -36,7 +36,7 @@ class File(NamedTuple):
 def scene_file(setting: Setting, _progress: Check) -> File:
     """The scene as TOML; of a surface that came from no scene with names, together with its maps in an archive.
 
-    Returns files that the scene names are where they were, by their whole paths.
+    Files that the scene names are where they were, by their whole paths.
     """
     tables, name = setting.tables(), _name(setting)
     if setting.subject.scene is not None:

@@ -181,7 +181,7 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "height": (col.TIP_OFFSET,), "phase": (col.PHASE,), "tip_offset": (col.TIP_OFFSET,),
         "mean_deflection": (col.MEAN,), "indentation": (col.INDENTATION,), "dissipation": (col.DISSIPATION,),
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
-        **dict.fromkeys(OF_ADHESION, (col.INDENTATION,)),
+        **dict.fromkeys(OF_ADHESION, (col.INDENTATION, col.TIP_OFFSET, col.PHASE)),
         **dict.fromkeys(OF_FORCES, (col.INDENTATION, col.TIP_OFFSET, col.MEAN)),
     }  # fmt: skip
     return sorted({column for name in names for column in needed.get(name, ())})

@@ -121,7 +121,7 @@ class Job:
         work = self.work(materials) if work is None else work
         if set(OF_ADHESION) & set(self.names):
             stiffness = self.properties(materials)[0]
-            rows = with_adhesion(rows, work, bare_rows(stiffness, self.scope, film_of(materials)))
+            rows = with_adhesion(rows, work, used, bare_rows(stiffness, self.scope, film_of(materials)))
         if set(OF_FORCES) & set(self.names):
             rows = with_forces(rows, work, used, self.scope)
         return rows

@@ -35,7 +35,7 @@ from phasemap.results.status import Status
 from phasemap.results.validity import FORCES, describe_validity
 from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, describe, provenance
 from phasemap.results.words import describe_failures
-from phasemap.solvers.march import check_marches
+from phasemap.solvers.march import check_integrals, check_marches
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
 
@@ -86,8 +86,8 @@ def simulate(
         Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
         to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
         `phasemap.channels`: "loss_tangent", "loss_tangent_corrected" and more; and what only these need,
-        adhesion_virial and adhesion_loss [J], whose integral costs more than an interpolated pixel. What a second mode
-        shows comes by default where the drive has one.
+        contact_storage, adhesion_loss and adhesion_virial [J], whose integrals cost more than an interpolated pixel.
+        What a second mode shows comes by default where the drive has one.
     strict : bool
         Raise where a pixel has no solution, instead of leaving NaN and a status.
     progress : callable, optional
@@ -234,10 +234,9 @@ def _check_memory(job: Job) -> None:
         return
     check_marches(job.solver.name)
     if isinstance(job.control, Raster):
-        raise InputError("control", "Raster", "Engage or Feedback where contacts remember")
-    if asked := [name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)]:
-        allowed = "variables that are no integral over a static force, where contacts remember"
-        raise InputError("variables", ", ".join(asked), allowed)
+        hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
+        raise InputError("control", "Raster", "Engage or Feedback where contacts remember", hint)
+    check_integrals([name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)])
 
 
 def workspace(realism: Realism) -> int:

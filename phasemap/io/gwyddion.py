@@ -26,13 +26,16 @@ HEAD = 1 << 18  # bytes of a file that say what it is
 OTHER_KINDS = {
     b"PK\x03\x04": "an archive (as JPK keeps force curves), not an image", b"%PDF": "a PDF document, not an image",
     b"\x89HDF": "an HDF5 file of a kind that Gwyddion does not read", b"\x1f\x8b": "compressed: unpack it first",
-    b"BM": "a picture, which has no units",
+    b"BM": "a picture, which has no units", b"\x93NUMPY": "an array of NumPy, which has no units",
 }  # fmt: skip
 """By the bytes that they begin with."""
+COLOURS = {"Red", "Green", "Blue", "Alpha", "Gray"}  # channels of a picture, as Gwyddion names them
+NATIVE = b"GWYP"  # how a .gwy file begins
 COPIES = 4  # of a .gwy file in memory while it is read
 MASKED = "masked pixels have no value"
 """Said by the metadata of a .gwy file whose masks hide pixels, rather than mark some that the user chose."""
 
+_NUMBERS = re.compile(rb"[\x00-\x08\x0e-\x1f]")  # bytes that no text has
 _NUMBERED = re.compile(r"\s*\(\d+\)$")  # as Gwyddion tells equal names apart
 _DIRECTION = re.compile(
     r"[\s_]*[\[(]?(retrace|trace|backward|forward|left to right|right to left)[\])]?", re.IGNORECASE
@@ -92,10 +95,11 @@ def load_channels(path: Path) -> list[Channel]:
     import numpy as np
 
     reader = extra("gwyddionpy", "reading measured files", "read")
-    native = path.suffix.lower() == ".gwy"
     with path.open("rb") as file:
-        if file.read(8).startswith(PICTURES):
-            raise FileError(f"cannot use {path}: it is a picture, which has no units.")
+        head = file.read(8)
+    if head.startswith(PICTURES):
+        raise FileError(f"cannot use {path}: it is a picture, which has no units.")
+    native = head.startswith(NATIVE)
     try:
         with tempfile.TemporaryDirectory() as folder:
             converted = path if native else Path(folder, "converted.gwy")
@@ -128,6 +132,8 @@ def load_channels(path: Path) -> list[Channel]:
         for one, own in zip(found, data, strict=True)
         if one.meta.get("Scan Line") != "Interleave"
     ]
+    if channels and {one.name for one in channels} <= COLOURS:
+        raise FileError(f"cannot use {path}: it is a picture, which has no units.")
     if not channels:
         raise FileError(f"cannot use {path}: {_other_kind(path) or 'it holds no image'}.")
     return channels
@@ -169,6 +175,8 @@ def _other_kind(path: Path) -> str:
     for mark, what in OTHER_KINDS.items():
         if head.startswith(mark):
             return f"it is {what}"
+    if re.match(rb"\s*<(!doctype )?html", head, re.IGNORECASE):
+        return "it is a web page, as a download leaves it that failed"
     if b"*Force file list" in head:
         return "it is a force curve of NanoScope, not an image"
     if path.suffix.lower() == ".nid" and re.search(rb"Dim0Name=Frequency", head):
@@ -177,7 +185,12 @@ def _other_kind(path: Path) -> str:
         points = [int.from_bytes(head[at : at + 4], "little") for at in (132, 136)]
         if points[0] and not points[1]:
             return f"it is a curve of {points[0]} points, not an image"
-    return ""
+    return "it is text, with no image in it" if _is_text(head) else ""
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether a file begins as text does, without the bytes of numbers."""
+    return bool(head.strip()) and not head.startswith(NATIVE) and not _NUMBERS.search(head)
 
 
 def _reason(error: str) -> str:

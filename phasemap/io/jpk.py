@@ -26,7 +26,7 @@ SETPOINT_SLOT = re.compile(rb"setpoint-feedback-settings\.setpoint-slot : (\w+)"
 def amplitude_sensitivity(path: Path) -> float | None:
     """The sensitivity [m/V] by which a JPK file makes metres of the amplitude in the volts of its setpoint.
 
-    Returns none where the file has no amplitude in metres, or one that is not based on the setpoint's slot.
+    Returns None where the file has no amplitude in metres, or one that is not based on the setpoint's slot.
     """
     if not path.is_file():
         return None

@@ -54,7 +54,7 @@ class ScanData:
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """The canonical values of an image that phasemap simulated.
 
-    Returns empty for other images; without the zero of a phase that was levelled.
+    It is empty for other images, and without the zero of a phase that was levelled.
     """
     try:
         told = json.loads(attrs["configuration"])

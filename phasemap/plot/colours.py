@@ -29,6 +29,9 @@ MAPS = {
 OTHERS = "viridis"
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours of lines, symbols and regions: those of Okabe and Ito, which the colour-blind tell apart."""
+STYLES, MARKERS = ("-", "--", ":", "-."), ("o", "s", "^", "D", "v", "P")
+"""Lines and symbols of free amplitudes."""
+SURE = 1.96  # standard errors, to either side, of an interval of 95 %
 FAILED = "#00e646"  # green is in none of them
 FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points that failed
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast

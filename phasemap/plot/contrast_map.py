@@ -41,7 +41,7 @@ def draw_map(
     `y_name`: what is up: "free_amplitude" or "frequency".
     `size`: width and height of the axes on the page [inch].
     `norm`: of `colours_of`.
-    Returns: for a colour bar.
+    Returns what a colour bar shows.
     """
     x, y = ds["setpoint"].values, ds[y_name].values / unit.size
     edges = edges_of(x), edges_of(y)

@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import FAILED, MAPS
-from phasemap.plot.region_fit import regions
+from phasemap.plot.region_fit import SHOWN, regions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
 LIMITS = (1, 99)  # percentiles shown
 UNSURE = "0.85"
 WORST = 0.5  # standard error of a logarithm at the end of the scale

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.plot.colours import PALETTE
+from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
-SURE = 1.96  # standard errors, to either side
-STYLES = ("-", "--", ":", "-.")  # of free amplitudes
-MARKERS = ("o", "s", "^", "D")
 
 # Sizes on the page [inch].
 SIDE, GAP, LEFT, MARGIN, TITLE, AXIS, SMALL = 2.6, 0.75, 0.6, 0.35, 0.3, 0.6, 1.9

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import PALETTE
+from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
 
 if TYPE_CHECKING:
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MARKERS = ("o", "s", "^", "D", "v", "P")  # of free amplitudes
-SURE = 1.96
 MOST = 6  # files that are shown
+COLOURED = (2, 98)  # percentiles of an image between which colours differ
+SPARE = 0.08  # of the range of contrasts, above and below it
 WIDTH, SIDE, TALL = 11.0, 3.0, 2.6  # of the page, of curves [inch]
 TITLE, TITLES, AXIS, GAP, LEFT, MARGIN = 0.35, 0.5, 0.55, 0.75, 0.65, 0.25  # titles of images have three lines
 BAR = 0.55  # of an image's width, beside its column of images
@@ -65,11 +65,11 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     half = (WIDTH - LEFT - MARGIN - GAP) / 2
     _draw_contrasts(page.place(LEFT, TITLE, half, TALL), ds)
     _draw_branches(page.place(LEFT + half + GAP, TITLE, half, TALL), ds)
-    top = TITLE + TALL + AXIS + TITLES
+    top, limits = TITLE + TALL + AXIS + TITLES, _colours(ds, shown)
     for column, i in enumerate(shown):
         left = LEFT + column * (wide + 0.1)
         panels = [page.place(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
-        drawn = _draw_pair(panels, ds, i)
+        drawn = _draw_pair(panels, ds, i, limits)
         panels[0].set_title(_title(ds, i, wide), fontsize=8, loc="left")
         if column == 0:
             for panel, said in zip(panels, ("measured", "simulated"), strict=True):
@@ -120,7 +120,7 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             low, high = (ds[name].values[curve, region] for name in ("curve_low", "curve_high"))
             axes.fill_between(level, low, high, color=color, alpha=0.12, linewidth=0)
             own = ds["curve_contrast"].values[curve, region]
-            axes.plot(level, own, color=color, linewidth=1.2, linestyle=("-", "--", ":", "-.")[curve % 4])
+            axes.plot(level, own, color=color, linewidth=1.2, linestyle=STYLES[curve % len(STYLES)])
             some = np.flatnonzero(curve_of == curve)
             at = ds["setpoint"].values[some]
             measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))
@@ -129,14 +129,24 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             said = f"region {region}" + (f", {size} nm" if ds.sizes["curve"] > 1 else "")
             axes.errorbar(
                 at, measured, SURE * error, ends, fmt=MARKERS[curve % len(MARKERS)], color=color, markersize=5,
-                capsize=2, linewidth=1, label=f"{said}, measured",
+                capsize=2, linewidth=1, label=f"{said}, measured (95 %)",
             )  # fmt: skip
             axes.plot(at, ds["fitted_contrast"].values[region, some], "_", color="0.2", markersize=13)
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "_", color="0.2", markersize=11, label="simulated, median of the draws")
     axes.plot([], [], color="0.5", linewidth=1.2, label="likeliest; shade: 95 % of the draws")
-    axes.set_title("contrast against region 0 (degrees)", fontsize=10, loc="left")
+    axes.set_title("contrast against region 0, as recorded (degrees)", fontsize=10, loc="left")
+    axes.set_ylim(*_range_of_contrasts(ds))
     _finish(axes, ds)
+
+
+def _range_of_contrasts(ds: xr.Dataset) -> tuple[float, float]:
+    """From the least to the largest contrast that was measured or is likeliest; the shade may go beyond."""
+    measured, error = ds["measured_contrast"].values[1:], SURE * ds["contrast_error"].values[1:]
+    fitted, curve = ds["fitted_contrast"].values[1:], ds["curve_contrast"].values[:, 1:]
+    every = [0.0, *(np.asarray(one)[np.isfinite(one)] for one in (measured - error, measured + error, fitted, curve))]
+    low, high = (float(end(np.hstack(every))) for end in (np.min, np.max))
+    return low - SPARE * (high - low), high + SPARE * (high - low)
 
 
 def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
@@ -145,7 +155,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
     for region in range(ds.sizes["region"]):
         color = PALETTE[region % len(PALETTE)]
         for curve in range(ds.sizes["curve"]):
-            style = ("-", "--", ":", "-.")[curve % 4]
+            style = STYLES[curve % len(STYLES)]
             for branch in range(2):
                 phase = ds["branch_phase"].values[curve, branch, region]
                 said = f"region {region}" if branch == 1 and curve == 0 else None
@@ -155,6 +165,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="files, with the fitted zero")
     axes.set_title("likeliest phases: repulsive bold, attractive thin (degrees)", fontsize=10, loc="left")
+    axes.set_ylabel("counted positive where repulsive", fontsize=8)
     _finish(axes, ds)
 
 
@@ -166,26 +177,35 @@ def _finish(axes: Axes, ds: xr.Dataset) -> None:
     axes.legend(fontsize=7, frameon=False)
 
 
-def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int) -> Any:
-    """A file as recorded, rows aligned by their regions, and its regions with the fitted contrast."""
+def _recorded(ds: xr.Dataset, i: int) -> Any:
+    """Phases of a file less that of region 0, rows aligned by their regions."""
     image, labels = ds[f"image_{i}"].values, ds[f"labels_{i}"].values
     levels = ds["phase"].values[:, i]
     inside = (labels >= 0) & np.isfinite(image)
     apart = np.where(inside, image - np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
     rows = np.array([np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in apart])
-    recorded = (image - rows[:, None] - levels[0] + 180.0) % 360.0 - 180.0
+    return (image - rows[:, None] - levels[0] + 180.0) % 360.0 - 180.0
+
+
+def _colours(ds: xr.Dataset, shown: list[int]) -> tuple[float, float]:
+    """Ends of the colours of all images: nearly all that was recorded, and every contrast."""
+    contrasts = ds["measured_contrast"].values[:, shown].ravel()
+    every = np.hstack([contrasts, *(np.nanpercentile(_recorded(ds, i), COLOURED) for i in shown)])
+    return float(np.nanmin(every)), float(np.nanmax(every))
+
+
+def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int, limits: tuple[float, float]) -> Any:
+    """A file as recorded, rows aligned by their regions, and its regions with the fitted contrast."""
+    image, labels = _recorded(ds, i), ds[f"labels_{i}"].values
     fitted = np.where(labels >= 0, ds["fitted_contrast"].values[np.maximum(labels, 0), i], np.nan)
-    contrasts = ds["measured_contrast"].values
-    most = 1.15 * max(float(np.nanmax(np.abs(contrasts))), 2.0)
-    low, high = min(0.0, float(np.nanmin(contrasts))) - 0.15 * most, max(0.0, float(np.nanmax(contrasts))) + 0.15 * most
     tall = _shape(ds, i)
     drawn: Any = None
     known = f"x_{i}" in ds.variables
     width = float(np.ptp(ds[f"x_{i}"].values)) * image.shape[1] / (image.shape[1] - 1) if known else 1.0
-    for panel, values in zip(panels, (recorded, fitted), strict=True):
+    for panel, values in zip(panels, (image, fitted), strict=True):
         drawn = panel.imshow(
-            values, cmap="cividis", vmin=low, vmax=high, extent=(0, width, tall * width, 0), interpolation="nearest",
-            aspect="auto",
+            values, cmap="cividis", vmin=limits[0], vmax=limits[1], extent=(0, width, tall * width, 0),
+            interpolation="nearest", aspect="auto",
         )  # fmt: skip
         panel.set(xticks=[], yticks=[])
         panel.set_facecolor("0.85")

@@ -72,16 +72,18 @@ def channels(
         * ``virial`` [J], positive for attraction;
         * ``loss_tangent`` [1], by the instrument's formula, tan d = E_dis / (2 pi V), V the virial of repulsion: of the
           tip's motion even where the detector sees the deflection of a lever whose base is driven;
-        * ``loss_tangent_corrected`` [1]: the same without the virial of the attraction and the energy of necks; of
-          images simulated with ``variables=["phase", "adhesion_virial", "adhesion_loss"]``, or ask `simulate` for
-          the channel itself. NaN where there is no contact to speak of;
+        * ``loss_tangent_corrected`` [1]: corrected for adhesion and for how hard the tap is, with the energy that the
+          contact stores along the orbit for the virial, and without that of necks; of images simulated with
+          ``variables=["phase", "contact_storage", "adhesion_loss"]``, or ask `simulate` for the channel itself.
+          Amplitude and phase alone do not tell it. NaN where there is no contact to speak of;
         * of a second mode (``Drive(second=Mode(...))``), where a simulated image has ``mean_gradient``,
           ``mean_damping``, ``sideband_stiffness`` and ``sideband_loss``: ``mode2_frequency_shift`` [Hz] of AM-FM,
           ``mode2_amplitude`` [m] and ``mode2_phase`` [degree] of AM-AM, ``effective_stiffness_1`` and
           ``effective_stiffness_2`` [N/m], and what the instrument makes of them by the formula for a paraboloid on
           Hertz contact, ``bimodal_modulus`` E* [Pa] and ``bimodal_indentation`` [m]. The second mode is taken to move
-          much less than the tip indents; ``mode2_over_depth`` [1] is how much it does: up to 0.1 the modulus is good
-          to 1 %, at 0.2 it is 2 % too large.
+          much less than the tip indents, ``mode2_over_depth`` [1] is how much it does, and the tap to be gentle:
+          ``bimodal_modulus_bound`` [1] is how far the modulus may be from that of two modes integrated in time. The
+          second mode counts as a small one where that is at most 0.01.
 
         The first four are the orbit's own where the image has ``dissipation`` and ``virial``, and else follow from
         amplitude and phase (of the first harmonic alone); the attribute ``derived_from`` of each says which. With
@@ -96,8 +98,9 @@ def channels(
     -----
     At resonance, with p the phase and a the amplitude over the free one, tan d = (cos p - a) / sin p (Proksch and
     Yablon 2012). Adhesion adds an attraction to the virial, so that it comes out too large, two or three times so on
-    soft and sticky materials; corrected it is omega eta / (2 E*) of a Kelvin-Voigt contact within 1 % for an
-    indentation of up to a tenth of the amplitude.
+    soft and sticky materials. So does a hard tap, for it is shorter than that of a sine: without adhesion it comes out
+    too large by up to 0.9 times the largest force over k A. Corrected it is omega eta / (2 E*) of a Kelvin-Voigt
+    contact within 1 %.
 
     Examples
     --------

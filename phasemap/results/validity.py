@@ -24,6 +24,7 @@ FORCES = ("adhesion_force", "lever_force")
 LOW_Q = 20.0  # below this, first-order averaging is off by degrees
 FREE = 1.2  # times the adhesion: force at which a lever comes free; 1.1 did wherever it was tried
 WIDE, DEEP = 2.0, 0.3  # contact radius, and depth, over a film's thickness that its law is good for
+SMALL_SECOND = 0.01  # bimodal_modulus_bound up to which the second mode counts as small
 AVERAGING = 0  # among the flags of `solver`
 
 
@@ -60,6 +61,14 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
                 "Raise the setpoint, lower the free amplitude, or give a larger radius."
             )
     yield from _of_films(ds, configuration, what)
+    if "bimodal_modulus_bound" in ds:
+        bound = ds["bimodal_modulus_bound"].values
+        if (rough := bound > SMALL_SECOND).any():
+            yield (
+                f"{_of(rough, what)}: the second mode moves too much, or the tap is too hard, to know the bimodal "
+                f"modulus to 1 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
+                "free_amplitude to a twentieth of the indentation, or raise the setpoint."
+            )
     if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):
         inside = ds["tip_offset"].values < ds["mean_deflection"].values
         if inside.any():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, SIDEBANDS, WAVES
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, SIDEBANDS, STORAGE, WAVES
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import DETECTED
 from phasemap.results.status import Status
@@ -93,6 +93,7 @@ FLOATS: dict[str, Variable] = {
         "virial of the attraction alone, in the first harmonic, positive attractive", "J", _column(ADHESION_VIRIAL)
     ),
     "adhesion_loss": Variable("energy that necks of the contact take per cycle", "J", _column(ADHESION_LOSS)),
+    "contact_storage": Variable("energy that the contact stores, without its adhesion", "J", _column(STORAGE)),
     "error_phase": Variable("estimated error of the phase", "degree", _column(col.ERROR_PHASE, 180 / np.pi)),
     "error_height": Variable("estimated error of the height", "m", _column(col.ERROR_HEIGHT)),
     "energy_closure": Variable("energy in less energy out, over energy in", "1", _column(col.CLOSURE)),
@@ -124,6 +125,8 @@ DESCRIPTIONS = {
     "error_phase": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
     "error_height": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
     "adhesion_virial": "of the force less that of the same contact without adhesion and bias; of periodic orbits",
+    "contact_storage": "mean of F' (dd/dtheta)^2 over the cycle, F' the slope of the force with depth without adhesion "
+    "and bias; where the tip moves as a sine, the virial of repulsion",
     **{
         f"phase_{n}": f"phi of z = A cos(theta) + A_{n} cos({n} theta + phi), A and theta of the first harmonic"
         for n in range(2, 2 + col.HARMONICS)
@@ -147,7 +150,7 @@ IMAGE_VARIABLES = (
     "branch", "status", "solver", "error_phase", "error_height", "energy_closure", "amplitude_spread", "phase_spread",
     "motion",
 )  # fmt: skip
-OF_ADHESION = ("adhesion_virial", "adhesion_loss")
+OF_ADHESION = ("adhesion_virial", "adhesion_loss", "contact_storage")
 """What `phasemap.solvers.integrals.with_adhesion` knows."""
 OF_FORCES = (
     "mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss",

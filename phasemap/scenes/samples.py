@@ -30,7 +30,7 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     """Draw or read what the table ``[ensemble]`` of a scene asks for.
 
     `table`: the table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
-    Returns: for each sample the value of each key.
+    Returns, for each sample, the value of each key.
     Raises FileError if the CSV file cannot be used.
 
     Examples

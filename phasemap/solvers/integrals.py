@@ -1,4 +1,4 @@
-"""Integrals over orbits that are solved: what the attraction does, the mean slope of the force, the harmonics."""
+"""Integrals over orbits that are solved: what attraction does and contacts store, the force's slope, harmonics."""
 
 from __future__ import annotations
 
@@ -26,23 +26,25 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
 
 
-def with_adhesion(rows: Array, work: Work, bare: Array) -> Array:
-    """Result rows with the virial and the loss of the attraction [J].
+def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array) -> Array:
+    """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
 
-    The attraction is the force less that of the same contact without adhesion and bias. The orbit is taken as harmonic
-    about its deepest point: in air the virial is good to 1 %, in a liquid to some 10 %.
+    The attraction is the force less that of the same contact without adhesion and bias. For its virial the orbit is
+    taken as harmonic about its deepest point: in air it is good to 1 %, in a liquid to some 10 %. The energy stored is
+    that of the tap as the equation of motion has it, good to 0.5 %, or of the harmonic orbit where it was averaged or
+    never leaves the contact.
 
     `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
+    `used` (shape (..., n)): codes of the solvers that made the rows.
     `bare` (shape (n, 12)): see `bare_rows`.
     Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
     """
     from phasemap._kernels.rows.adhesion import adhesion_rows
 
     wide = _of_tip(rows, work)
-    for some in wide.reshape(-1, *wide.shape[-2:]):
-        adhesion_rows(work.law, work.rows, bare, some)
-    wide[..., col.AMPLITUDE] = rows[..., col.AMPLITUDE]
-    return wide
+    for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
+        adhesion_rows(work.law, work.rows, bare, work.lever, codes == col.AVERAGING, some)
+    return _as_seen(wide, rows)
 
 
 def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope) -> Array:
@@ -51,8 +53,7 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
     With all harmonics of the orbit, good to half a percent, where the lever's response converges; as harmonic about
     its deepest point where the contact has a neck or the orbit was averaged, which in air is good to 1 %.
 
-    `rows`, `work`: as for `with_adhesion`.
-    `used` (shape (..., n)): codes of the solvers that made the rows.
+    `rows`, `work`, `used`: as for `with_adhesion`.
     `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
     """
     from phasemap._kernels.rows.forces import force_rows
@@ -63,13 +64,19 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
         second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
         force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, some)
-    wide[..., col.AMPLITUDE] = rows[..., col.AMPLITUDE]
-    return wide
+    return _as_seen(wide, rows)
 
 
 def _of_tip(rows: Array, work: Work) -> Array:
-    """Wide rows with the amplitude of the tip."""
+    """Wide rows with amplitude and phase of the tip."""
     wide = np.full((*rows.shape[:-1], WIDE), np.nan)
     wide[..., : rows.shape[-1]] = rows
-    wide[..., col.AMPLITUDE], _ = of_tip(work.lever, rows[..., col.AMPLITUDE], rows[..., col.PHASE])
+    wide[..., col.AMPLITUDE], wide[..., col.PHASE] = of_tip(work.lever, rows[..., col.AMPLITUDE], rows[..., col.PHASE])
+    return wide
+
+
+def _as_seen(wide: Array, rows: Array) -> Array:
+    """Wide rows with amplitude and phase as the detector has them in the result rows."""
+    for column in (col.AMPLITUDE, col.PHASE):
+        wide[..., column] = rows[..., column]
     return wide

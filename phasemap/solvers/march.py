@@ -137,6 +137,18 @@ class Remembering(FromFar):
         answers.put(chosen, some)
 
 
+def check_integrals(names: list[str]) -> None:
+    """Refuse variables and channels that are integrals over a static force, where contacts remember.
+
+    `names`: of those that are, among the variables asked for.
+    Raises `InputError`, with what is allowed.
+    """
+    if names:
+        allowed = "variables that are no integral over a static force, where contacts remember"
+        hint = "loss_tangent, dissipation and virial are none; loss_tangent_corrected and those of a second mode are."
+        raise InputError("variables", ", ".join(names), allowed, hint)
+
+
 def check_marches(name: str) -> None:
     """Refuse a solver that does not march, where contacts remember."""
     if name not in ("auto", March.name):

@@ -98,6 +98,8 @@ def solve_on_curves(
 
 def settle_in_time(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
     """Ask time where no periodic orbit was found."""
+    if (answers.status[first:last] == col.GOOD).all():
+        return
     lost = first + np.flatnonzero(np.isin(answers.status[first:last], NO_ORBIT))
     March().settle(work, lost, answers, periods)
 

@@ -165,8 +165,8 @@ def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path
     again = python(IMAGE, **place)
     assert again.returncode == 0, again.stderr
     assert again.stdout == whole.stdout != ""
-    found = set(tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX))
-    assert found == set(shared)
+    found = tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX)  # older versions' need not come back
+    assert {file.name.split(".shared-")[0] for file in found} == {file.name.split(".shared-")[0] for file in shared}
 
 
 def test_what_python_does_faster_than_it_is_compiled_is_the_same_in_kernels() -> None:

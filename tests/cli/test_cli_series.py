@@ -45,6 +45,7 @@ def test_files_become_a_summary_a_dataset_and_a_page(files, tmp_path, capsys):
     ("words", "message"),
     [
         (["tip.size=3"], "tip.radius"),
+        (["drive.free_amplitude=40nm"], "It is for --free-amplitudes."),
         (["--setpoints", "0.5,0.6,0.7"], "2 with commas between them"),
         (["--labels", "nowhere.nc"], "nowhere.nc"),
     ],

@@ -400,6 +400,8 @@ def test_a_recorded_zero_is_used_unless_another_is_asked_for() -> None:
     used, free = pm.compare(recorded, one, limit=0), pm.compare(recorded, one, limit=0, offset="free")
     assert value(used, "offset") == 60.0 and value(used, "rmse") == pytest.approx(2.0)
     assert value(free, "offset") == pytest.approx(62.0) and used.attrs["offset_from"] == "recorded"
+    assert "With the zero that is recorded, the measured phase is +2° from the simulated one" in verdict_of(used)
+    assert "With the zero" not in verdict_of(free)
 
 
 @pytest.mark.parametrize(("low", "offset"), [(-180.0, 180.0), (0.0, 360.0)])

@@ -12,9 +12,9 @@ import phasemap as pm
 
 INTERFACE = {  # of DTMicroscope.base.afm.AFM_Microscope; modification adds faults that are simulated here
     "get_dataset_info": [], "get_scan": ["channels", "modification", "scan_rate", "trace", "direction"],
-    "scanning_emulator": ["direction", "channels", "scan_rate"], "go_to": ["x", "y"],
-    "scan_individual_line": ["direction", "trace", "coord", "channels"],
-    "scan_arbitrary_path": ["path_points", "channels"], "get_spectrum": ["location", "channel"],
+    "scanning_emulator": ["direction", "channels", "scan_rate", "modification"], "go_to": ["x", "y"],
+    "scan_individual_line": ["direction", "trace", "coord", "channels", "modification"],
+    "scan_arbitrary_path": ["path_points", "channels", "modification"], "get_spectrum": ["location", "channel"],
 }  # fmt: skip
 
 
@@ -60,6 +60,8 @@ def test_scans_lines_and_paths_are_of_the_same_pixels(twin: digital_twin.Twin) -
 def test_what_the_afm_refuses_is_refused(twin: digital_twin.Twin) -> None:
     for ask in (
         lambda: twin.get_scan(modification=[{}]), lambda: twin.get_spectrum(channel="Phase"),
+        lambda: list(twin.scanning_emulator(modification=[{}])), lambda: twin.scan_individual_line(modification=[{}]),
+        lambda: twin.scan_arbitrary_path(np.zeros((2, 2)), modification=[{}]),
         lambda: twin.scan_arbitrary_path(np.zeros((1, 2))),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=r"modification|point cloud|path_points"):

@@ -1,6 +1,6 @@
 """Series of files that leave most unsaid: order and sign are found, the truth is in the errors, doubts are said."""
 
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from documented import check
 import phasemap as pm
 from phasemap.inference.series.contrasts import medians, regions_of
 from phasemap.inference.series.settings import FREE, HELD, SHARED, scope_of, settings_of
+from phasemap.inference.series.words import _why, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 HARD, SOFT = pm.Material(3.0e9, 0.15, 0.004), pm.Material(0.4e9, 0.02, 0.05)
@@ -232,13 +233,52 @@ def test_levers_that_files_say_differently_and_drives_beside_resonance_are_told(
         ({"labels": np.zeros((2, 2), int)}, "whole numbers of shape"),
         ({"setpoints": [0.5, 0.6]}, "a number or 3, one a file"),
         ({"free_amplitudes": "unknown"}, "'shared', 'free' or numbers"),
+        ({"free_amplitudes": 40.0}, "usual 50 pm"),
         ({"known": {7: HARD}}, "materials of regions 0 to 1"),
         ({"prior_factor": (2.0, 3.0)}, "a number above 1, or three"),
     ],
 )
 def test_wrong_input_is_named(changed, message):
-    with pytest.raises(pm.InputError, match=message):
+    with pytest.raises(pm.InputError, match=message), pm.strict_units():
         pm.series(measure(phases()), **changed)
+
+
+def test_a_turn_is_explained_as_far_as_branches_are_certain():
+    turn = partial(_why, region=1)
+    assert turn(np.array([0.0, 1.0]), np.array([1.0, 1.0])) == (
+        "region 0 goes from attractive to repulsive while region 1 stays repulsive"
+    )
+    assert turn(np.array([0.5, 0.5]), np.array([1.0, 1.0])) == "which region changes its branch is not certain"
+    assert turn(np.array([1.0, 1.0]), np.array([1.0, 1.0])).startswith("both stay repulsive")
+    assert turn(np.array([0.0, 1.0]), np.array([0.0, 1.0])) == "neither region changes its branch"
+
+
+def test_ratios_beside_voltages_are_refused_by_name():
+    files = measure(phases())
+    del files[1].attrs["setpoint"]
+    files[1].attrs["setpoint_voltage"] = 0.4
+    del files[2].attrs["setpoint"]
+    said = "at 0.5: 0.5 of the free amplitude; at 0.9: 400 mV; at 0.7: nothing; allowed: ratios to the free amplitude"
+    with pytest.raises(pm.InputError, match=said):
+        pm.series(files)
+
+
+def test_regions_that_the_phase_does_not_show_do_not_serve():
+    files = measure(phases((0.5, 0.6)), (0.5, 0.6))
+    for one in files:  # specks far sharper than the phase, which knows nothing of them
+        height = np.random.default_rng(4).normal(0, 2e-10, SHAPE)
+        height[::4, ::5] = height[1::4, ::5] = 1e-7
+        one["height"] = (("y", "x"), height)
+    assert regions_of(files, ["a", "b"], None, None, 2).told[0].startswith("Regions by phase")
+
+
+def test_where_there_is_no_contrast_nothing_is_said_of_materials(found):
+    faint = found.assign(measured_contrast=0.01 * found.measured_contrast).assign_attrs(verdict="", advice="")
+    tell(faint, None, None)
+    assert faint.attrs["verdict"].startswith("No file has a contrast of more than 2 standard errors: the largest is")
+    assert "phase_error" in faint.attrs["advice"]
+    tell(lone := found.assign(measured_contrast=np.nan * found.measured_contrast), None, None)
+    assert lone.attrs["verdict"] == "No file has two regions: there is nothing to explain."
 
 
 def test_files_of_different_levers_and_single_files_are_refused():
@@ -260,10 +300,12 @@ def test_a_real_flake_has_the_same_contrast_in_both_directions():
     spec = find_spec("NSFopen")
     image = pm.read_image(Path(spec.submodule_search_locations[0], "example", "Plotting_Data", "MoS2.nid"))
     both = [image.sel(direction=one, drop=True) for one in ("trace", "retrace")]
-    found = regions_of(both, ["trace", "retrace"], None, "phase", 2)
+    found = regions_of(both, ["trace", "retrace"], None, None, 2)
+    assert found.told[0].startswith("Regions by phase"), "specks are sharper in height, and not what the phase shows"
     seen = medians(both, found.labels)
     contrast = abs(seen.values[1] - seen.values[0])
     # Populations at -27 and -7 degrees, forward and backward; the tip changed in mid-scan.
     np.testing.assert_allclose(contrast, 20.0, atol=3.0)
     assert abs(contrast[0] - contrast[1]) < 4 * np.hypot(*np.hypot(*seen.errors)) + 1.0
-    assert settings_of(both, ["trace", "retrace"], GIVEN).setpoint == HELD
+    settings = settings_of(both, ["trace", "retrace"], GIVEN)
+    assert settings.setpoint == HELD and "the same setting" in settings.told[-1]

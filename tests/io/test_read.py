@@ -287,7 +287,8 @@ def test_a_file_that_is_cut_short_or_foreign_is_refused_in_one_sentence(tmp_path
     }
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
-        why = "it is empty" if not content else "it is damaged, cut short, or of no format that Gwyddion reads"
+        why = "it is damaged, cut short, or of no format that Gwyddion reads"
+        why = {"empty.ibw": "it is empty", "text.nid": "it is text, with no image in it"}.get(name, why)
         with pytest.raises(FileError, match=f"^cannot read [^\n]*{name}: {why}\\.$"):
             read_image(tmp_path / name)
     with pytest.raises(FileError, match="it is a folder"):
@@ -474,6 +475,8 @@ def test_asylum_counts_lag_positive_and_says_so() -> None:
             b"\x05\0" + bytes(130) + (512).to_bytes(4, "little") + bytes(400),
             "a curve of 512 points, not an image.",
         ),
+        ("notes.gwy", b"Measured on Monday, at 40 N/m.\n", "text, with no image in it."),
+        ("scan.jpk", b"<!DOCTYPE html><html>404</html>", "a web page, as a download leaves it that failed."),
         ("force.001", b"\\*Force file list\r\n" + bytes(300), "a force curve of NanoScope, not an image."),
         ("tune.nid", b"[DataSet]\nDim0Name=Frequency\n", "a resonance curve, not an image."),
         ("map.jpk-force-map", b"PK\x03\x04" + bytes(64), "an archive (as JPK keeps force curves), not an image."),

@@ -67,10 +67,6 @@ def words(figure: Figure) -> str:
     return " | ".join(text.get_text() for text in figure.texts)
 
 
-def axis_of(ds: xr.Dataset) -> str:
-    return str(ds["status"].dims[1])
-
-
 def test_a_sweep_is_read_back_identical(ds: xr.Dataset, tmp_path: Path) -> None:
     assert load(save(ds, tmp_path / "sweep.nc")).identical(ds)
     ds.to_netcdf(tmp_path / "plain.nc")

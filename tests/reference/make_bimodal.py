@@ -104,6 +104,10 @@ DEFAULTS = dict(
     second_stiffness=1600.0, second_frequency=1.8831e6, second_quality_factor=600.0, second_free_amplitude=0.1e-9,
     tip_radius=10e-9, modulus=1e9, poisson_ratio=0.35, adhesion=0.0, viscosity=0.0,
 )  # fmt: skip
+SOFT = dict(
+    stiffness=3.0, resonance_frequency=70e3, quality_factor=150.0, second_stiffness=120.0, second_frequency=440e3,
+    second_quality_factor=300.0,
+)  # fmt: skip
 CASES = [
     dict(),
     dict(adhesion=0.03, viscosity=10.0),
@@ -112,13 +116,21 @@ CASES = [
     dict(second_free_amplitude=0.5e-9),
     dict(second_free_amplitude=1.0e-9),
     dict(second_free_amplitude=2.0e-9),
+    dict(second_free_amplitude=0.25e-9),
+    dict(adhesion=0.06, viscosity=10.0, setpoint=0.8, second_free_amplitude=0.25e-9),
+    dict(modulus=3e9, adhesion=0.05, viscosity=5.0),
+    dict(modulus=10e9, second_free_amplitude=0.05e-9),
+    dict(modulus=10e9, adhesion=0.05, viscosity=5.0, second_free_amplitude=0.05e-9),
+    dict(modulus=30e9, second_free_amplitude=0.03e-9),
+    dict(SOFT),
+    dict(SOFT, modulus=0.1e9, second_free_amplitude=0.3e-9),
 ]
 
 if __name__ == "__main__":
     found = []
     for case in CASES:
         case = {**DEFAULTS, **case}
-        found.append({**case, **record(case)})
+        found.append({**case, **record(case, steps=1500 if case["modulus"] < 9e9 else 2500)})
         one = found[-1]
         k1 = 2 * 0.5 * one["stiffness"] / one["quality_factor"] * one["free_amplitude"] / one["amplitude"]
         k1 *= math.sin(math.radians(one["phase"]))

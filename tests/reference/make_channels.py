@@ -8,8 +8,8 @@ integrals are further states of the same integration. Nothing is taken from phas
 forces over k in nm; the file has SI.
 
 With F = F_elastic + F_attraction + damping, where F_elastic is the same law without adhesion: virial sums <F z>, the work of
-the attraction (what a neck takes), the energy that damping takes, <dF/dd> and <damping>, both over the period, and the
-harmonics 2 ... 6 of z as complex amplitudes against that of the first, which is taken as real.
+the attraction (what a neck takes), the energy that damping takes, the energy <dF_elastic/dd (dd/dtheta)^2> that the
+contact stores, <dF/dd> and <damping>, both over the period, and the harmonics 2 ... 6 of z as complex amplitudes against that of the first, which is taken as real.
 """
 
 import json
@@ -85,12 +85,13 @@ class Lever:
                 out += [(f + drag) * z, pull * z, pull * c, pull * s, pull * v, drag * v, slope, alpha, f + drag]
                 for n in HARMONICS:
                     out += [z * math.cos(n * om * tau), z * math.sin(n * om * tau)]
+                out.append(1.5 * self.hertz(d) / d * v * v if d > 0 else 0.0)
             return out
 
         return rhs
 
     def period(self, z, v, z0, full=False):
-        y = np.zeros(4 + (9 + 2 * len(HARMONICS) if full else 0))
+        y = np.zeros(4 + (10 + 2 * len(HARMONICS) if full else 0))
         y[:2] = z, v
         self.deepest = -math.inf
         tau, end, touching = 0.0, 2 * math.pi / self.om, z - z0 > 0
@@ -197,7 +198,7 @@ class Lever:
             "virial": -y[4] * share * energy,  # positive attractive
             "attraction_virial": -y[5] * share * energy,
             "adhesion_virial": -((y[6] - 1j * y[7]) * z.conjugate()).real * share * energy,  # of the first harmonic of z
-            "adhesion_loss": y[8] * energy, "damping_loss": y[9] * energy,
+            "contact_storage": y[-1] / om**2 * share * energy, "adhesion_loss": y[8] * energy, "damping_loss": y[9] * energy,
             "gradient": None if self.c["law"] == "jkr" else y[10] * share * k, "damping": y[11] * share,  # <k> [N/m], <2 alpha_s> [1]
             "mean_force": y[12] * share * k * 1e-9,
             "harmonics": harmonics,
@@ -209,6 +210,9 @@ DEFAULTS = dict(
     excitation="direct", tip_radius=10e-9, law="dmt", decay_length=0.3e-9, modulus=1e9, poisson_ratio=0.35,
     adhesion=0.0, viscosity=20.0, setpoint=0.6, branch="repulsive",
 )  # fmt: skip
+HARD = dict(
+    stiffness=3.0, resonance_frequency=70e3, quality_factor=60.0, free_amplitude=60e-9, tip_radius=30e-9, setpoint=0.7
+)
 CASES = [
     dict(),
     dict(adhesion=0.06),
@@ -230,7 +234,11 @@ CASES = [
         setpoint=0.7,
         excitation="base",
     ),
-]
+    *(dict(HARD, law=law, adhesion=w, modulus=modulus, viscosity=v, decay_length=d0)
+      for law, d0 in (("dmt", 0.3e-9), ("jkr", None)) for w in (0.0, 0.05)
+      for modulus, v in ((1e9, 1036.0), (10e9, 10360.0)) if law == "dmt" or w),
+    dict(HARD, quality_factor=3.0, stiffness=1.0, free_amplitude=20e-9, modulus=0.3e9, viscosity=600.0, adhesion=0.02),
+]  # fmt: skip
 
 if __name__ == "__main__":
     found = []

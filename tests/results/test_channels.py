@@ -14,7 +14,7 @@ from cases import Case, load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE
 from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
@@ -23,7 +23,8 @@ from phasemap.solvers.integrals import bare_rows, with_adhesion, with_forces
 from phasemap.solvers.problem import Work, material_row, work_of_material
 
 CASES = load("channels")
-AIR, STICKY = CASES[0], CASES[1:9]  # without adhesion; with, in air: six of the table, two of JKR, one off resonance
+GENTLE = CASES[:12]  # the others tap so shortly that harmonics beyond the sixth count
+AIR, STICKY = CASES[0], CASES[1:9]  # without adhesion; with, in air: five of the table, two of JKR, one off resonance
 TABLE = [  # raw and corrected loss tangents of the first six cases, by an earlier calculation with other programs
     (0.0167, 0.0167), (0.0231, 0.0167), (0.0240, 0.0167), (0.1323, 0.0832), (0.838, 0.4155), (1.344, 0.4143),
 ]  # fmt: skip
@@ -49,17 +50,17 @@ def row_of(case: Case) -> np.ndarray:
     """The reference orbit as a result row, as the detector sees it."""
     row = np.full((1, col.COLUMNS), np.nan)
     row[0, col.AMPLITUDE], row[0, col.PHASE] = case["seen_amplitude"], np.radians(case["seen_phase"])
-    row[0, col.INDENTATION] = case["indentation"]
+    row[0, col.INDENTATION], row[0, col.TIP_OFFSET] = case["indentation"], case["tip_offset"]
     return row
 
 
-def energies_of(case: Case) -> tuple[float, float]:
-    """Virial and loss of the attraction along the reference orbit, as the kernel has them."""
+def energies_of(case: Case) -> tuple[float, float, float]:
+    """Virial and loss of the attraction along the reference orbit, and what the contact stores, as the kernel does."""
     scope, material = scope_of(case), material_of(case)
     work: Work = work_of_material(material, scope, 1e-9)
     bare = bare_rows(properties(*material_row(material), scope)[0], scope)
-    wide = with_adhesion(row_of(case), work, bare)
-    return float(wide[0, ADHESION_VIRIAL]), float(wide[0, ADHESION_LOSS])
+    wide = with_adhesion(row_of(case), work, np.array([col.ORBIT], np.int8), bare)[0]
+    return float(wide[ADHESION_VIRIAL]), float(wide[ADHESION_LOSS]), float(wide[STORAGE])
 
 
 def channel(name: str, case: Case, **orbit: float) -> float:
@@ -69,8 +70,9 @@ def channel(name: str, case: Case, **orbit: float) -> float:
 
 
 def corrected(case: Case) -> float:
-    virial, loss = energies_of(case)
-    return channel("loss_tangent_corrected", case, adhesion_virial=virial, adhesion_loss=loss)
+    _, loss, storage = energies_of(case)
+    lost = case["damping_loss"] + case["adhesion_loss"]
+    return channel("loss_tangent_corrected", case, contact_storage=storage, adhesion_loss=loss, dissipation=lost)
 
 
 def of_material(case: Case) -> float:
@@ -95,7 +97,7 @@ def test_dissipation_is_what_damping_and_necks_take_and_what_higher_harmonics_lo
     assert power == pytest.approx(channel("dissipation", case) * frequency, rel=1e-14)
 
 
-@pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
+@pytest.mark.parametrize("case", GENTLE, ids=range(len(GENTLE)))
 def test_virial_of_the_orbit_is_that_of_amplitude_and_phase_with_mean_and_harmonics(case: Case) -> None:
     waves = np.abs([complex(*one) for one in case["harmonics"]])
     n, k, ratio = np.arange(2, 7), case["stiffness"], case["frequency_ratio"]
@@ -108,7 +110,9 @@ def test_virial_of_the_orbit_is_that_of_amplitude_and_phase_with_mean_and_harmon
 
 @pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
 def test_energies_of_the_attraction_are_those_of_the_orbit(case: Case) -> None:
-    virial, loss = energies_of(case)
+    virial, loss, storage = energies_of(case)
+    # The tap is followed from its deepest point, in ten steps each way; the orbit's own history is the reference.
+    assert storage == pytest.approx(case["contact_storage"], rel=5e-3)
     # Taken as harmonic about its deepest point: good to hundredths in air, to a tenth in a liquid or on a soft lever.
     allowed = 1e-2 if case["stiffness"] == 40.0 else 0.1
     assert virial == pytest.approx(case["adhesion_virial"], rel=allowed, abs=1e-24)
@@ -119,16 +123,17 @@ def test_energies_of_the_attraction_are_those_of_the_orbit(case: Case) -> None:
 
 @pytest.mark.parametrize(("case", "known"), list(zip(CASES[:6], TABLE, strict=True)), ids=range(6))
 def test_loss_tangents_are_those_of_the_table(case: Case, known: tuple[float, float]) -> None:
-    assert channel("loss_tangent", case) == pytest.approx(known[0], rel=3e-3)
-    assert corrected(case) == pytest.approx(known[1], rel=3e-3)
+    raw, whole = channel("loss_tangent", case), channel("virial", case)
+    assert raw == pytest.approx(known[0], rel=3e-3)
+    # There the virial of the attraction alone was taken off, which is all where the tap is that of a sine.
+    assert raw * whole / (whole - energies_of(case)[0]) == pytest.approx(known[1], rel=3e-3)
 
 
-@pytest.mark.parametrize("case", STICKY, ids=range(len(STICKY)))
-def test_corrected_for_adhesion_the_loss_tangent_is_the_material_s(case: Case) -> None:
-    deep = case["indentation"] / case["seen_amplitude"]
-    # The formula itself leaves as much as the depth over the amplitude asks for, with adhesion or without.
-    assert corrected(case) == pytest.approx(of_material(case), rel=0.01 if deep <= 0.1 else 0.02)
-    assert channel("loss_tangent", case) > 1.15 * of_material(case)
+@pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
+def test_corrected_the_loss_tangent_is_the_material_s_however_sticky_and_hard(case: Case) -> None:
+    assert corrected(case) == pytest.approx(of_material(case), rel=5e-3)
+    if case in STICKY:
+        assert channel("loss_tangent", case) > 1.15 * of_material(case)
 
 
 SURFACE = pm.Surface(modulus=[[1e9, 0.2e9, 3e9]], adhesion=0.06, viscosity=20.0, pixel_size=4e-9)
@@ -143,28 +148,34 @@ SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive
     ],
     ids=("stiff cantilever", "soft cantilever"),
 )
-@pytest.mark.parametrize("adhesion", [0.0, 0.03])
-def test_a_hard_tap_shows_too_much_loss_by_its_force_over_that_of_the_lever(
-    scope: pm.Microscope, adhesion: float
+def test_a_hard_tap_shows_too_much_loss_by_its_force_over_that_of_the_lever_and_corrected_it_does_not(
+    scope: pm.Microscope,
 ) -> None:
     modulus, lossy = np.array([[1e9, 10e9]]), 0.2
     stiff = modulus / (1 - 0.35**2)
     viscosity = lossy * 2 * stiff / (2 * np.pi * scope.cantilever.resonance_frequency)
-    surface = pm.Surface(modulus, adhesion=adhesion, viscosity=viscosity, pixel_size=1e-9)
-    image = pm.simulate(surface, scope, 0.7, variables=["loss_tangent_corrected", "indentation", "amplitude"])
-    depth, amplitude = image.indentation.values, image.amplitude.values
+    names = ["loss_tangent", "loss_tangent_corrected", "indentation", "amplitude"]
+    for adhesion in (0.0, 0.03, 0.1):
+        surface = pm.Surface(modulus, adhesion=adhesion, viscosity=viscosity, pixel_size=1e-9)
+        image = pm.simulate(surface, scope, 0.7, variables=names)
+        np.testing.assert_allclose(image.loss_tangent_corrected, lossy, rtol=3e-3)
+        if adhesion == 0.0:
+            bare = image
+    depth, amplitude = bare.indentation.values, bare.amplitude.values
     assert (depth < 0.1 * amplitude).all()
     force = 4 / 3 * stiff * np.sqrt(scope.tip.radius) * depth**1.5 / (scope.cantilever.stiffness * amplitude)
     # The tap is shorter than that of a sine, for the force turns the tip beside the spring of the lever.
-    over = image.loss_tangent_corrected.values / lossy - 1
+    over = bare.loss_tangent.values / lossy - 1
     assert ((over > 0.3 * force) & (over < 0.9 * force)).all()
 
 
 def test_an_image_has_the_channels_that_are_asked_for() -> None:
     image = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=["loss_tangent", "loss_tangent_corrected"])
     assert set(image.data_vars) == {"status", "loss_tangent", "loss_tangent_corrected"}
-    assert not {"adhesion_virial", "adhesion_loss"} & set(pm.simulate(SURFACE, SCOPE, 0.6, "averaging"))
-    needed = ["amplitude", "phase", "dissipation", "virial", "adhesion_virial", "adhesion_loss"]
+    assert not {"adhesion_virial", "adhesion_loss", "contact_storage"} & set(
+        pm.simulate(SURFACE, SCOPE, 0.6, "averaging")
+    )
+    needed = ["amplitude", "phase", "dissipation", "virial", "contact_storage", "adhesion_loss"]
     whole = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=needed)
     found = pm.channels(whole)
     for name in ("loss_tangent", "loss_tangent_corrected"):
@@ -218,7 +229,7 @@ def test_errors_are_propagated() -> None:
 
 def test_what_an_image_cannot_tell_is_said() -> None:
     image = measured(pm.simulate(SURFACE, SCOPE, 0.6, "averaging"))
-    with pytest.raises(pm.InputError, match="needs adhesion_virial and adhesion_loss"):
+    with pytest.raises(pm.InputError, match="needs contact_storage and adhesion_loss"):
         pm.channels(image, ["loss_tangent_corrected"])
     with pytest.raises(pm.InputError, match="names out of dissipation"):
         pm.channels(image, ["loss"])
@@ -264,7 +275,7 @@ def test_a_map_of_the_contrast_has_the_channels_of_images() -> None:
         pm.contrast(hard, soft, SCOPE, [0.6, 0.7], variables=["phase"])
 
 
-@pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
+@pytest.mark.parametrize("case", GENTLE, ids=range(len(GENTLE)))
 def test_harmonics_and_mean_slopes_are_those_of_the_orbit(case: Case) -> None:
     work = work_of_material(material_of(case), scope_of(case), 1e-9)
     row = row_of(case)
@@ -321,7 +332,7 @@ def test_the_identities_between_channels_hold_on_every_law(name: str) -> None:
     material = pm.Material(**VISCOUS, thickness=8e-9 if law.takes_film else None)
     names = [
         "amplitude", "phase", "indentation", "mean_deflection", "dissipation", "virial", "adhesion_virial",
-        "adhesion_loss", "loss_tangent", "loss_tangent_corrected",
+        "adhesion_loss", "contact_storage", "loss_tangent", "loss_tangent_corrected",
     ]  # fmt: skip
     surface = pm.Surface.from_labels([[0]], [material], pixel_size=1e-9)
     image = pm.simulate(surface, scope, 0.6, "averaging", variables=names).isel(y=0, x=0)
@@ -352,7 +363,8 @@ def test_the_identities_between_channels_hold_on_every_law(name: str) -> None:
     omega = 2 * np.pi * scope.cantilever.resonance_frequency
     of_material = omega * VISCOUS["viscosity"] * (1 - VISCOUS["poisson_ratio"] ** 2) / (2 * VISCOUS["modulus"])
     # Whatever the shape of the tip, on a film or not: a Kelvin-Voigt solid loses omega eta / (2 E*) of what it stores.
-    assert image.loss_tangent_corrected.item() == pytest.approx(of_material, rel=0.01)
+    assert image.loss_tangent_corrected.item() == pytest.approx(of_material, rel=1e-3)
+    assert image.contact_storage.item() == pytest.approx(damped / (2 * np.pi * of_material), rel=1e-3)
 
 
 def test_a_check_computes_the_channels_of_a_file_again() -> None:

@@ -156,6 +156,14 @@ def test_a_sweep_in_time_comes_by_the_orbits_of_pixels() -> None:
     np.testing.assert_allclose(faster.phase.sel(relaxation_time=100e-9), pixel.phase, atol=1e-4)
 
 
+def test_a_contrast_map_has_the_phases_of_its_pixels() -> None:
+    solid, glass = pm.Material(**SOLID), pm.Material(modulus=2e9)
+    found = pm.contrast(glass, solid, scope_of(), [0.6, 0.8], variables=["loss_tangent"])
+    assert found.phase.values[:, 0].tolist() == [pixel_of(modulus=2e9).phase, pixel_of(**SOLID).phase]
+    assert (found.loss_tangent_contrast > 0.01).all() and (found.contrast < 0).all()
+    assert (found.regime == 2).all()  # repulsive; whether there is another is not looked for where contacts remember
+
+
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
@@ -165,7 +173,11 @@ def test_a_sweep_in_time_comes_by_the_orbits_of_pixels() -> None:
         ),
         (lambda m, s: pm.solve_pixel(m, s, 0.6, "averaging"), "solver is 'averaging'"),
         (lambda m, s: pm.orbits(m, s, setpoint=0.6), "surface is one that remembers"),
-        (lambda m, s: pm.contrast(m, m, s, [0.6, 0.7]), "surface is one that remembers"),
+        (lambda m, s: pm.contrast(m, m, s, [0.6, 0.7], solver="orbit"), "solver is 'orbit'"),
+        (
+            lambda m, s: pm.contrast(m, m, s, [0.6, 0.7], variables=["loss_tangent_corrected"]),
+            "variables is 'loss_tangent_corrected'; allowed: .*no integral",
+        ),
         (lambda m, s: pm.sweep_setpoint(m, s, [0.6, 0.7], samples=16), "samples is 16; allowed: 0 where contacts rem"),
         (lambda m, s: pm.force_curve(m, s, [0.0, 1e-9]), "surface is one that remembers"),
         (lambda m, s: image_of(m, s, control=pm.Raster()), "control is 'Raster'.*Engage or Feedback"),

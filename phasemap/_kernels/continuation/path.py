@@ -16,8 +16,10 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.collocation.closing import along, along_swept
-from phasemap._kernels.orbits.collocation.newton import newton, newton_swept
+from phasemap._kernels.orbits.collocation.closing import along, along_swept, close_swept
+from phasemap._kernels.orbits.collocation.contacts import find_contacts
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay
+from phasemap._kernels.orbits.collocation.newton import newton, take
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
     HOLD_ARC,
@@ -203,17 +205,24 @@ def solve_on(
         return newton(law, path.p, path.lever, tables, orbit, spare, hold, target, level, tolerance, most)
     holds = np.zeros((2, 4))
     put_row(holds[1], row, r_z * value[Z0] + r_a * value[A] + r_m * value[M])
-    status, steps = col.PENDING, 0
-    while status == col.PENDING and steps < most:
+    for steps in range(most):
         m = orbit.head[VALUE, M]
         p, lever = at(path.table, m)
         held_row(path, m, holds[0])
         drift = drift_at(path, m)
-        status, orbit, spare = newton_swept(law, p, lever, tables, orbit, spare, drift, holds, level, tolerance, coarse)
-        steps += 1
-    if status == col.GOOD and not coarse:
-        orbit.head[COUNT, LINEAR] = 1.0
-    return (col.NOT_CONVERGED if status == col.PENDING else status), steps, orbit, spare
+        linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, drift)
+        if not linear or not close_swept(lever, orbit, drift, holds):
+            return col.NOT_CONVERGED, steps + 1, orbit, spare
+        status, _ = take(tables, lever, orbit, tolerance, coarse)
+        if status != col.PENDING:
+            if status == col.GOOD and not coarse:
+                orbit.head[COUNT, LINEAR] = 1.0
+            return status, steps + 1, orbit, spare
+        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+            return col.TOO_MANY_CONTACTS, steps + 1, orbit, spare
+        carry_over(tables, orbit, spare)
+        orbit, spare = spare, orbit
+    return col.NOT_CONVERGED, most, orbit, spare
 
 
 @kernel

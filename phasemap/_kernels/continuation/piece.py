@@ -55,6 +55,7 @@ FINEST = 2  # level of refinement at a fold, whose place is wanted more exactly 
 FLAT, ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
 MOST_HALVINGS = 40
 LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
+LOW, HIGH, LEAST = 0, 1, 2  # entries of a box: of the control, and of the amplitude
 
 
 class Asked(NamedTuple):
@@ -244,8 +245,7 @@ def follow(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: np.ndarr
         count, one, spare = visit(path, asked, start, rest, one, spare, made, count)
         if count == len(made.rows):
             return FULL, count
-        box = asked.box
-        if not box[0] <= point[control(path)] <= box[1] or point[AP] < box[2]:
+        if not asked.box[LOW] <= point[control(path)] <= asked.box[HIGH] or point[AP] < asked.box[LEAST]:
             return LEFT, count
         count = record(path, orbit, col.ON_THE_WAY, -1, made, count)
         if points > 8 and returned(path, orbit, origin, point):

@@ -1,4 +1,4 @@
-"""Which orbit the tip is on that comes from far.
+"""Which orbit holds the setpoint: the one on which a tip ends that comes from far.
 
 `averaged` is asked first, and where it is sure that is the answer; `resonance` says which side of the resonance is
 meant, `leap` where a lever lands that is carried over it, and `response` decides by exact orbits where the averaged

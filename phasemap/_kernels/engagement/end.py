@@ -1,4 +1,4 @@
-"""The end of the attractive branch by exact orbits, where averaging leaves open on which side of it a tip is.
+"""The fold at which the attractive branch ends, by exact orbits, where averaging leaves open on which side a tip is.
 
 At one amplitude the mismatch of the exact orbit, whatever drive it needs, has a maximum over the gap. Above zero there
 is an attractive orbit of this amplitude, farther out than the maximum; below zero there is none. The maximum is sought

@@ -36,6 +36,8 @@ from phasemap._kernels.engagement.averages import (
     average,
     begin_sums,
     block_of,
+    errors_of_mean,
+    noted,
     seen,
 )
 from phasemap._kernels.engagement.lowering import (
@@ -55,10 +57,11 @@ from phasemap._kernels.engagement.lowering import (
     follow_down,
     pace_of_leap,
 )
-from phasemap._kernels.engagement.stuck import stuck
+from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
+    amplitude_of,
     fill,
     fill_orbit,
     hold_periodic,
@@ -74,7 +77,7 @@ if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
-COARSE, LOOSE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
+COARSE, WIDE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
 NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
 GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
@@ -85,10 +88,13 @@ ROUGH = 1.6  # longer steps on that way
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
 EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
 PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
+ASTRAY = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
 WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
+SERIES = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
+LEAD = 2.0  # of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 
@@ -144,7 +150,7 @@ def move_slowly(
         if not abs(tip.u[3]) < -lowest:
             return LOWEST
         before, change = now, sums[CHANGE]
-        still = change < STILL * amplitude and alike(sums)
+        still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)
         if still and abs(from_z0 - tip.u[3]) > least and skip(law, p, lever, how, 0.0, tip):
             return AGAIN
         if hasty and not still:
@@ -162,11 +168,12 @@ def hold_mean(
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
-    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, theory,
-    Eq. (irregular-5); twice that is the error stated. NOT_SETTLED if it is still large when `most` periods were
-    marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes nearer and
-    up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
-    `gain` is that of the controller at first.
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, and what is stated
+    is wider: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if it is still large when `most` periods
+    were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
+    nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
+    `gain` is that of the controller at first, but at most SLOW past a contact with hysteresis: a tip that is moved
+    faster takes to another pattern of taps than the one that it lands on.
     """
     held = amplitude > 0.0
     how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
@@ -177,18 +184,20 @@ def hold_mean(
         return col.NOT_SETTLED
     # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
     follows = 1.0 / block if sticky else 0.0
+    gain, count, series = min(gain, SLOW) if sticky else gain, 0, np.zeros((SERIES, 3))
     for j in range(3 * GROUP):
         if not average(law, p, lever, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
             return col.NOT_SETTLED
+        series, count = noted(lever, sums, series, count), count + 1
         tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
             break
-    gain = min(gain, SLOW)
+    gain, first = min(gain, SLOW), count
     slow = (0.0, follows * gain, amplitude)
     sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
-    groups, z_mean, z_square, a_mean, a_square, missed = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    z_error = a_error = math.inf
+    groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    z_error, a_error, astray = math.inf, math.inf, True
     while tip.periods[0] + size * block <= most:
         group[0] = group[1] = group[2] = 0.0
         for _ in range(size):
@@ -199,6 +208,7 @@ def hold_mean(
             group[0] += sums[OFFSET] / (size * block)
             group[1] += sums[0]
             group[2] += sums[1]
+            series, count = noted(lever, sums, series, count), count + 1
             missed += (seen(lever, sums) - amplitude) ** 2
             tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, how, amplitude, tip):
@@ -207,6 +217,7 @@ def hold_mean(
         x, y = group[1] / (size * block) - lever[col.SHAKER], group[2] / (size * block)
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         z = group[0] + amplitude - math.hypot(x, y)
+        short += amplitude - math.hypot(x, y)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         groups += 1
         off = z - z_mean
@@ -218,8 +229,11 @@ def hold_mean(
         if groups >= fewest:
             z_error = math.sqrt(z_square / (groups - 1) / groups)
             a_error = math.sqrt(a_square / (groups - 1) / groups)
-            if z_error < LENGTH and a_error < PHASE:
-                break
+            astray = held and abs(short) > ASTRAY * amplitude * groups
+            if z_error < LENGTH and a_error < PHASE and not astray:
+                errors = errors_of_mean(series, first, count, amplitude)
+                if errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH:
+                    break
             needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
             if groups >= 4 * fewest and needed > HOPE * most:
                 return col.NOT_SETTLED
@@ -227,18 +241,23 @@ def hold_mean(
             if groups > fewest and missed > size * fewest * (HUNTED * amplitude) ** 2:
                 return col.NO_STABLE_ORBIT
             missed = 0.0
-    if not (z_error < WORST_LENGTH and a_error < WORST_PHASE):
+    errors = errors_of_mean(series, first, count, amplitude)
+    if astray or not (errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH):
         return col.NOT_SETTLED
-    count = total[COUNT]
+    periods = total[COUNT]
     for j in range(ADDED):
         if j != DEEPEST:
-            total[j] /= count
+            total[j] /= periods
     fill(lever, z_mean if held else tip.u[3], total, row)
     if held and lever[col.SHAKER] == 0.0:
         row[col.AMPLITUDE] = amplitude
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = 2.0 * a_error, 2.0 * z_error
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors[0], errors[1]
+    if sticky:
+        row[col.PHASE] += errors[2]
+    else:
+        row[col.ERROR_PHASE] += abs(errors[2])
     # Energy that is missing says that steps or rounding are too coarse for so small a motion.
     return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
 
@@ -292,22 +311,41 @@ def approach(
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
     tip = new_tip(law, free.real, -omega * free.imag, z0)
-    how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
-    least, pace = AWAY * abs(free), pace_of_leap(law, p, lever)
+    how = (COARSE * eta, WIDE * PRECISE[0] * amplitude, WIDE * PRECISE[1])
+    least, pace, loose, fell = AWAY * abs(free), pace_of_leap(law, p, lever), False, tip.u.copy()
     row[:] = math.nan
     if pace > 0.0 and WHOLE * ring_down(lever) > most:
         return col.NOT_SETTLED
     while True:
-        ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
-        periodic = ends == SEEN
+        if loose and pace > 0.0:
+            ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, how, most, tip), False
+        else:
+            ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
+            periodic = ends == SEEN
         if ends == LEFT and pace > 0.0:
             ends = fall(law, p, lever, amplitude, pace, least, how, most, tip)
             least *= 2.0
         elif ends == LEFT:
             ends = move_slowly(law, p, lever, amplitude, least, how, most, tip)
             least *= 2.0
-        if ends in (SEEN, HELD) and stuck(law, p, lever, amplitude, tip):
-            return col.NO_STABLE_ORBIT
+        if law.memory == 0 and ends in (SEEN, HELD) and sticks(p, lever, amplitude, tip):
+            known = periodic or p[col.RELEASE] != 0.0
+            if loose or (known and too_stiff(law, p, lever, amplitude)):
+                return col.NO_STABLE_ORBIT
+            copy(tip.u, fell)
+            comes = comes_loose(law, p, lever, amplitude, how, most, tip)
+            if comes == REACHED:
+                return hold(law, p, lever, amplitude, eta, most, tip, row)
+            if comes == FREE and periodic:
+                return col.NO_STABLE_ORBIT
+            loose = comes != UNKNOWN and (periodic or pace > 0.0)
+            if not loose:  # a feedback may lower it faster than it was lowered
+                copy(fell, tip.u)
+                pass_period(law, p, lever, how[0], tip)
+            elif comes == FREE:
+                tip.u[3] = min(tip.u[3], fell[3] + LEAD * (amplitude_of(lever, tip.acc) - amplitude))
+            if loose:
+                continue
         if periodic or ends == HELD:
             return hold(law, p, lever, amplitude, eta, most, tip, row)
         if ends in (SEEN, KEPT):
@@ -348,7 +386,7 @@ def carry_on(
     tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
     if not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    how = (COARSE * eta, LOOSE * PRECISE[0] * amplitude, LOOSE * PRECISE[1])
+    how = (COARSE * eta, WIDE * PRECISE[0] * amplitude, WIDE * PRECISE[1])
     ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), how, most, tip)
     if ends == AGAIN:
         return hold(law, p, lever, amplitude, eta, most, tip, row)

@@ -17,6 +17,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import leaps
+from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.period_map import (
     Tip,
@@ -129,14 +130,18 @@ def fall(
 ) -> int:  # fmt: skip
     """Lower the tip by `pace` [m] a period until its motion repeats itself, AGAIN above the amplitude or HELD at it.
 
-    Else KEPT where the feedback holds it so for long, SEEN where it does not come to rest, SPENT or LOWEST. An orbit
-    above the amplitude is not looked for before z0 has fallen by `least` [m].
+    A pace of 0 leaves it to the feedback from the start.
+
+    AGAIN and HELD too where it stays in contact, above the amplitude and below. Else KEPT where the feedback holds it
+    so for long, SEEN where it does not come to rest, SPENT or LOWEST. An orbit above the amplitude is not looked for
+    before z0 has fallen by `least` [m].
     """
     u, acc, ring = tip.u, tip.acc, max(FEWEST, ring_down(lever))
     if not pass_period(law, p, lever, how[0], tip):
         return SPENT
     x, y = acc[0] - lever[col.SHAKER], acc[1]
-    from_z0, lowest, seen, steady = u[3], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0, 0
+    from_z0, lowest, steady = u[3], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0
+    seen = 0 if pace > 0.0 else 1
     while tip.periods[0] + ring <= most:
         change = missed = 0.0
         for _ in range(ring):
@@ -156,6 +161,8 @@ def fall(
         if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
             return SEEN if not still else AGAIN if math.hypot(x, y) > amplitude else HELD
         if still:
+            if seen > 0 and presses(p, tip):
+                return AGAIN if amplitude_of(lever, acc) > amplitude else HELD
             if seen > 0 and skip(law, p, lever, how, amplitude, tip):
                 return HELD
             if seen == 0 and from_z0 - u[3] > least and skip(law, p, lever, how, 0.0, tip):

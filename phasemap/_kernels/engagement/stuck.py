@@ -5,29 +5,53 @@ a free tip touches nothing, the lever swings freely from then on, is lowered aga
 fell: a feedback hunts for ever. Unless, on the way, it swings by the setpoint while it touches. In contact all the time
 the depth is d_r or more, and the in-phase force P of a swing A = d cos least where d_r is just reached, for a contact
 gets stiffer with depth; and by X = P + A (1 - omega^2) <= u0 an orbit has no more than u0 - A (1 - omega^2) of it.
+Where that decides nothing, a softening neck or an attraction that reaches beyond contact, the tip is raised in time.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.rest import loosened, static_depth
 from phasemap._kernels.law import Law, contact_force
-from phasemap._kernels.orbits.time.period_map import Tip, amplitude_of
+from phasemap._kernels.orbits.time.period_map import Tip, amplitude_of, relaxed, rest, ring_down, slope_of
 
-FALLEN = 0.5  # of the setpoint: less comes of no step along an orbit, but of a fall
+if TYPE_CHECKING:
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
+
+FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
 SWING = 1.5  # least depth that a tip comes to: so many amplitudes of the first harmonic above its mean
 TOO_STIFF, BEYOND = 2.0, 2.0  # over what the drive has for P, and over the largest amplitude of the free lever
 LOOKS = 32  # at depths along the neck, and at angles of a swing
+STRIDE, SHORTEST = (
+    0.1,
+    0.0125,
+)  # of the amplitude: the first step of a tip that is raised, and to which its end is sought
+EXPECTED = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
+JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
+PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step
+REACHED, FREE, LOOSE, UNKNOWN = 0, 1, 2, 3
+"""What becomes of a tip that is raised: it comes to the amplitude, or jumps across it, and touches nothing or does."""
 
 
 @kernel
-def fallen(lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
-    """Whether a tip that was lowered to this amplitude has jumped across it."""
-    return amplitude_of(lever, tip.acc) < FALLEN * amplitude
+def presses(p: np.ndarray, tip: Tip) -> bool:
+    """Whether the tip was in contact, or the neck, all the last period."""
+    acc = tip.acc
+    touches = p[col.RELEASE] == 0.0 or tip.u[2] != 0.0
+    return touches and acc[2] - tip.u[3] - SWING * math.hypot(acc[0], acc[1]) >= p[col.RELEASE]
+
+
+@kernel
+def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
+    """Whether the tip fell across this amplitude [m], and stays in contact."""
+    return amplitude_of(lever, tip.acc) < FALLEN * amplitude and presses(p, tip)
 
 
 @kernel
@@ -51,19 +75,58 @@ def least_push(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> 
 
 
 @kernel
-def stuck(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
-    """Whether a tip that fell across this amplitude [m] comes back to it only by a jump, and falls again.
+def too_stiff(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> bool:
+    """Whether no orbit swings by this amplitude [m] in contact, and a tip that comes loose touches nothing.
 
-    Without a neck a tip may leave the contact for a part of each period, high above the surface: time says so then.
+    Without a neck, an attraction that reaches beyond contact lets a tip leave it for a part of each period: the forces
+    do not say then.
     """
-    if p[col.RELEASE] == 0.0:
-        return False
-    acc = tip.acc
-    swings = math.hypot(acc[0], acc[1])
-    if not fallen(lever, amplitude, tip) or acc[2] - tip.u[3] - SWING * swings < p[col.RELEASE]:
+    if p[col.RELEASE] == 0.0 and p[col.LONGRANGE] != 0.0:
         return False
     of_tip, drive = amplitude - lever[col.SHAKER], lever[col.BASE]
     if not of_tip > 0.0 or pull_off(law, p, lever) < BEYOND * drive / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA]):
         return False
     needed = drive + of_tip * abs(1.0 - lever[col.OMEGA] ** 2)
     return least_push(law, p, lever, of_tip) > TOO_STIFF * needed
+
+
+@kernel
+def comes_loose(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, how: Numbers, most: int, tip: Tip) -> int:
+    """Raise a tip that sticks along its orbits in contact, to where they end.
+
+    As long as it swings by little about the lever's rest there is nothing to follow. Returns REACHED with the tip near
+    the amplitude, FREE or LOOSE where it jumps across it at the end, which is known to `SHORTEST`, or UNKNOWN.
+    """
+    u, acc, linear, before = tip.u, tip.acc, tip.linear, np.empty(4)
+    copy(u, before)
+    z0 = loosened(law, p, lever, u[3], amplitude)
+    if z0 > u[3]:
+        u[0], u[1], u[2], u[3] = z0 + static_depth(law, p, lever, z0), 0.0, 1.0, z0
+    patience, shortest = int(PATIENCE * ring_down(lever)) + LOOKS, SHORTEST * amplitude
+    stride, step, ceiling = STRIDE * amplitude, 0.0, math.inf
+    z_slope = v_slope = slope = low = 0.0
+    while tip.periods[0] + patience < most:
+        rests, now = rest(law, p, lever, how, patience, tip), amplitude_of(lever, acc)
+        least = step <= shortest
+        as_said = least or (abs(now - low - slope * step) < EXPECTED * amplitude and slope_of(linear) * slope >= 0.0)
+        if now < amplitude and (as_said if rests else least and step > 0.0 and now < FALLEN * amplitude):
+            copy(u, before)
+            if rests:
+                z_slope, v_slope = relaxed(linear, linear[12], linear[13])
+                slope = slope_of(linear)
+            stride = max(stride, 2.0 * step) if ceiling == math.inf else 2.0 * step
+            low, ceiling = now, ceiling if u[3] < ceiling else math.inf
+        elif rests and presses(p, tip) and now >= amplitude:
+            return REACHED
+        elif least:
+            if rests and step > 0.0 and now > low + JUMP * amplitude:
+                return FREE if acc[5] < p[col.RELEASE] else LOOSE
+            break
+        else:
+            if not (rests and now < amplitude):
+                ceiling = u[3]
+            stride = 0.5 * step
+            copy(before, u)
+        step = min(stride, max(0.5 * (ceiling - u[3]), shortest))
+        u[0], u[1], u[3] = u[0] + z_slope * step, u[1] + v_slope * step, u[3] + step
+    return UNKNOWN

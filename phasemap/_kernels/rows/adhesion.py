@@ -8,16 +8,20 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force, parameters
+from phasemap._kernels.law import Law, contact_force, contact_slope, longrange_force, parameters
 from phasemap._kernels.orbits.around import COS, DEPTH, MOST, RATE, ROWS, TOUCHES, WEIGHT, harmonic, moves
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL
+from phasemap._kernels.orbits.tap import stored
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 
 @kernel
-def adhesion_rows(law: Law, rows: np.ndarray, bare: np.ndarray, out: np.ndarray) -> None:
-    """Fill in ADHESION_VIRIAL and ADHESION_LOSS of wide rows of the tip, shape (n, WIDE), that have a periodic orbit.
+def adhesion_rows(
+    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, out: np.ndarray
+) -> None:
+    """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of wide rows of the tip, shape (n, WIDE), of periodic orbits.
 
-    `bare` are the rows of the same contacts without adhesion and bias.
+    `bare` are the rows of the same contacts without adhesion and bias. Rows that are `averaged` have the harmonic orbit
+    only, and so it is where the tip does not leave the contact.
     """
     at = np.zeros((ROWS, MOST))
     for i in range(len(rows)):
@@ -25,14 +29,21 @@ def adhesion_rows(law: Law, rows: np.ndarray, bare: np.ndarray, out: np.ndarray)
         if not moves(row):
             continue
         p, without = parameters(rows[i]), parameters(bare[i])
-        virial, loss = 0.0, 0.0
+        virial, loss, storage = 0.0, 0.0, 0.0
         for j in range(harmonic(law, p, row[col.AMPLITUDE], row[col.INDENTATION], at)):
-            d = at[DEPTH, j]
+            d, weight = at[DEPTH, j], at[WEIGHT, j]
             if at[TOUCHES, j] == 0.0:
                 f = longrange_force(law, min(d, 0.0), p)
             else:
-                f = contact_force(law, d, p) - (contact_force(law, d, without) if d > 0.0 else 0.0)
-            virial -= at[WEIGHT, j] * f * at[COS, j]
-            loss += at[WEIGHT, j] * f * at[RATE, j]
+                f = contact_force(law, d, p)
+                if d > 0.0:
+                    f -= contact_force(law, d, without)
+                    storage += weight * contact_slope(law, d, without) * at[RATE, j] ** 2
+            virial -= weight * f * at[COS, j]
+            loss += weight * f * at[RATE, j]
+        loss = loss if p[col.RELEASE] < 0.0 else 0.0
+        if 0.0 < row[col.INDENTATION] < 2.0 * row[col.AMPLITUDE] and not averaged[i]:
+            storage = stored(law, p, without, lever, row, loss)
         row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-        row[ADHESION_LOSS] = loss if p[col.RELEASE] < 0.0 else 0.0
+        row[ADHESION_LOSS] = loss
+        row[STORAGE] = storage / (2.0 * math.pi)

@@ -30,7 +30,7 @@ def averaging_suffices(
     lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
 ) -> bool:
     """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
-    phase_error = abs(phase_of(lever, guess) - state[PHASE]) + state[ERR_PHASE]
+    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state[PHASE]) + state[ERR_PHASE]
     height_error = abs(guess[col.G_Z0] - state[HEIGHT]) + state[ERR_HEIGHT]
     if not (phase_error < limits[0] and height_error < limits[1]):
         return False

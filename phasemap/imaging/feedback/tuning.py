@@ -173,8 +173,8 @@ def _moving(loop: Array) -> Array:
 
 def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and the mean deflection."""
-    z0, mean, amplitude = orbit[:3]
-    a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, orbit)))
+    z0, mean, amplitude, push, drag = orbit[:5]
+    a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
     state = np.zeros(of.STATE)
     state[of.AMP : of.AMP + 2] = a.real, a.imag
     state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag

@@ -23,6 +23,8 @@ Labels = NDArray[np.int64]
 WAYS = ("phase", "height", "both")
 BANDS = 16  # of rows, whose differences say how well a median is known
 PREFERRED = 2.0  # times as sharp has the height to be to tell regions apart instead of the phase
+MUCH = 0.5  # of what regions by phase explain of the phase, that regions by height have to explain
+SMOOTHED = 5  # pixels over which noise is smoothed away for that
 SMALLEST = 0.03  # of the area, that regions of height have; smaller ones are mostly dirt
 FEWEST = 12  # pixels of a region in a band that count
 PASSES = 6
@@ -42,7 +44,7 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     """Take the labels given, or find them.
 
     `by` ("phase" or "height" or "both"): what tells regions apart; by default the phase, or the height where it is
-        much sharper.
+        much sharper and tells apart what the phase shows.
     """
     if labels is not None:
         return Regions(_given(labels, images), ["Regions as given."])
@@ -53,7 +55,7 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
     found = {way: [_segment(one, way, count) for one in images] for way in tried}
     sharp = {way: [_sharpness(one, mine, way) for one, mine in zip(images, found[way], strict=True)] for way in tried}
-    way = max(tried, key=lambda one: _fitness(one, sharp[one], found[one]))
+    way = tried[-1] if len(tried) == 1 or _height_serves(images, found, sharp) else "phase"
     best = int(np.argmax(sharp[way]))
     told = [f"Regions by {'phase and height' if way == 'both' else way}; region 0 is the largest."]
     laid = _laid(images, best, found[way][best])
@@ -69,7 +71,7 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
         ordered = _largest_first([found[way][best]], 0)[0]
         matched = [ordered if i == best else _matched(one, ordered) for i, one in enumerate(found[way])]
     how = "their order in height" if way == "height" else "their share of the area"
-    told.append(f"Files are of different places: regions of each are matched by {how}.")
+    told.append(f"Heights do not match, so files are taken to be of different places: regions are matched by {how}.")
     shares = np.bincount(matched[best].ravel(), minlength=count) / matched[best].size
     if way != "height" and np.diff(np.sort(shares)).min() < CLOSE_SHARES:
         told.append("Regions have much the same share of the area: they may be mistaken for each other; give labels.")
@@ -146,12 +148,29 @@ def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
     return float(np.diff(np.sort(levels)).min(initial=np.inf)) / max(SPREAD * spread, 1e-12)
 
 
-def _fitness(way: str, sharp: Sequence[float], labels: Sequence[Labels]) -> tuple[bool, float]:
-    """How well regions found in a way may serve: first whether they are more than dirt, then how sharp they are."""
-    least = [np.bincount(one[one >= 0]).min() / one.size for one in labels]
-    typical = float(np.median(sharp))
-    large = typical > 0.0 and (way == "phase" or float(np.median(least)) >= SMALLEST)
-    return large, typical * (PREFERRED if way == "phase" else 1.0)
+def _height_serves(images: Sequence[xr.Dataset], found: dict[str, list[Labels]], sharp: dict[str, list[float]]) -> bool:
+    """Whether heights tell regions apart much more sharply, into more than dirt, and into what the phase shows too."""
+    least = [np.bincount(one[one >= 0]).min() / one.size for one in found["height"]]
+    of_phase, of_height = (float(np.median(sharp[way])) for way in ("phase", "height"))
+    if of_height <= PREFERRED * of_phase or float(np.median(least)) < SMALLEST:
+        return False
+    shares = {
+        way: float(np.median([_explained(one, mine) for one, mine in zip(images, found[way], strict=True)]))
+        for way in ("phase", "height")
+    }
+    return shares["height"] >= MUCH * shares["phase"]
+
+
+def _explained(image: xr.Dataset, labels: Labels) -> float:
+    """Share of what varies in the phase, rows aligned and noise smoothed away, that regions account for."""
+    from scipy.ndimage import uniform_filter
+
+    _, flat, _ = _aligned(on_one_turn(image["phase"].values), labels, 1 + int(labels.max()))
+    smooth = uniform_filter(np.nan_to_num(flat, nan=_median(flat)), SMOOTHED)
+    smooth = np.clip(smooth, *np.percentile(smooth, [1, 99]))
+    parts = [smooth[labels == k] for k in np.unique(labels)]
+    inside = sum(float(one.var()) * one.size for one in parts) / smooth.size
+    return float(1.0 - inside / max(float(smooth.var()), 1e-30))
 
 
 def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Labels] | None:
@@ -199,17 +218,8 @@ def _matched(own: Labels, reference: Labels) -> Labels:
 
 def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, Array]:
     """Phases of the regions of one file, standard errors and shares."""
-    flat = np.where((labels >= 0) & np.isfinite(phase), phase, np.nan)
+    levels, flat, offset = _aligned(phase, labels, count)
     inside = [labels == k for k in range(count)]
-    levels = np.full(count, np.nan)
-    rows = np.zeros((len(phase), 1))
-    for _ in range(PASSES):
-        levels = np.array([_median(flat[one]) for one in inside])
-        expected = np.where(labels >= 0, np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
-        step = np.array([[_median(row)] for row in flat - expected])
-        step = np.nan_to_num(step)
-        rows, flat = rows + step, flat - step
-    offset = float(np.median(rows))
     bands = np.array_split(np.arange(len(phase)), min(BANDS, len(phase)))
     parts = np.array([
         [_median(flat[band][one[band]]) if one[band].sum() >= FEWEST else np.nan for one in inside] for band in bands
@@ -225,6 +235,21 @@ def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array,
         errors[k] = max(white, slow)
     shares = np.array([one.mean() for one in inside])
     return levels + offset, errors, shares
+
+
+def _aligned(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, float]:
+    """Phases of the regions and of the pixels, rows aligned by their regions, and what rows have in common."""
+    flat = np.where((labels >= 0) & np.isfinite(phase), phase, np.nan)
+    inside = [labels == k for k in range(count)]
+    levels = np.full(count, np.nan)
+    rows = np.zeros((len(phase), 1))
+    for _ in range(PASSES):
+        levels = np.array([_median(flat[one]) for one in inside])
+        expected = np.where(labels >= 0, np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
+        step = np.array([[_median(row)] for row in flat - expected])
+        step = np.nan_to_num(step)
+        rows, flat = rows + step, flat - step
+    return levels, flat, float(np.median(rows))
 
 
 def _median(values: Array) -> float:

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.model import Model
@@ -51,34 +52,21 @@ class Lever:
         `asked` (shape (2, k)): where there may be an orbit at all.
         `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
+        from phasemap._kernels.rows.derivatives import averaged_phases
+
         asked = np.ones(places.shape, bool) if asked is None else asked
-        kinds, which = np.unique(np.stack([amplitudes, ratios]), axis=1, return_inverse=True)
-        which = which.reshape(-1)
-        model = self.at(*kinds)
-        sides = np.zeros((2, len(logs), kinds.shape[1]), np.int8)  # each row in the image of its own setting only
-        rows = np.arange(len(logs))
-        for branch, side in enumerate(SIDES):
-            sides[branch, rows, which] = side * asked[branch]
-        at = np.full(sides.shape, np.nan)
-        at[:, rows, which] = places
-        both = np.concatenate([logs, logs])
-        flat = at.reshape(-1, kinds.shape[1])
-        values, good = self._averaged(model, both, sides.reshape(flat.shape), flat, search)
-        places[:] = flat.reshape(at.shape)[:, rows, which]
-        phases: Array = values.reshape(*at.shape, 2)[:, rows, which, 0]
-        return np.where(good.reshape(2, -1) & asked, phases, np.nan)
+        model, phases = self.at(amplitudes, ratios), np.empty_like(places)
+        rows, sides = model.rows(logs), np.array(SIDES, np.int8)[:, np.newaxis] * asked
 
-    def _averaged(
-        self, model: Model, logs: Array, sides: NDArray[np.int8], places: Array, search: bool
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Phase [rad] and tip offset [m], and success, without derivatives, which take most of the time."""
-        from phasemap._kernels.rows.derivatives import Found, averaged_block
+        def solve(first: int, last: int) -> None:
+            some = slice(first, last)
+            levers, held = model.levers[some], model.amplitudes[some]
+            for side, place, phase in zip(sides, places, phases, strict=True):
+                averaged_phases(model.law, rows[some], levers, held, side[some], search, place[some], phase[some])
 
-        slopes, good = np.zeros((*sides.shape, 2, 0)), np.zeros(len(sides), np.bool_)
-        found = Found(np.zeros((*sides.shape, 2)), slopes, good)
-        rows = model.rows(logs)[np.newaxis]
-        averaged_block(model.law, rows, 1.0, model.levers, model.amplitudes, sides, search, places, found)
-        return found.values, found.good
+        cores = workers_of(None)
+        spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)
+        return phases
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 
 REACH = 2.25  # standard deviations of the prior within which everything is sought
 OTHER = 0.25  # chance that of two branches the tip is on the one that it does not meet first
-TOGETHER = 16  # combinations that are solved for at a time
 ALL = np.newaxis
 
 
@@ -94,19 +93,11 @@ class Problem:
     def solved(self, state: State) -> Array:
         """Phases [degree], shape (2, n, r, m), of averaged orbits."""
         _, places, share = self.tabulated(state)
-        found = np.empty_like(places)
         regions, files = self.values.shape
-        for first in range(0, len(state.logs), TOGETHER):
-            some = slice(first, first + TOGETHER)
-            logs, at = state.logs[some], places[:, some]
-            sizes, levels = (
-                np.repeat(values[some], regions, axis=0).ravel() for values in (state.amplitudes, state.ratios)
-            )
-            found[:, some] = self.lever.phases(
-                np.repeat(logs, files, axis=1).reshape(-1, 3), sizes, levels, at.reshape(2, -1),
-                (share[:, some] > 0).reshape(2, -1),
-            ).reshape(at.shape)  # fmt: skip
-        return np.degrees(found)
+        sizes, levels = (np.repeat(values, regions, axis=0).ravel() for values in (state.amplitudes, state.ratios))
+        logs = np.repeat(state.logs, files, axis=1).reshape(-1, 3)
+        found = self.lever.phases(logs, sizes, levels, places.reshape(2, -1), (share > 0).reshape(2, -1))
+        return np.degrees(found.reshape(places.shape))
 
     def likelihood(self, phases: Array, zeros: Array, sign: Array) -> tuple[Array, Array]:
         """Logarithm of the likelihood, shape (n,), and chances of the repulsive branch, shape (n, r, m).

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
 from phasemap.io.metadata import of_simulation
 
@@ -56,7 +56,8 @@ def _check_different(images: Sequence[xr.Dataset]) -> None:
     for (name, phase), (other, again) in combinations(phases, 2):
         if np.array_equal(phase, again, equal_nan=True):
             hint = "These two hold the same phase image; leave one out."
-            raise InputError("files", f"{name} and {other}", "different ones", hint)
+            both = f"{name} twice" if name == other else f"{name} and {other}"
+            raise InputError("files", Word(both), "different ones", hint)
 
 
 def recorded_of(images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]) -> list[dict[str, Any]]:

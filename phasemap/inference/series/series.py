@@ -72,7 +72,8 @@ def series(
     regions : int
         How many to find, 2 to 4.
     by : {"phase", "height", "both"}, optional
-        What tells regions apart; by default the phase, or the height where that does it much more sharply.
+        What tells regions apart; by default the phase, or the height where that does it much more sharply and shows
+        the same.
     labels : array_like of int, or a sequence of them, one a file; optional
         Regions (2 to 5) that are known, -1 where pixels are left out.
     known : mapping of int to Material, optional
@@ -172,7 +173,8 @@ def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str
     """One scan of each file, and what they are called."""
     if isinstance(files, str | os.PathLike) or not isinstance(files, Sequence) or not 2 <= len(files) <= MOST:
         size = len(files) if isinstance(files, Sequence) and not isinstance(files, str) else files
-        raise InputError("files", size, f"2 to {MOST} files or images of one sample")
+        hint = "A single image is for compare, or for invert." if size == 1 else ""
+        raise InputError("number of files", size, f"2 to {MOST} files or images of one sample", hint)
     images = read_files(files)
     return [one_scan(one, ["phase"], direction) for one in images], [str(one.attrs["title"]) for one in images]
 

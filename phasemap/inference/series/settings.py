@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
+from phasemap._shared.plausible import question
 from phasemap._shared.units import say
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
@@ -32,7 +33,7 @@ HIGHEST = (0.4, 0.97)  # between which the highest setpoint of a series is, wher
 LOWEST = 0.05  # setpoint used in practice
 STEP = 0.06  # of setpoints that are interpolated
 ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be anywhere on the circle [degree]
-SAME = 0.02  # by which free amplitudes are the same
+SAME = 0.02  # by which free amplitudes are the same, and setpoints
 SAME_LEVER = 1.1  # factor within which files say the same of a lever
 AWAY = 0.2  # half widths of the resonance beside which a drive is said to be
 NEAR_ZERO = 5.0  # by which the phase of the free lever drifts from what was recorded of it [degree]
@@ -185,6 +186,8 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
         told.append("Which way the instrument counts phase is not known: both ways are tried.")
+    if all(float(one.max()) < (1 + SAME) * float(one.min()) for one in (relative, ratios)):
+        told.append("All files have the same setting: they say what one of them says, with less noise.")
     return Settings(
         tuple(names), ratios, relative, scale, factor, amplitude, setpoint, zero, metres,
         np.broadcast_to(zeros, (count,)).astype(float), np.broadcast_to(errors, (count,)).astype(float), sign,
@@ -212,6 +215,8 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
     count = len(known)
     if given is not None and not isinstance(given, str):
         values = _given("free_amplitudes", given, count, "m")
+        for one in values.tolist():
+            question("free_amplitudes", one, "m", AMPLITUDE)
         scale = float(np.exp(np.log(values).mean()))
         return HELD, scale, CALIBRATED, values / scale
     if isinstance(given, str) and given not in (SHARED, FREE):
@@ -253,13 +258,23 @@ def _setpoints(
         return HELD, False, metres / (relative * scale)
     values = metres if metres is not None else volts
     if values is None:
-        raise InputError("setpoints", None, f"{count} numbers, because the files do not say them")
+        listed = "; ".join(f"{one.get('title', 'a file')}: {_setpoint_in_words(one)}" for one in known)
+        allowed = "ratios to the free amplitude in all files, or voltages in all"
+        raise InputError("what files say of the setpoint", Word(listed), allowed, "Give the ratios (setpoints).")
     told.append(
         "Setpoints are recorded without the free amplitude: the highest is taken to be anywhere from "
         f"{HIGHEST[0]:g} to {HIGHEST[1]:g}."
     )
     same = bool(np.ptp(relative) == 0)
     return SHARED, metres is not None and same and amplitude == SHARED, values / relative
+
+
+def _setpoint_in_words(one: dict[str, Any]) -> str:
+    """What a file says of its setpoint."""
+    for name, unit in (("setpoint", "1"), ("setpoint_amplitude", "m"), ("setpoint_voltage", "V")):
+        if name in one:
+            return say(float(one[name]), unit, 3) + (" of the free amplitude" if unit == "1" else "")
+    return "nothing"
 
 
 def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str]) -> tuple[str, Any, Any]:

@@ -20,13 +20,19 @@ Array = NDArray[np.float64]
 
 CLEAR = 2.0  # standard errors above which a contrast has a sign
 SURE = 0.9  # chance above which a branch, or a sign, is said without a doubt
+NOTHING = "Find regions another way (by, labels), or give a smaller phase_error if slopes and tip leave less than that."
+"""Advice where there is no contrast."""
+EITHER = "on either branch"
 NARROWED = 0.5  # width of an interval over that of the prior, below which data say something
 
 
 def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
     """Write the verdict and the advice."""
+    if not any(agreement(ds)[0]):
+        ds.attrs |= {"verdict": _of_nothing(ds), "advice": NOTHING}
+        return
     poor = is_poor(ds, problem)
-    said = [*_of_order(ds), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
+    said = [*_of_order(ds, problem), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
     if not poor:
         names = [int(one) for one in ds["region"].values]
         said += say_regions(
@@ -105,11 +111,9 @@ def _contrasts(problem: Problem) -> int:
     return int(seen.sum()) - int(unknown.sum()) - (problem.settings.zero == SHARED)
 
 
-def _of_order(ds: xr.Dataset) -> list[str]:
+def _of_order(ds: xr.Dataset, problem: Problem) -> list[str]:
     clear, signs, order = agreement(ds)
     count = sum(clear)
-    if not count:
-        return ["No file has a contrast beyond its error: there is nothing to explain."]
     right = [sum(one and two for one, two in zip(clear, each, strict=True)) for each in (signs, order)]
     where = "the only file in which it is clear" if count == 1 else f"the {count} files in which it is clear"
     share = {count: "", 0: "not "}.get(right[0])
@@ -118,8 +122,23 @@ def _of_order(ds: xr.Dataset) -> list[str]:
         said = f"The sign of the contrast is reproduced in {right[0]} of {where}"
     if ds.sizes["region"] > 2:
         said += f", the order of the regions in {right[1]}"
+    measured, error = ds["measured_contrast"].values, ds["contrast_error"].values
+    ways = set(np.sign(measured[np.abs(measured) > CLEAR * error]))
+    if problem.settings.sign is None and len(ways) == 1:
+        said += ", but the sign of the phase was free to make it so"
     faint = [str(name) for name, one in zip(ds["file"].values, clear, strict=True) if not one]
     return [said + ".", f"The contrast does not exceed its error in {', '.join(faint)}." if faint else ""]
+
+
+def _of_nothing(ds: xr.Dataset) -> str:
+    measured = np.abs(ds["measured_contrast"].values[1:])
+    if not np.isfinite(measured).any():
+        return "No file has two regions: there is nothing to explain."
+    most, error = float(np.nanmax(measured)), float(np.nanmin(ds["contrast_error"].values[1:]))
+    return (
+        f"No file has a contrast of more than {CLEAR:g} standard errors: the largest is {most:.2g}°, the least error "
+        f"{error:.2g}°. There is nothing to explain."
+    )
 
 
 def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
@@ -181,24 +200,27 @@ def _advice(ds: xr.Dataset, problem: Problem, poor: bool) -> list[str]:
 def _branch(chance: float) -> str:
     if chance > SURE:
         return "repulsive"
-    return "attractive" if chance < 1 - SURE else "on either branch"
+    return "attractive" if chance < 1 - SURE else EITHER
 
 
 def _why(before: Array, after: Array, region: int) -> str:
     """Why a contrast turns between two files."""
-    moved = []
+    moved, rest = [], []
     for r in (region, 0):
         first, last = _branch(before[r]), _branch(after[r])
-        if first != last:
+        if EITHER in (first, last):
+            rest.append(f"the branch of region {r} is not certain")
+        elif first != last:
             moved.append(f"region {r} goes from {first} to {last}")
+        else:
+            rest.append(f"region {r} stays {last}")
     if moved:
-        stays = [r for r in (region, 0) if _branch(before[r]) == _branch(after[r])]
-        rest = [f"region {r} stays {_branch(after[r])}" for r in stays]
         return " while ".join([" and ".join(moved), *rest])
-    both = _branch(after[region])
-    if both == _branch(after[0]) and both != "on either branch":
-        return f"both stay {both}, and what they dissipate outweighs the other on either side"
-    return "no region changes its branch for certain"
+    if "not certain" in "".join(rest):
+        return "which region changes its branch is not certain"
+    if _branch(after[region]) == _branch(after[0]):
+        return f"both stay {_branch(after[0])}, and what they dissipate outweighs the other on either side"
+    return "neither region changes its branch"
 
 
 def _crossings(levels: Array, contrast: Array) -> list[float]:

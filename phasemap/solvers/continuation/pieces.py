@@ -89,6 +89,9 @@ class Curves:
 
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
+        from phasemap._kernels.lever import phase_of
+        from phasemap._kernels.orbits.collocation.system import VALUE, Z0, A, P, S
+
         amplitude, stiffness = row[col.AMPLITUDE], self.standing(m)[1][col.STIFFNESS]
         drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
         guess = np.array([row[col.TIP_OFFSET], row[col.MEAN], amplitude, row[col.STIFFENING] * amplitude, drag])
@@ -96,12 +99,9 @@ class Curves:
         if status != col.GOOD:
             return False
         exact = row.copy()
-        push, drag, z0, amplitude = orbit.head[0, :4]
-        lever = self.standing(m)[1]
-        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = z0, amplitude
-        exact[col.PHASE] = np.arctan2(
-            push + amplitude * (1 - lever[col.OMEGA] ** 2), 2 * lever[col.ALPHA0] * lever[col.OMEGA] * amplitude - drag
-        )
+        value = orbit.head[VALUE]
+        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = value[Z0], value[A]
+        exact[col.PHASE] = phase_of(self.standing(m)[1], value[A], value[P], value[S])
         if self.knows(exact, m):
             return False
         self._follow(orbit, spare, (1.0, -1.0))

@@ -41,7 +41,8 @@ def derived(
         for k, free in enumerate(axes[1]):
             scope, work = pair.at(frequency, free), pair.work(frequency, free, axes[2])
             rows = engaged.rows[:, i, k].reshape(-1, col.COLUMNS)
-            wide = with_adhesion(rows, work, np.repeat(bare, len(axes[2]), axis=0))
+            used = engaged.solver[:, i, k].reshape(-1)
+            wide = with_adhesion(rows, work, used, np.repeat(bare, len(axes[2]), axis=0))
             orbit = {name: FLOATS[name].value(wide) for name in _used(names)}
             motion = motion_of(scope, wide[:, col.AMPLITUDE], np.degrees(wide[:, col.PHASE]), orbit)
             for name in names:

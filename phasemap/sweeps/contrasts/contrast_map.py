@@ -21,6 +21,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import check_variables, describe, provenance
 from phasemap.solvers.continuation.path import NUMBERS
+from phasemap.solvers.march import check_integrals, check_marches
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
 from phasemap.sweeps.contrasts.channels import derived
@@ -93,7 +94,7 @@ def contrast(
         * `contrast` [degree] and `height_contrast` [m], second less first;
         * each of `variables` of each material, and second less first under its name with `_contrast`;
         * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
-          either, whether or not engaging from far leads there.
+          either, whether or not engaging from far leads there. Where contacts remember, that of engaging alone.
 
         With the dim "inversion", where the contrast passes zero without a jump: `inversion_setpoint`,
         `inversion_free_amplitude`, `inversion_frequency` and `inversion_phase`, which both materials have there. With
@@ -157,6 +158,9 @@ def contrast(
         check_setpoint(setpoint)
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
     pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy), workers_of(threads)
+    if pair.materials.law.memory:
+        check_marches(pair.solver.name)
+        check_integrals([name for name in wanted if CHANNELS[name].needs])
     engaged, regime = _solve(pair, rising, workers, progress)
     points = regime[0].size
 

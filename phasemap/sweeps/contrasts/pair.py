@@ -49,8 +49,9 @@ class Pair:
     @classmethod
     def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
         """Make a pair."""
-        one, other = (work_of_material(material, scope, 0.0) for material in (first, second))
-        both = Work(one.law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
+        one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
+        law = one.law if one.law.memory else other.law  # the same law, and knowing a memory if one of them has one
+        both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
         return cls(both, scope, solver, accuracy)
 
     def at(self, frequency: float, free_amplitude: float) -> Microscope:
@@ -78,9 +79,11 @@ class Pair:
     def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
         """Phases [degree] of both materials at one working point, shape (2,); NaN where there is no orbit.
 
-        The orbits are exact, but averaged where those of the map are; none is marched, which takes long beside a jump.
+        The orbits are exact, but averaged where those of the map are; only contacts that remember are marched, which
+        takes long beside a jump.
         """
-        solver = self.solver if isinstance(self.solver, Averaging) else Orbit()
+        keeps = isinstance(self.solver, Averaging) or self.materials.law.memory
+        solver = self.solver if keeps else Orbit()
         found = self.engage(self.work(frequency, free_amplitude, np.array([setpoint])), solver)
         return np.asarray(np.degrees(found.rows[:, 0, col.PHASE]))
 
@@ -88,8 +91,12 @@ class Pair:
 def regimes(work: Work) -> Array:
     """In which regimes a stable orbit holds each setpoint, whether or not engaging leads to it.
 
+    None is known of contacts that remember: there only what engaging leads to is.
+
     Returns an array of shape (n,): NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
     """
+    if work.law.memory:
+        return np.full(len(work), NONE, np.int8)
     attractive, repulsive = stable_branches(work, Orbit(), Accuracy()).stable
     codes: Array = ATTRACTIVE * attractive + REPULSIVE * repulsive
     return codes.astype(np.int8)

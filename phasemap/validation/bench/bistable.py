@@ -1,18 +1,23 @@
 """Which pixels have an attractive and a repulsive orbit at the setpoint, by first-order theory on a grid.
 
-This chooses the cases of a regime, so it must not ask a solver: a pixel that a solver finds hard would never be drawn.
+Also from which adhesion on there are both. This chooses the cases of a regime, so it must not ask a solver: a pixel
+that a solver finds hard would never be drawn.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from phasemap.validation.bench.equation import Equation
+from phasemap.validation.bench.equation import Case, Equation
 
 Array = np.ndarray
 
 NODES = 96  # of the angle, crowded where the tip is near the surface
 HEIGHTS = 240  # of the tip offset
+LEAST, MOST, GROWTH = 5e-3, 0.6, 1.5  # adhesions [J/m2] among which the end of the attractive branch is looked for
+HALVINGS = 6  # then, to a percent, by which first-order theory is off anyway
 
 
 def is_bistable(equation: Equation) -> bool:
@@ -33,6 +38,37 @@ def is_bistable(equation: Equation) -> bool:
     needed = np.hypot(1 - equation.omega**2 + push, 2 * equation.omega * damping)
     crossings = np.flatnonzero(np.diff(np.sign(needed - equation.base)))
     return len(crossings) >= 3 and bool(push[crossings[0]] < 0 < push[crossings[-1]])
+
+
+def end_of_attraction(case: Case) -> float | None:
+    """Least adhesion [J/m2] with an attractive orbit beside the repulsive one, by first-order theory; None without one.
+
+    Parameters
+    ----------
+    case : Case
+        Whatever its adhesion.
+
+    Examples
+    --------
+    >>> from phasemap.validation.bench.equation import Case
+    >>> end = end_of_attraction(Case(40.0, 400.0, 16e-9, 10e-9, 2e9, 0.0, 0.0, 0.35, 0.8, decay_length=0.3e-9))
+    >>> 0.075 < end < 0.1
+    True
+    """
+
+    def begun(adhesion: float) -> bool:
+        return is_bistable(Equation.of(replace(case, adhesion=adhesion)))
+
+    high = LEAST
+    while not begun(high):
+        high *= GROWTH
+        if high > MOST:
+            return None
+    low = high / GROWTH
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if begun(middle) else (middle, high)
+    return 0.5 * (low + high)
 
 
 def _depths(equation: Equation) -> Array:

@@ -35,7 +35,7 @@ CURVES: dict[str, Callable[[], xr.Dataset]] = {"distance": _distance, "frequency
 def measure_curves(progress: Callable[[str], None]) -> xr.Dataset:
     """Sweep over a bistable material, there and back, with every branch and fold behind.
 
-    Returns dim "curve": curve_time [s], and curve_orbits and curve_folds, how many exact ones a curve has.
+    Returns, over "curve": curve_time [s], and curve_orbits and curve_folds, how many exact ones a curve has.
     """
     import xarray as xr
 

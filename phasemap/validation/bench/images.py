@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.threads import workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.generate import roughness
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
@@ -27,15 +28,19 @@ Array = np.ndarray
 Range = tuple[float, float]
 
 SIZE, QUICK_SIZE = 1024, 256
+BORDERS = 256  # pixels along a side of images that are mostly borders
 CHECKED, QUICK_CHECKED = 4000, 400
 """Random pixels that are solved by collocation."""
 _AIR = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9))
 _SOFT = Microscope(Cantilever(2.0, 70e3, 150.0), Tip(10e-9), Drive(30e-9))
+_SMALL = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(14e-9))
+_SOFT_AND_SMALL = Microscope(Cantilever(3.0, 75e3, 200.0), Tip(10e-9), Drive(14e-9))
+_LIQUID = Microscope(Cantilever(0.1, 10e3, 2.0), Tip(10e-9), Drive(14e-9))
 
 
 @dataclass(frozen=True)
 class Map:
-    """An image with three independent rough maps."""
+    """An image with three independent rough maps, each between two values, at most so many pixels along a side."""
 
     name: str
     scope: Microscope
@@ -45,6 +50,7 @@ class Map:
     modulus: Range
     adhesion: Range
     damping: Range
+    most: int = SIZE
 
 
 MAPS = (
@@ -52,6 +58,10 @@ MAPS = (
     Map("attractive and repulsive", _AIR, 0.7, (1e9, 1e10), (0.02, 0.3), (1e-3, 0.05)),
     Map("the same at a low setpoint", _AIR, 0.5, (1e9, 1e10), (0.02, 0.3), (1e-3, 0.05)),
     Map("soft lever, soft and lossy sample", _SOFT, 0.7, (1e8, 5e9), (0.005, 0.1), (1e-3, 0.2)),
+    Map("borders, small amplitude", _SMALL, 0.9, (1e8, 1e10), (0.01, 0.15), (1e-3, 0.1), BORDERS),
+    Map("the same at a lower setpoint", _SMALL, 0.7, (1e8, 1e10), (0.01, 0.15), (1e-3, 0.1), BORDERS),
+    Map("borders, soft lever", _SOFT_AND_SMALL, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), BORDERS),
+    Map("in liquid, Q = 2", _LIQUID, 0.7, (1e7, 1e9), (1e-4, 0.02), (1e-3, 0.1), BORDERS),
 )
 
 
@@ -76,33 +86,35 @@ def surface_of(one: Map, size: int, seed: int) -> Surface:
 def measure_images(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:
     """Simulate every map, and solve random pixels of it by collocation.
 
-    Returns dim "image": image_time and image_time_alone [s], image_interpolated [1], image_phase_error [degree] and
-        image_height_error [m] (largest), image_bounded [1] and image_failed [1].
+    Returns, over "image": image_size [1], image_time and image_time_alone [s], image_interpolated [1],
+        image_phase_error [degree] and image_height_error [m] (largest), image_bounded [1] and image_failed [1].
     """
     import xarray as xr
 
-    size, checked = (QUICK_SIZE, QUICK_CHECKED) if quick else (SIZE, CHECKED)
+    checked = QUICK_CHECKED if quick else CHECKED
     rows = []
     for one in MAPS:
         progress(f"image, {one.name}")
+        size = min(QUICK_SIZE if quick else SIZE, one.most)
         surface = surface_of(one, size, seed)
         simulate(surface_of(one, 128, seed), one.scope, one.setpoint)  # compiles
         alone, _ = best_of(partial(simulate, surface, one.scope, one.setpoint, threads=1), 0.0)
         seconds, image = best_of(partial(simulate, surface, one.scope, one.setpoint), 0.0)
-        rows.append((seconds, alone, *_compare(one, surface, image, checked, seed)))
-    names = ("time", "time_alone", "interpolated", "phase_error", "height_error", "bounded", "failed")
+        rows.append((size, seconds, alone, *_compare(one, surface, image, checked, seed)))
+    names = ("size", "time", "time_alone", "interpolated", "phase_error", "height_error", "bounded", "failed")
     long_names = (
-        "time of the whole image on all cores, after compilation", "the same on one core",
+        "pixels along a side", "time of the whole image on all cores, after compilation", "the same on one core",
         "part of the pixels that were interpolated",
         "largest error of the phase on the pixels checked", "largest error of the height on the pixels checked",
         "part of the pixels checked on which the estimated errors bound the true ones", "part without an orbit",
     )  # fmt: skip
-    units = ("s", "s", "1", "degree", "m", "1", "1")
+    units = ("1", "s", "s", "1", "degree", "m", "1", "1")
     columns = {
         f"image_{name}": ("image", values, {"long_name": long_name, "units": unit})
         for name, values, long_name, unit in zip(names, np.array(rows).T, long_names, units, strict=True)
     }
-    return xr.Dataset(columns, {"image": [one.name for one in MAPS]}, {"image_size": size, "image_checked": checked})
+    about = {"image_checked": checked, "image_threads": workers_of(None)}
+    return xr.Dataset(columns, {"image": [one.name for one in MAPS]}, about)
 
 
 def _compare(one: Map, surface: Surface, image: xr.Dataset, checked: int, seed: int) -> tuple[float, ...]:

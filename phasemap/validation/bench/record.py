@@ -52,7 +52,7 @@ REFERENCE = {
 def to_dataset(measured: Measured) -> xr.Dataset:
     """Everything that was measured, with units and provenance.
 
-    Returns dims ("regime", "solver", "case"); a solver is one of phasemap's or a peer, at one tolerance.
+    Returns a Dataset over ("regime", "solver", "case"); a solver is one of phasemap's or a peer, at one tolerance.
     """
     import xarray as xr
 

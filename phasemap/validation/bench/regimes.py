@@ -17,7 +17,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
 from phasemap.solvers.problem import Work, make_work
-from phasemap.validation.bench.bistable import is_bistable
+from phasemap.validation.bench.bistable import end_of_attraction, is_bistable
 from phasemap.validation.bench.equation import Case, Equation
 
 Array = np.ndarray
@@ -25,6 +25,8 @@ Range = tuple[float, float]
 
 RESONANCE = 300e3  # [Hz]; only ratios to it matter
 POISSON_RATIO = 0.35
+SIMILAR = 2  # stiffnesses and dampings in a batch of `Border`
+BESIDE = (1e-3, 3e-2)  # distance of its pixels from the border, over its adhesion, which theory knows to a percent
 MOST_DRAWS = 50  # times as many candidates as cases are asked for, after which a regime is given up
 
 
@@ -177,6 +179,39 @@ class Image:
         )
 
 
+@dataclass(frozen=True)
+class Border:
+    """Pixels beside the end of the attractive branch, some on either side of it: where an image changes its branch.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        From which microscopes, stiffness and damping are drawn; the adhesion follows.
+    """
+
+    ranges: Ranges
+
+    @property
+    def name(self) -> str:
+        """See `Regime`."""
+        return self.ranges.name
+
+    def draw(self, pixels: int, rng: np.random.Generator) -> Batch:
+        """See `Regime`."""
+        for _ in range(MOST_DRAWS):
+            batch = self.ranges.draw(SIMILAR, rng)
+            ends = [end_of_attraction(batch.case(i)) for i in range(SIMILAR)]
+            known = [i for i in range(SIMILAR) if ends[i] is not None]
+            if not known:
+                continue
+            chosen = np.array(known)[np.arange(pixels) % len(known)]
+            beside = np.where(rng.random(pixels) < 0.5, -1, 1) * _spread(rng, BESIDE, pixels)
+            materials = batch.materials[chosen]
+            materials[:, 1] = np.array(ends, np.float64)[chosen] * (1 + beside)
+            return Batch(batch.scope, materials, batch.setpoint)
+        raise RuntimeError(f"no cases in the regime {self.name!r}")  # the ranges above are such that there are many
+
+
 REGIMES: tuple[Regime, ...] = (
     Ranges("air, hard sample", (20, 50), (200, 850), (1e-8, 1e-7), (5e-9, 2e-8), (2e9, 3e11), (0.02, 0.5), (1e-4, 0.1)),
     Ranges("air, soft sample", (5, 50), (150, 600), (2e-8, 1e-7), (8e-9, 30e-9), (1e7, 1e9), (0.005, 0.1), (3e-3, 0.2)),
@@ -196,6 +231,12 @@ REGIMES: tuple[Regime, ...] = (
         Microscope(Cantilever(40.0, RESONANCE, 400.0), Tip(10e-9), Drive(40e-9), Interaction(decay_length=0.3e-9)),
         Material(3.0e9, adhesion=0.07, damping=0.004, poisson_ratio=0.35),
         Material(0.2e9, adhesion=0.06, damping=0.03, poisson_ratio=0.45),
+    ),
+    Border(
+        Ranges(
+            "beside a border", (20, 50), (200, 600), (1e-8, 3e-8), (8e-9, 25e-9), (5e8, 2e10), (0.02, 0.3),
+            (1e-3, 0.02), setpoint=(0.62, 0.9),
+        )
     ),
 )  # fmt: skip
 

@@ -23,8 +23,9 @@ CAPTION = (
     "most {phase:g}° and {height:g} pm on at least 95 % of the cases; — where no tolerance reaches that."
 )
 IMAGES = (
-    "Whole images of {size} x {size} pixels with three independent rough maps, every pixel another material, by `auto` "
-    "on all cores, and on one; errors are the largest on {checked} random pixels of each, against collocation."
+    "Whole images with three independent rough maps, every pixel another material, by `auto` on all cores ({threads}), "
+    "on one, and the share of the cores that is used; errors are the largest on {checked} random pixels of each, "
+    "against collocation."
 )
 
 
@@ -37,17 +38,19 @@ CURVES = (
 def _images(ds: xr.Dataset) -> str:
     """The table of whole images."""
     lines = [
-        "| image | time [s] | on one core [s] | interpolated | phase error [degree] | height error [pm] "
-        "| bounded by its estimate |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| image | pixels | time [s] | on one core [s] | cores used | interpolated | phase error [degree] "
+        "| height error [pm] | bounded by its estimate |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
+    cores = ds.attrs["image_threads"]
     for i, name in enumerate(ds["image"].values):
-        time, alone, share, phase, height, bounded = (
+        size, time, alone, share, phase, height, bounded = (
             float(ds[f"image_{key}"].values[i])
-            for key in ("time", "time_alone", "interpolated", "phase_error", "height_error", "bounded")
+            for key in ("size", "time", "time_alone", "interpolated", "phase_error", "height_error", "bounded")
         )
         lines.append(
-            f"| {name} | {time:.2g} | {alone:.2g} | {100 * share:.4g} % | {phase:.1g} | {1e12 * height:.1g} "
+            f"| {name} | {size:.0f} x {size:.0f} | {time:.2g} | {alone:.2g} "
+            f"| {100 * alone / (time * cores):.0f} % | {100 * share:.4g} % | {phase:.1g} | {1e12 * height:.1g} "
             f"| {100 * bounded:.4g} % |"
         )
     return "\n".join(lines)
@@ -72,7 +75,7 @@ def table(ds: xr.Dataset) -> str:
     for phase, height in LEVELS:
         parts += [CAPTION.format(phase=phase, height=height * 1e12), _ranking(ds, phase, height)]
     if "image" in ds.dims:
-        parts += [IMAGES.format(size=ds.attrs["image_size"], checked=ds.attrs["image_checked"]), _images(ds)]
+        parts += [IMAGES.format(threads=ds.attrs["image_threads"], checked=ds.attrs["image_checked"]), _images(ds)]
     if "curve" in ds.dims:
         parts += [CURVES.format(points=ds.attrs["curve_points"]), _curves(ds)]
     parts += ["<details><summary>Every tolerance: time, errors and failures</summary>"]

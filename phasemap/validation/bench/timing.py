@@ -15,7 +15,7 @@ def best_of(call: Callable[[], T], budget: float) -> tuple[float, T]:
     """Call again and again for about `budget` seconds; the shortest time [s] is the one that nothing disturbed.
 
     `budget`: [s].
-    Returns: of the last call.
+    Returns the shortest time [s], and what the last call gave.
 
     Examples
     --------

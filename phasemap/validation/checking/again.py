@@ -87,12 +87,12 @@ def solve_again(
         if carries:
             found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
             at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
-            several = with_adhesion(found.rows, part.work, part.bare), found.status, found.solver
+            several = with_adhesion(found.rows, part.work, found.solver, part.bare), found.status, found.solver
         else:
             # Only the march knows a memory: instead of an orbit it is engaged from far, which images may do without.
             by_time = FromFar() if part.work.law.memory and isinstance(solver, Orbit) else solver
             solved, codes, by = run(by_time, part.work, claims.accuracy, threads=threads, progress=report)
-            at, several = (part.numbers,), (with_adhesion(solved, part.work, part.bare), codes, by)
+            at, several = (part.numbers,), (with_adhesion(solved, part.work, by, part.bare), codes, by)
         rows[part.pixels], status[part.pixels], used[part.pixels] = (values[at] for values in several)
         materials, done = materials + len(part.work), done + len(part.pixels)
     return Again(pixels, rows, status, used, materials)

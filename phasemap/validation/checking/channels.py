@@ -51,7 +51,7 @@ def solved_again(
     """Channels of one mode, of sampled pixels: as in the image, as found again, and how far apart they may be.
 
     That is what the largest differences of what a channel is made of change in it, one added to the other. The virial
-    of the attraction goes with the root of the indentation.
+    of the attraction goes with the root of the indentation, the energy stored with the power 5/2 of it.
 
     `values`: variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
     `largest`: largest differences of those, as `phasemap.validation.checking.tolerance.allowed` has them.
@@ -60,9 +60,10 @@ def solved_again(
     orbit = {name: np.asarray(values[name]) for name in ("dissipation", "virial")}
     orbit |= {name: FLOATS[name].value(again.rows) for name in OF_ADHESION}
     with np.errstate(all="ignore"):
-        deeper = 0.5 * largest["indentation"] / np.abs(values["indentation"])
+        deeper = largest["indentation"] / np.abs(values["indentation"])
     apart = {name: largest[name] for name in ("dissipation", "virial")}
-    apart |= {name: np.abs(orbit[name]) * deeper for name in OF_ADHESION}
+    power = {name: 2.5 if name == "contact_storage" else 0.5 for name in OF_ADHESION}
+    apart |= {name: np.abs(orbit[name]) * power[name] * deeper for name in OF_ADHESION}
     offset = np.abs(picture.raw("phase") - picture["phase"]).reshape(-1)[again.pixels] if "phase" in picture else 0.0
     turned = largest["phase"] + offset
 

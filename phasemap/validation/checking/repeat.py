@@ -98,5 +98,6 @@ def _largest(picture: Picture, pixels: Pixels, again: dict[str, Any]) -> dict[st
     amplitude = RELATIVE * picture.claims.amplitude + picture.coarse("amplitude")
     largest["amplitude"] = amplitude + largest["amplitude_spread"]
     largest["adhesion_virial"], largest["adhesion_loss"] = largest["virial"], largest["dissipation"]
+    largest["contact_storage"] = largest["virial"]
     largest["energy_closure"] = np.full(len(pixels), CLOSES)
     return largest

@@ -19,7 +19,7 @@ def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     z0, mean, amplitude, push, drag = guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A], guess[col.G_P], guess[col.G_S]
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE] = z0, mean, amplitude
-    row[col.PHASE] = phase_of(lever, guess)
+    row[col.PHASE] = phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S])
     row[col.INDENTATION] = amplitude + mean - z0
     row[col.DISSIPATION] = -math.pi * stiffness * amplitude * drag
     row[col.VIRIAL] = stiffness * (mean * mean - 0.5 * amplitude * push)

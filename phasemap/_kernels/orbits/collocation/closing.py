@@ -10,6 +10,7 @@ from phasemap._kernels.arrays import copy_rows
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, ROW
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import eliminate
+from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.collocation.system import (
     CHAIN,
     COS,
@@ -55,9 +56,8 @@ from phasemap._kernels.quadrature import NODES, T_M1, T_M2, T_SUM1
 @kernel
 def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
-    omega, base, amplitude = lever[OMEGA], lever[BASE], head[VALUE, A]
-    x = head[VALUE, P] + amplitude * (1 - omega**2)
-    y = 2 * lever[ALPHA0] * omega * amplitude - head[VALUE, S]
+    base = lever[BASE]
+    x, y = needed(lever, head[VALUE, A], head[VALUE, P], head[VALUE, S])
     return (x * x + y * y) / base - base
 
 
@@ -69,8 +69,7 @@ def _with_drive(lever: np.ndarray, head: np.ndarray, drift: np.ndarray) -> None:
     head[SYSTEM + 4 : SYSTEM + SEVEN] = 0.0
     row = head[SYSTEM + 4]
     amplitude, push, drag = head[VALUE, A], head[VALUE, P], head[VALUE, S]
-    x = push + amplitude * (1 - omega**2)
-    y = 2 * alpha0 * omega * amplitude - drag
+    x, y = needed(lever, amplitude, push, drag)
     row[RP] = 2 * x / base
     row[RS] = -2 * y / base
     row[RA] = (2 * x * (1 - omega**2) + 4 * y * alpha0 * omega) / base

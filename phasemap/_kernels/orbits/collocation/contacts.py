@@ -9,6 +9,8 @@ import numpy as np
 from phasemap._kernels.columns import RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.orbits.collocation.system import (
+    AT,
+    BROKEN,
     CONTACT,
     CONTACTS,
     COS,
@@ -17,6 +19,9 @@ from phasemap._kernels.orbits.collocation.system import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    FIRST,
+    GAP,
+    LAST,
     MOST_CONTACTS,
     ORIGIN,
     PLACE,
@@ -129,7 +134,7 @@ def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     contacts = int(orbit.head[COUNT, CONTACTS])
     if p[RELEASE] == 0.0:
         for i in range(contacts):
-            orbit.head[CONTACT + i, 2] = orbit.head[CONTACT + i, 1]
+            orbit.head[CONTACT + i, BROKEN] = orbit.head[CONTACT + i, LAST]
     elif contacts > 0:
         _find_releases(p, tables, orbit)
     elif held and contacts == 0 and _lowest(tables, orbit) > p[RELEASE]:
@@ -156,9 +161,9 @@ def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
     contacts, count = int(head[COUNT, CONTACTS]), int(head[COUNT, ELEMENTS])
     begin = orbit.elements[0, PLACE, EDGE]
     for i in range(contacts):
-        end = head[CONTACT + i, 1]
-        following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
-        head[CONTACT + i, 2] = following
+        end = head[CONTACT + i, LAST]
+        following = head[CONTACT + i + 1, FIRST] if i + 1 < contacts else head[CONTACT, FIRST] + TWO_PI
+        head[CONTACT + i, BROKEN] = following
         # Elements from the one that holds `end` on, round the period.
         at = end - TWO_PI * math.floor((end - begin) / TWO_PI)
         e = 0
@@ -181,7 +186,7 @@ def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
                     if d_lowest <= 0.0:
                         theta, d = lowest, d_lowest
                 if d <= 0.0:
-                    head[CONTACT + i, 2] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
+                    head[CONTACT + i, BROKEN] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
                     broken = True
                     break
                 before, d_before = theta, d
@@ -265,19 +270,19 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
             theta_before, d_before, slope_before = theta, d, slope
     if ups == 0:
         orbit.head[COUNT, CONTACTS] = PERMANENT if first_inside else 0
-        orbit.head[CONTACT, 0] = lowest_theta if first_inside else extreme_theta
-        orbit.head[CONTACT, 1] = lowest_d if first_inside else extreme_d
+        orbit.head[CONTACT, AT] = lowest_theta if first_inside else extreme_theta
+        orbit.head[CONTACT, GAP] = lowest_d if first_inside else extreme_d
         return True
     orbit.head[COUNT, CONTACTS] = ups
     for i in range(ups):
         if first_inside:  # the contact that contains the start ends first
-            orbit.head[CONTACT + i, 0] = up[i]
-            orbit.head[CONTACT + i, 1] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
+            orbit.head[CONTACT + i, FIRST] = up[i]
+            orbit.head[CONTACT + i, LAST] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
         else:
-            orbit.head[CONTACT + i, 0] = up[i]
-            orbit.head[CONTACT + i, 1] = down[i]
-    shift = TWO_PI * math.floor((orbit.head[CONTACT, 0] + math.pi) / TWO_PI)
+            orbit.head[CONTACT + i, FIRST] = up[i]
+            orbit.head[CONTACT + i, LAST] = down[i]
+    shift = TWO_PI * math.floor((orbit.head[CONTACT, FIRST] + math.pi) / TWO_PI)
     for i in range(ups):
-        orbit.head[CONTACT + i, 0] -= shift
-        orbit.head[CONTACT + i, 1] -= shift
+        orbit.head[CONTACT + i, FIRST] -= shift
+        orbit.head[CONTACT + i, LAST] -= shift
     return True

@@ -13,6 +13,8 @@ from phasemap._kernels.law import Law, contact_slope, damping
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate
 from phasemap._kernels.orbits.collocation.system import (
+    AT,
+    BROKEN,
     CONTACT,
     CONTACTS,
     COS,
@@ -21,7 +23,10 @@ from phasemap._kernels.orbits.collocation.system import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    FIRST,
+    GAP,
     INSIDE,
+    LAST,
     LEVEL,
     LINEAR,
     MOST_CONTACTS,
@@ -162,7 +167,7 @@ def lay(
     head[COUNT, ELEMENTS], head[COUNT, LINEAR] = 0, 0.0
     reach = reach_of(law, p)
     if contacts <= 0:
-        theta, nearest = head[CONTACT, 0], head[CONTACT, 1]
+        theta, nearest = head[CONTACT, AT], head[CONTACT, GAP]
         side = OUTSIDE if contacts != PERMANENT else INSIDE if nearest > 0.0 else NECK
         pick = _permanent_count(law, p, lever, amplitude, nearest, level) if side == INSIDE else -1
         if pick >= 0:
@@ -175,8 +180,8 @@ def lay(
         )
     ok = True
     for i in range(contacts):
-        start, end, broken = head[CONTACT + i, 0], head[CONTACT + i, 1], head[CONTACT + i, 2]
-        following = head[CONTACT + i + 1, 0] if i + 1 < contacts else head[CONTACT, 0] + TWO_PI
+        start, end, broken = head[CONTACT + i, FIRST], head[CONTACT + i, LAST], head[CONTACT + i, BROKEN]
+        following = head[CONTACT + i + 1, FIRST] if i + 1 < contacts else head[CONTACT, FIRST] + TWO_PI
         half = 0.5 * (end - start)
         ok = _span(tables, orbit, INSIDE, start, end, _contact_count(law, p, lever, amplitude, half, level)) and ok
         if broken > end:

@@ -18,6 +18,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
+from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.collocation.closing import close
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import lay, put
@@ -74,10 +75,9 @@ def state_errors(
     chained = linearise(law, p, lever, tables, halves, no_drift())
     if not chained or not close(lever, halves, HOLD_AMPLITUDE, np.zeros(4)):
         return
-    solved, amplitude, omega = halves.head[SYSTEM:, RIGHT], head[VALUE, A], lever[col.OMEGA]
-    x = solved[RP] + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[col.ALPHA0] * omega * amplitude - solved[RS]
-    row[col.ERROR_PHASE] = SAFETY * abs(math.atan2(x, y) - row[col.PHASE]) + FLOOR_PHASE
+    solved = halves.head[SYSTEM:, RIGHT]
+    phase = phase_of(lever, head[VALUE, A], solved[RP], solved[RS])
+    row[col.ERROR_PHASE] = SAFETY * abs(phase - row[col.PHASE]) + FLOOR_PHASE
     rounded = ROUNDING * abs(head[VALUE, Z0] / row[col.SLOPE])
     row[col.ERROR_HEIGHT] = SAFETY * abs(solved[RZ] - head[VALUE, Z0]) + FLOOR_HEIGHT + rounded
 

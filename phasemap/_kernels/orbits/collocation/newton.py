@@ -9,11 +9,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
-from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.collocation.closing import accept, along, close, close_swept
+from phasemap._kernels.lever import needed, reach_of
+from phasemap._kernels.orbits.collocation.closing import accept, along, close
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.system import (
+    AT,
+    BROKEN,
     CONTACT,
     CONTACTS,
     COS,
@@ -21,7 +23,10 @@ from phasemap._kernels.orbits.collocation.system import (
     EDGE_U,
     EDGE_W,
     ELEMENTS,
+    FIRST,
+    GAP,
     HOLD_ARC,
+    LAST,
     LINEAR,
     PLACE,
     RA,
@@ -67,18 +72,18 @@ def begin(
     c = (z0 - mean) / amplitude
     if c >= 1.0:
         head[COUNT, CONTACTS] = 0
-        head[CONTACT, 0] = 0.0
-        head[CONTACT, 1] = (1.0 - c) * amplitude
+        head[CONTACT, AT] = 0.0
+        head[CONTACT, GAP] = (1.0 - c) * amplitude
     elif c <= -1.0:
         head[COUNT, CONTACTS] = PERMANENT
-        head[CONTACT, 0] = math.pi
-        head[CONTACT, 1] = (-1.0 - c) * amplitude
+        head[CONTACT, AT] = math.pi
+        head[CONTACT, GAP] = (-1.0 - c) * amplitude
     else:
         head[COUNT, CONTACTS] = 1
-        head[CONTACT, 0] = -math.acos(c)
-        head[CONTACT, 1] = math.acos(c)
+        head[CONTACT, FIRST] = -math.acos(c)
+        head[CONTACT, LAST] = math.acos(c)
         breaks = c + p[col.RELEASE] / amplitude
-        head[CONTACT, 2] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
+        head[CONTACT, BROKEN] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
     ok = lay(law, p, lever, tables, orbit, orbit, level)
     for e in range(int(head[COUNT, ELEMENTS]) + 1):
         one = orbit.elements[e]
@@ -93,10 +98,10 @@ def contact_size(head: np.ndarray, reach: float) -> float:
     """Depth [m] that matters to where elements lie: of the shallowest contact, or of the gap and the force's reach."""
     contacts = int(head[COUNT, CONTACTS])
     if contacts <= 0:
-        return abs(head[CONTACT, 1]) + reach
+        return abs(head[CONTACT, GAP]) + reach
     half = math.inf
     for i in range(contacts):
-        half = min(half, 0.5 * (head[CONTACT + i, 1] - head[CONTACT + i, 0]))
+        half = min(half, 0.5 * (head[CONTACT + i, LAST] - head[CONTACT + i, FIRST]))
     return head[VALUE, A] * half * half
 
 
@@ -160,33 +165,6 @@ def newton(
     return col.NOT_CONVERGED, most, orbit, spare
 
 
-@kernel(shared=True)
-def newton_swept(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    tables: np.ndarray,
-    orbit: Orbit,
-    spare: Orbit,
-    drift: np.ndarray,
-    holds: np.ndarray,
-    level: int,
-    tolerance: float,
-    coarse: bool,
-) -> tuple[int, Orbit, Orbit]:
-    """One step of Newton's method where m may move; PENDING if another is needed, with law and lever at the new m."""
-    linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, drift)
-    if not linear or not close_swept(lever, orbit, drift, holds):
-        return col.NOT_CONVERGED, orbit, spare
-    status, _ = take(tables, lever, orbit, tolerance, coarse)
-    if status != col.PENDING:
-        return status, orbit, spare
-    if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
-        return col.TOO_MANY_CONTACTS, orbit, spare
-    carry_over(tables, orbit, spare)
-    return col.PENDING, spare, orbit
-
-
 @kernel
 def floquet(transfer: np.ndarray) -> float:
     """Return the largest modulus of the multipliers: theory, Eq. (stability-3)."""
@@ -207,8 +185,7 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
     mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0
     loop = 0.0  # what a law with hysteresis keeps
     theta0, w0, u0 = 0.0, 0.0, -math.inf  # of the node before
-    x = head[VALUE, P] + amplitude * (1 - omega**2)
-    y = 2 * alpha0 * omega * amplitude - head[VALUE, S]
+    x, y = needed(lever, amplitude, head[VALUE, P], head[VALUE, S])
     for e in range(int(head[COUNT, ELEMENTS])):
         one = orbit.elements[e]
         h, table = one[PLACE, SCALE], tables[int(one[PLACE, TABLE])]

@@ -59,6 +59,8 @@ TABLE, SIDE, ORIGIN, SCALE, EDGE, EDGE_W, EDGE_U = 0, 1, 2, 3, 4, 5, 6
 VALUE, COUNT, TRANSFER, CONTACT, OPEN, SYSTEM, HEAD = 0, 1, 2, 3, 12, 16, 23
 P, S, Z0, A, M = 0, 1, 2, 3, 4
 ELEMENTS, CONTACTS, LEVEL, LINEAR = 0, 1, 2, 3
+FIRST, LAST, BROKEN = 0, 1, 2  # of a contact
+AT, GAP = 0, 1  # of an orbit that nowhere enters or leaves contact: angle and d [m] where it comes nearest to doing so
 # Columns of OPEN and SYSTEM, and the order of the seven: w and w' at the start, P, S, z0; then the change of A in the
 # equations, one in an affine function; the change of m; the right-hand side.
 W0, U0, RP, RS, RZ, ONE, RA, RM, RIGHT = 0, 1, 2, 3, 4, 5, 5, 6, 7

@@ -22,6 +22,7 @@ from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, S
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
+from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ALL_CUT,
@@ -181,9 +182,7 @@ def fill(
 @kernel
 def drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
-    i, omega, amplitude = node(k), lever[OMEGA], state[AMP]
-    x = state[PUSH] + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
+    i, (x, y) = node(k), needed(lever, state[AMP], state[PUSH], state[DRAG])
     share = 2.0 * WEIGHTS[k % N] * f[WEIGHT, i] / (math.pi * lever[BASE] * lever[BASE])
     return (x * f[COS, i] - y * f[SIN, i]) * share
 

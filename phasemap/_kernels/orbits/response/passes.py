@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
-from phasemap._kernels.lever import mismatch
+from phasemap._kernels.lever import mismatch, phase_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     COS,
@@ -173,10 +173,7 @@ def after_pass(lever: np.ndarray, state: np.ndarray, h: float, w: float, nodes: 
     The errors are taken from the last two changes as if they went on like a geometric series, many times over: theory,
     Eq. (errors-1). Returns the ratio of the changes, NaN before there are two.
     """
-    amplitude, omega = state[AMP], lever[OMEGA]
-    x = state[PUSH] + amplitude * (1.0 - omega * omega)
-    y = 2.0 * lever[ALPHA0] * omega * amplitude - state[DRAG]
-    phase, height = math.atan2(x, y), state[E] - h / state[SLOPE] - state[MEAN]
+    phase, height = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), state[E] - h / state[SLOPE] - state[MEAN]
     phase_last, height_last = state[PHASE_CHANGE], state[HEIGHT_CHANGE]
     phase_change = abs(phase - state[PHASE])
     height_change = max(abs(height - state[HEIGHT]), abs(w - state[LAST_W]))

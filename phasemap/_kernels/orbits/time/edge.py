@@ -1,0 +1,212 @@
+"""How the edge of a contact with memory moves, and one step of it.
+
+As in `runge_kutta`, with the same method of order 8, but the variable in contact is the edge q = a/sqrt(R), which is
+sqrt(d) only on a surface that nothing has touched. With dtau = 2 q ds, and y of `elements` at the edge,
+
+    d = q^2 + kappa y,    q' = (v + kappa y/tau_c) / (1 + kappa dy/dxi),    v' = 2 q z'',    D' = 2 q (d - D)/tau,
+    Y' = 2 q (q d - q^3/3 - Y)/tau + y q',    F = (3/2) K0 sqrt(R) (q d - q^3/3 - kappa Y)
+
+(theory, Eqs. (memory-4) and (memory-5)). Where a Kelvin-Voigt surface lets go, its edge is at q^2 = d + t0 d'.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, longrange_force
+from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.runge_kutta import (
+    fly,
+    row2,
+    row3,
+    row4,
+    row5,
+    row6,
+    row7,
+    row8,
+    row9,
+    row10,
+    row11,
+    row12,
+    total,
+    turn,
+)
+
+if TYPE_CHECKING:
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
+
+SUMS = 11
+X, V, SEEN, INSIDE, TAU = 0, 1, 2, 3, 4  # what a step moves: d or q, z', D, Y, the time; and after these six integrals
+
+
+@kernel
+def dent_at(c: Numbers, t: float) -> float:
+    """Depth [m] of the surface under a tip that does not touch it."""
+    return c[13] * math.exp((c[14] - t) * c[10]) if c[13] > 0 else 0.0
+
+
+@kernel(inline=True)
+def at_edge(
+    m: np.ndarray, rate: float, recovery: float, mode: float, q: float, seen: float, t: float
+) -> tuple[float, float]:
+    """Y of the element at the edge and its slope by xi; not where a Kelvin-Voigt surface lets go."""
+    xi = q * q
+    if mode == on.SHRINKING:
+        left, slope = on.inside(m, xi, t, rate)
+        return seen - xi - left, -1 - slope
+    return on.outside(m, xi, t, recovery)
+
+
+@kernel
+def depth_of(m: np.ndarray, c: Numbers, mode: float, u: np.ndarray, t: float) -> float:
+    """Depth d [m] of the tip."""
+    if mode == on.FREE:
+        return u[X]
+    if mode == on.SHRINKING and c[11] > 0:
+        return u[X] * u[X] - c[11] * u[V]
+    return u[X] * u[X] + c[8] * at_edge(m, c[9], c[10], mode, u[X], u[SEEN], t)[0]
+
+
+@kernel(inline=True)
+def slopes(
+    law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, x: float, v: float, seen: float,
+    inside: float, time: float,
+) -> Numbers:  # fmt: skip
+    """Slopes of what a step moves, and the integrands z cos, z sin, z, F z', -F z and z'^2, at a stage."""
+    omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull = c[:13]
+    since, cosine, sine = start
+    turned, turning_sine = turn(omega * time)
+    turned, turning_sine = cosine * turned - sine * turning_sine, sine * turned + cosine * turning_sine
+    t = since + time
+    xi, w, speed = x * x, 2 * x, v
+    y = seen_rate = inside_rate = 0.0
+    if mode == on.FREE:
+        w, d = 1.0, x
+        gap = d - (c[13] * math.exp((c[14] - t) * recovery) if c[13] > 0 else 0.0)
+        force = 0.0
+        if p[col.LONGRANGE] != 0.0:
+            force = longrange_force(law, gap, p) * compliance if gap <= 0 else edge_force + edge_slope * gap
+    elif mode == on.SHRINKING and t0 > 0:
+        d = xi - t0 * v
+        force = stiff * x * xi * (2 / 3) + pull
+    else:
+        y, slope = at_edge(m, rate, recovery, mode, x, seen, t)
+        d = xi + kappa * y
+        speed = (v + kappa * y * recovery) / (1 + kappa * slope)
+        whole = x * (d - xi / 3)
+        if t0 > 0:
+            force = stiff * (whole + t0 * x * v) + pull
+        else:
+            force = stiff * (whole - kappa * inside) + pull
+            seen_rate = w * (d - seen) * rate
+            inside_rate = w * (whole - inside) * rate + y * speed
+    z = z0 + d
+    a = base * turned - z - force - 2 * alpha0 * v
+    if mode == on.SHRINKING and t0 > 0:
+        speed = v + t0 * a
+    return (
+        speed, w * a, seen_rate, inside_rate, w, w * z * turned, w * z * turning_sine, w * z, w * force * v,
+        -w * force * z, w * v * v,
+    )  # fmt: skip
+
+
+@kernel
+def speed_of(law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray) -> Numbers:
+    """q' or d', and the slope of z'."""
+    return slopes(law, p, c, m, mode, start, u[X], u[V], u[SEEN], u[INSIDE], u[TAU])[:2]
+
+
+@kernel
+def step(
+    law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray
+) -> None:
+    """Fill `end` with what u and the six integrals are after h; u[TAU] is 0."""
+    if mode == on.FREE and (p[col.LONGRANGE] == 0.0 or c[13] == 0.0):
+        end[X], end[V], end[TAU], end[5], end[6], end[7], end[8], end[9], end[10] = fly(
+            law, p, c[:8], (u[X], u[V], start[1], start[2]), h
+        )
+        return
+    x, v, d, y = u[X], u[V], u[SEEN], u[INSIDE]
+    x1, v1, d1, y1, t1, c1, s1, m1, e1, f1, o1 = slopes(law, p, c, m, mode, start, x, v, d, y, 0.0)
+    x = row2(u[X], h, x1)
+    v = row2(u[V], h, v1)
+    d = row2(u[SEEN], h, d1)
+    y = row2(u[INSIDE], h, y1)
+    t = row2(0.0, h, t1)
+    x2, v2, d2, y2, t2 = slopes(law, p, c, m, mode, start, x, v, d, y, t)[:5]
+    x = row3(u[X], h, x1, x2)
+    v = row3(u[V], h, v1, v2)
+    d = row3(u[SEEN], h, d1, d2)
+    y = row3(u[INSIDE], h, y1, y2)
+    t = row3(0.0, h, t1, t2)
+    x3, v3, d3, y3, t3 = slopes(law, p, c, m, mode, start, x, v, d, y, t)[:5]
+    x = row4(u[X], h, x1, x3)
+    v = row4(u[V], h, v1, v3)
+    d = row4(u[SEEN], h, d1, d3)
+    y = row4(u[INSIDE], h, y1, y3)
+    t = row4(0.0, h, t1, t3)
+    x4, v4, d4, y4, t4 = slopes(law, p, c, m, mode, start, x, v, d, y, t)[:5]
+    x = row5(u[X], h, x1, x3, x4)
+    v = row5(u[V], h, v1, v3, v4)
+    d = row5(u[SEEN], h, d1, d3, d4)
+    y = row5(u[INSIDE], h, y1, y3, y4)
+    t = row5(0.0, h, t1, t3, t4)
+    x5, v5, d5, y5, t5 = slopes(law, p, c, m, mode, start, x, v, d, y, t)[:5]
+    x = row6(u[X], h, x1, x4, x5)
+    v = row6(u[V], h, v1, v4, v5)
+    d = row6(u[SEEN], h, d1, d4, d5)
+    y = row6(u[INSIDE], h, y1, y4, y5)
+    t = row6(0.0, h, t1, t4, t5)
+    x6, v6, d6, y6, t6, c6, s6, m6, e6, f6, o6 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    x = row7(u[X], h, x1, x4, x5, x6)
+    v = row7(u[V], h, v1, v4, v5, v6)
+    d = row7(u[SEEN], h, d1, d4, d5, d6)
+    y = row7(u[INSIDE], h, y1, y4, y5, y6)
+    t = row7(0.0, h, t1, t4, t5, t6)
+    x7, v7, d7, y7, t7, c7, s7, m7, e7, f7, o7 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    x = row8(u[X], h, x1, x4, x5, x6, x7)
+    v = row8(u[V], h, v1, v4, v5, v6, v7)
+    d = row8(u[SEEN], h, d1, d4, d5, d6, d7)
+    y = row8(u[INSIDE], h, y1, y4, y5, y6, y7)
+    t = row8(0.0, h, t1, t4, t5, t6, t7)
+    x8, v8, d8, y8, t8, c8, s8, m8, e8, f8, o8 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    x = row9(u[X], h, x1, x4, x5, x6, x7, x8)
+    v = row9(u[V], h, v1, v4, v5, v6, v7, v8)
+    d = row9(u[SEEN], h, d1, d4, d5, d6, d7, d8)
+    y = row9(u[INSIDE], h, y1, y4, y5, y6, y7, y8)
+    t = row9(0.0, h, t1, t4, t5, t6, t7, t8)
+    x9, v9, d9, y9, t9, c9, s9, m9, e9, f9, o9 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    x = row10(u[X], h, x1, x4, x5, x6, x7, x8, x9)
+    v = row10(u[V], h, v1, v4, v5, v6, v7, v8, v9)
+    d = row10(u[SEEN], h, d1, d4, d5, d6, d7, d8, d9)
+    y = row10(u[INSIDE], h, y1, y4, y5, y6, y7, y8, y9)
+    t = row10(0.0, h, t1, t4, t5, t6, t7, t8, t9)
+    x10, v10, d10, y10, t10, c10, s10, m10, e10, f10, o10 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    x = row11(u[X], h, x1, x4, x5, x6, x7, x8, x9, x10)
+    v = row11(u[V], h, v1, v4, v5, v6, v7, v8, v9, v10)
+    d = row11(u[SEEN], h, d1, d4, d5, d6, d7, d8, d9, d10)
+    y = row11(u[INSIDE], h, y1, y4, y5, y6, y7, y8, y9, y10)
+    t = row11(0.0, h, t1, t4, t5, t6, t7, t8, t9, t10)
+    x11, v11, d11, y11, t11, c11, s11, m11, e11, f11, o11 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    x = row12(u[X], h, x1, x4, x5, x6, x7, x8, x9, x10, x11)
+    v = row12(u[V], h, v1, v4, v5, v6, v7, v8, v9, v10, v11)
+    d = row12(u[SEEN], h, d1, d4, d5, d6, d7, d8, d9, d10, d11)
+    y = row12(u[INSIDE], h, y1, y4, y5, y6, y7, y8, y9, y10, y11)
+    t = row12(0.0, h, t1, t4, t5, t6, t7, t8, t9, t10, t11)
+    x12, v12, d12, y12, t12, c12, s12, m12, e12, f12, o12 = slopes(law, p, c, m, mode, start, x, v, d, y, t)
+    end[X] = total(u[X], h, x1, x6, x7, x8, x9, x10, x11, x12)
+    end[V] = total(u[V], h, v1, v6, v7, v8, v9, v10, v11, v12)
+    end[SEEN] = total(u[SEEN], h, d1, d6, d7, d8, d9, d10, d11, d12)
+    end[INSIDE] = total(u[INSIDE], h, y1, y6, y7, y8, y9, y10, y11, y12)
+    end[TAU] = total(0.0, h, t1, t6, t7, t8, t9, t10, t11, t12)
+    end[5] = total(0.0, h, c1, c6, c7, c8, c9, c10, c11, c12)
+    end[6] = total(0.0, h, s1, s6, s7, s8, s9, s10, s11, s12)
+    end[7] = total(0.0, h, m1, m6, m7, m8, m9, m10, m11, m12)
+    end[8] = total(0.0, h, e1, e6, e7, e8, e9, e10, e11, e12)
+    end[9] = total(0.0, h, f1, f6, f7, f8, f9, f10, f11, f12)
+    end[10] = total(0.0, h, o1, o6, o7, o8, o9, o10, o11, o12)

@@ -1,0 +1,41 @@
+"""A tip that falls onto the sample and sticks: what a feedback finds when it raises the tip again."""
+
+from __future__ import annotations
+
+import math
+
+import phasemap as pm
+
+
+def test_a_mean_that_misses_the_setpoint_is_no_answer() -> None:
+    # Attraction carries this soft lever over its resonance. Then it falls, and sticks at a sixth of the setpoint.
+    # Engaged in time with a feedback by another code (`held` in tests/reference/make_leaps.py), it is not held.
+    scope = pm.Microscope(
+        pm.Cantilever(0.6512, 300e3, 255.1), pm.Tip(2.071e-9), pm.Drive(4.898e-9, 282.3e3),
+        pm.Interaction("dmt", 2.375e-10),
+    )  # fmt: skip
+    pixel = pm.solve_pixel(pm.Material(1.489e9, 0.1863, 0.2588), scope, 0.1293)
+    assert pixel.status is pm.Status.no_stable_orbit
+
+
+def test_a_tip_that_is_raised_may_come_to_the_setpoint_before_it_comes_free() -> None:
+    scope = pm.Microscope(
+        pm.Cantilever(0.08148, 300e3, 7.421), pm.Tip(5.846e-9), pm.Drive(1.181e-9), pm.Interaction("dmt", 3.794e-10)
+    )
+    pixel = pm.solve_pixel(pm.Material(12.69e6, 0.2176, 0.0004755), scope, 0.1325)
+    assert pixel.status is pm.Status.good
+    assert pixel.branch == "repulsive"
+    # In contact all the time, with the lever bent towards the sample by almost as much as the adhesion can.
+    pull_off = 2 * math.pi * scope.tip.radius * 0.2176 / scope.cantilever.stiffness
+    assert pixel.tip_offset + 2 * pixel.amplitude < pixel.mean_deflection
+    assert 0.95 * pull_off < pixel.tip_offset < pull_off
+
+
+def test_what_sticks_for_good_is_known_after_one_raise() -> None:
+    # It rings down in 361 periods, and is bent by 28 nm before it comes free; four falls took 35,000 periods.
+    scope = pm.Microscope(
+        pm.Cantilever(0.09483, 300e3, 1133.0), pm.Tip(2.827e-9), pm.Drive(2.476e-9), pm.Interaction("jkr", None)
+    )
+    few = pm.Accuracy(periods=6000)
+    pixel = pm.solve_pixel(pm.Material(420.8e6, 0.2113), scope, 0.2167, accuracy=few)
+    assert pixel.status is pm.Status.no_stable_orbit
