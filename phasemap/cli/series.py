@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--by",
         choices=("phase", "height", "both"),
-        help="what tells regions apart; default: phase, or height where it is far sharper",
+        help="what tells regions apart; default: phase, or height where it is far sharper and the phase shows the same",
     )
     parser.add_argument(
         "--labels", metavar="LIST", help="netCDF files with maps of regions, as phasemap scene writes them"

@@ -1,6 +1,6 @@
 """Series of files that leave most unsaid: order and sign are found, the truth is in the errors, doubts are said."""
 
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from documented import check
 import phasemap as pm
 from phasemap.inference.series.contrasts import medians, regions_of
 from phasemap.inference.series.settings import FREE, HELD, SHARED, scope_of, settings_of
-from phasemap.inference.series.words import tell
+from phasemap.inference.series.words import _why, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 HARD, SOFT = pm.Material(3.0e9, 0.15, 0.004), pm.Material(0.4e9, 0.02, 0.05)
@@ -241,6 +241,16 @@ def test_levers_that_files_say_differently_and_drives_beside_resonance_are_told(
 def test_wrong_input_is_named(changed, message):
     with pytest.raises(pm.InputError, match=message), pm.strict_units():
         pm.series(measure(phases()), **changed)
+
+
+def test_a_turn_is_explained_as_far_as_branches_are_certain():
+    turn = partial(_why, region=1)
+    assert turn(np.array([0.0, 1.0]), np.array([1.0, 1.0])) == (
+        "region 0 goes from attractive to repulsive while region 1 stays repulsive"
+    )
+    assert turn(np.array([0.5, 0.5]), np.array([1.0, 1.0])) == "which region changes its branch is not certain"
+    assert turn(np.array([1.0, 1.0]), np.array([1.0, 1.0])).startswith("both stay repulsive")
+    assert turn(np.array([0.0, 1.0]), np.array([0.0, 1.0])) == "neither region changes its branch"
 
 
 def test_ratios_beside_voltages_are_refused_by_name():

@@ -22,6 +22,7 @@ CLEAR = 2.0  # standard errors above which a contrast has a sign
 SURE = 0.9  # chance above which a branch, or a sign, is said without a doubt
 NOTHING = "Find regions another way (by, labels), or give a smaller phase_error if slopes and tip leave less than that."
 """Advice where there is no contrast."""
+EITHER = "on either branch"
 NARROWED = 0.5  # width of an interval over that of the prior, below which data say something
 
 
@@ -199,24 +200,27 @@ def _advice(ds: xr.Dataset, problem: Problem, poor: bool) -> list[str]:
 def _branch(chance: float) -> str:
     if chance > SURE:
         return "repulsive"
-    return "attractive" if chance < 1 - SURE else "on either branch"
+    return "attractive" if chance < 1 - SURE else EITHER
 
 
 def _why(before: Array, after: Array, region: int) -> str:
     """Why a contrast turns between two files."""
-    moved = []
+    moved, rest = [], []
     for r in (region, 0):
         first, last = _branch(before[r]), _branch(after[r])
-        if first != last:
+        if EITHER in (first, last):
+            rest.append(f"the branch of region {r} is not certain")
+        elif first != last:
             moved.append(f"region {r} goes from {first} to {last}")
+        else:
+            rest.append(f"region {r} stays {last}")
     if moved:
-        stays = [r for r in (region, 0) if _branch(before[r]) == _branch(after[r])]
-        rest = [f"region {r} stays {_branch(after[r])}" for r in stays]
         return " while ".join([" and ".join(moved), *rest])
-    both = _branch(after[region])
-    if both == _branch(after[0]) and both != "on either branch":
-        return f"both stay {both}, and what they dissipate outweighs the other on either side"
-    return "no region changes its branch for certain"
+    if "not certain" in "".join(rest):
+        return "which region changes its branch is not certain"
+    if _branch(after[region]) == _branch(after[0]):
+        return f"both stay {_branch(after[0])}, and what they dissipate outweighs the other on either side"
+    return "neither region changes its branch"
 
 
 def _crossings(levels: Array, contrast: Array) -> list[float]:
