@@ -1,8 +1,8 @@
 """How far is the loss tangent that an instrument shows from that of the material?
 
 The formula that instruments use takes the whole virial as elastic. Adhesion adds an attraction to the virial, so that
-the loss tangent comes out too large, the more so the stickier the sample and the gentler the tapping. Without the
-virial of the attraction it is that of the material, omega eta / (2 E*), if the indentation is small.
+the loss tangent comes out too large, the more so the stickier the sample and the gentler the tapping. With the energy
+that the contact stores along the tap in its place it is that of the material, omega eta / (2 E*).
 """
 
 from pathlib import Path
@@ -21,6 +21,7 @@ SCOPE = pm.Microscope(
 )
 ADHESION = np.linspace(0.0, 0.1, 81)
 SETPOINTS = np.linspace(0.95, 0.4, 56)
+SHOWN = {0.95: "tab:red", 0.8: "tab:blue", 0.4: "tab:green"}
 
 
 def of_material() -> float:
@@ -55,16 +56,20 @@ def main(folder: Path = Path()) -> None:
     times = f"{raw[at[::-1]]:.2f} times the material's, {corrected[at[::-1]]:.2f} times when corrected"
     print(f"adhesion 0.06 J/m2, setpoint 0.8: {times}")
 
-    figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.1), layout="constrained", sharey=True)
+    figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.1), layout="constrained")
     shading = {"shading": "nearest", "rasterized": True}
     mesh = panels[0].pcolormesh(ADHESION, SETPOINTS, raw, cmap="viridis", norm=LogNorm(1, 2.5), **shading)
     levels = panels[0].contour(ADHESION, SETPOINTS, raw, [1.1, 1.2, 1.5, 2.0], colors="white", linewidths=0.9)
     panels[0].clabel(levels, fmt="%g", fontsize=8)
     figure.colorbar(mesh, ax=panels[0], label="over the material's", ticks=[1, 1.5, 2, 2.5], format="%g", extend="both")
     panels[0].set(title="Raw, by the instrument's formula", ylabel="setpoint (amplitude / free amplitude)")
-    mesh = panels[1].pcolormesh(ADHESION, SETPOINTS, corrected, cmap="coolwarm", vmin=0.97, vmax=1.03, **shading)
-    figure.colorbar(mesh, ax=panels[1], label="over the material's")
-    panels[1].set(title="Corrected for adhesion")
+    for setpoint, colour in SHOWN.items():
+        line = int(np.argmin(np.abs(SETPOINTS - setpoint)))
+        panels[1].plot(ADHESION, raw[line], color=colour, label=f"raw, setpoint {setpoint}")
+        panels[1].plot(ADHESION, corrected[line], "--", color=colour)
+    panels[1].plot([], [], "k--", label="corrected, all three")
+    panels[1].set(title="Raw and corrected", ylabel="over the material's", xlim=(0.0, 0.1))
+    panels[1].legend(frameon=False)
     for axes in panels:
         axes.set_xlabel("work of adhesion (J/m²)")
     figure.savefig(folder / "loss_tangent.png", dpi=150)

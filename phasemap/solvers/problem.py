@@ -86,7 +86,7 @@ def _check_marched(marched: bool, scope: Microscope) -> None:
     """Refuse what goes beyond the march in time, the only one that knows a memory."""
     if not marched:
         allowed = "materials without a relaxation time, and withdrawal 'linear', for what is not marched in time"
-        hint = "Ask simulate or solve_pixel, with solver 'march' or 'auto'."
+        hint = "Ask simulate, solve_pixel, contrast or a sweep, with solver 'march' or 'auto'."
         raise InputError("surface", Word("one that remembers"), allowed, hint)
     if scope.drive.excitation != "direct":
         raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")

@@ -167,6 +167,35 @@ def test_the_same_physics_in_other_units_is_the_same(name: str, decay: float | N
             assert before(-abs(d), p) * force == pytest.approx(after(-abs(d) * length, q), rel=1e-12)
 
 
+REMEMBERING: dict[str, dict[str, float]] = {
+    "solid": {"modulus": 2e9, "relaxed_modulus": 1e9, "relaxation_time": 100e-9},
+    "Kelvin-Voigt after Ting": {"modulus": 1e9, "viscosity": 20.0},
+}
+
+
+@pytest.mark.parametrize("name", REMEMBERING)
+def test_a_contact_that_remembers_keeps_the_contract_of_laws(name: str) -> None:
+    def pixel(length: float, force: float, law: str = "dmt") -> pm.Pixel:
+        stress = force / length**2
+        given = {key: value * (1 if key.endswith("time") else stress) for key, value in REMEMBERING[name].items()}
+        scope = pm.Microscope(
+            pm.Cantilever(40.0 * force / length, 300e3, 400.0), pm.Tip(10e-9 * length), pm.Drive(40e-9 * length),
+            Interaction(law, None, withdrawal="ting"),
+        )  # fmt: skip
+        found = pm.solve_pixel(pm.Material(**given), scope, 0.6)
+        assert found.status is pm.Status.good and found.solver == "march"
+        return found
+
+    one, other = pixel(1.0, 1.0), pixel(1.3, 0.7)
+    # The same physics in other units is the same, to what an orbit in time is known to.
+    assert other.phase == pytest.approx(one.phase, abs=1e-5)
+    assert other.indentation == pytest.approx(1.3 * one.indentation, rel=1e-5)
+    assert other.dissipation == pytest.approx(1.3 * 0.7 * one.dissipation, rel=1e-5)
+    # It loses energy, which the lever supplies; without adhesion the law without adhesion is the same.
+    assert one.dissipation > 0.0 and abs(one.energy_closure) < 1e-5
+    assert pixel(1.0, 1.0, "hertz").phase == one.phase
+
+
 # JKR against its own equations, solved by a general root finder.
 
 

@@ -15,7 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.materials import interpolate as kernel
 from phasemap.imaging.interpolation import Atlas, ExactOrbits
 from phasemap.imaging.interpolation.axes import Axes
-from phasemap.imaging.interpolation.borders import find_borders
+from phasemap.imaging.interpolation.borders import Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
 from phasemap.results.variables import SOLVER_NAMES
 
@@ -216,6 +216,14 @@ class TestParts:
             assert np.all(np.sign(phase) == sign)
         depth = exact(np.column_stack([x0, x1, graze.height(x0, x1)]))[:, 3]
         assert np.all(abs(depth) < 1e-14)
+
+    def test_no_border_is_looked_for_where_few_materials_lie(self) -> None:
+        exact = ExactOrbits(AIR, 0.7 * AIR.driven_amplitude, Axes(True, 0.0), 1)
+        box, low, high = (*np.log(np.array([2e9, 6e9])), 0.0, 0.0), 0.05, 0.3
+        lowest = find_borders(exact, box, low, high)[0].height(np.array(box[:2]), np.zeros(2)).min()
+        with pytest.raises(Undecided) as raised:
+            find_borders(exact, box, low, high, few=0.7 * lowest)
+        assert raised.value.below is not None and 0.7 * lowest < raised.value.below < lowest
 
     def test_coordinates_go_there_and_back(self) -> None:
         stiffness, adhesion, damping = np.array([0.0, 1e8, 1e11]), np.array([0.0, 0.1, 0.2]), np.array([0.0, 1e-3, 2])

@@ -150,7 +150,7 @@ def move_slowly(
         if not abs(tip.u[3]) < -lowest:
             return LOWEST
         before, change = now, sums[CHANGE]
-        still = change < STILL * amplitude and alike(sums)
+        still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)
         if still and abs(from_z0 - tip.u[3]) > least and skip(law, p, lever, how, 0.0, tip):
             return AGAIN
         if hasty and not still:
@@ -168,8 +168,8 @@ def hold_mean(
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
-    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, theory,
-    Eq. (irregular-5); what is stated is wider, Eq. (irregular-6). NOT_SETTLED if it is still large when `most` periods
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, and what is stated
+    is wider: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if it is still large when `most` periods
     were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
     nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
     `gain` is that of the controller at first, but at most SLOW past a contact with hysteresis: a tip that is moved

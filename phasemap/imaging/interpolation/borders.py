@@ -18,16 +18,12 @@ from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation import chebyshev, folds
 from phasemap.imaging.interpolation.chebyshev import clipped, unscaled
-from phasemap.imaging.interpolation.exact_orbits import DEPTH, FUNCTIONS, HEIGHT, ExactOrbits
+from phasemap.imaging.interpolation.exact_orbits import DEPTH, HEIGHT, ExactOrbits
+from phasemap.imaging.interpolation.lines import Brackets, Lines, jumps_on, orbits_above, scan
 
 Array = NDArray[np.float64]
 
-SCAN = 17  # points on a line
 LEAST_BELOW = 4  # steps between them that make a layer of their own
-HALVINGS = 7  # after which the step of a smooth function has become small
-SMALLEST = 5e-12  # step of the tip offset [m] that is taken for a jump
-JUMP = 0.3  # share of a step that stays in a jump
-FEWEST, PLAIN = 3, 0.8  # halvings after which such a share leaves no doubt
 EXACT = 4e-6  # width, over the adhesion, to which a jump is located
 SMOOTH = 1e-5  # last coefficients of a border, over the adhesion
 ROUGH = 1e-4  # the same where the error is measured instead
@@ -53,115 +49,6 @@ class Border:
         return np.asarray(chebval2d(t0, t1, self.coefficients))
 
 
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    """Orbits along lines of varying adhesion, each array of shape (lines, points)."""
-
-    heights: Array
-    offsets: Array  # of the tip
-    depths: Array  # of the contact
-
-    def steps(self) -> Array:
-        """How much the tip offset changes from point to point; infinite where only one of two orbits is held."""
-        held = np.isfinite(self.offsets)
-        step = abs(np.diff(self.offsets, axis=1))
-        step[held[:, 1:] != held[:, :-1]] = np.inf
-        return np.nan_to_num(step, nan=0.0, posinf=np.inf)
-
-
-def _above(exact: ExactOrbits, bases: Array, heights: Array, function: int) -> Array:
-    """A function of the orbits at heights (lines, points) above bases (lines, 2)."""
-    return _orbits(exact, bases, heights)[..., function]
-
-
-def _orbits(exact: ExactOrbits, bases: Array, heights: Array) -> Array:
-    return exact(_points(bases, heights).reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))
-
-
-def _points(bases: Array, heights: Array) -> Array:
-    points = np.empty((*heights.shape, 3))
-    points[..., :2] = bases[:, None]
-    points[..., 2] = heights
-    return points
-
-
-def _scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> _Lines:
-    """Orbits along lines.
-
-    Time, which is slow, is asked where it may find periodic orbits that curves do not lead to: past the last that they
-    lead to there mostly are none. Where that is above the adhesion `few`, it does not matter.
-    """
-    share = np.linspace(0, 1, SCAN)
-    heights = low[:, None] + (high - low)[:, None] * share
-    points = _points(bases, heights)
-    orbits = exact(points.reshape(-1, 3), in_time=False).reshape(*heights.shape, len(FUNCTIONS))
-    held = np.isfinite(orbits[..., HEIGHT])
-    beside = ~held
-    beside[:, 1:-1] &= held[:, 2:] | held[:, :-2]
-    beside[:, 0] &= held[:, 1]
-    beside[:, -1] &= held[:, -2]
-    for where in (beside, ~held & ~beside):
-        if not where.any() or heights[~held].min() > few:
-            break
-        orbits[where] = exact(points[where])
-        if np.isnan(orbits[where][:, HEIGHT]).all():
-            break
-    return _Lines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
-
-
-@dataclass(frozen=True, eq=False)
-class _Brackets:
-    """A pair of points on every line, between which a border lies."""
-
-    low: Array
-    high: Array
-    offset_low: Array
-    offset_high: Array
-
-    @property
-    def step(self) -> Array:
-        step = abs(self.offset_high - self.offset_low)
-        return np.where(np.isfinite(self.offset_high) != np.isfinite(self.offset_low), np.inf, np.nan_to_num(step))
-
-    def halved(self, exact: ExactOrbits, bases: Array, where: NDArray[np.bool_]) -> _Brackets:
-        """Keep, on the lines `where`, the half in which the tip offset changes more."""
-        middle = 0.5 * (self.low + self.high)
-        offset = np.full(len(bases), np.nan)
-        offset[where] = _above(exact, bases[where], middle[where][:, None], HEIGHT)[:, 0]
-        lower = _Brackets(self.low, middle, self.offset_low, offset).step
-        upper = _Brackets(middle, self.high, offset, self.offset_high).step
-        up, down = where & (upper > lower), where & ~(upper > lower)
-        return _Brackets(
-            np.where(up, middle, self.low),
-            np.where(down, middle, self.high),
-            np.where(up, offset, self.offset_low),
-            np.where(down, offset, self.offset_high),
-        )
-
-
-def _largest_step(lines: _Lines) -> _Brackets:
-    rows, at = np.arange(len(lines.heights)), lines.steps().argmax(axis=1)
-    return _Brackets(
-        lines.heights[rows, at], lines.heights[rows, at + 1], lines.offsets[rows, at], lines.offsets[rows, at + 1]
-    )
-
-
-def _jumps(exact: ExactOrbits, bases: Array, lines: _Lines) -> tuple[_Brackets, NDArray[np.bool_]]:
-    """Bracket the largest step on every line, and whether it is a jump."""
-    brackets = _largest_step(lines)
-    before = brackets.step
-    steps = where = before > 0
-    for i in range(HALVINGS):
-        brackets = brackets.halved(exact, bases, where)
-        if i + 1 >= FEWEST:
-            where = where & ~(brackets.step > PLAIN * before)
-        if not where.any():
-            break
-    with np.errstate(invalid="ignore"):
-        jumps = steps & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
-    return brackets, jumps
-
-
 class Undecided(Exception):
     """The borders over this box do not form whole layers.
 
@@ -185,12 +72,12 @@ def find_borders(
     exists over a part of the box only, or is not smooth, or is for few materials only.
     """
     bases = _bases(box)
-    lines = _scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)
+    lines = scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)
     at_resonance = exact.scope.frequency_ratio == 1
     lost = np.diff(np.isfinite(lines.offsets), axis=1)
     if at_resonance and lost.any():  # beside the attractive branch's end orbits are held on both sides
         raise Undecided(_point_below(lines, float(lines.heights[:, :-1][lost].min())))
-    brackets, jumps = _jumps(exact, bases, lines)
+    brackets, jumps = jumps_on(exact, bases, lines)
     if at_resonance and jumps.any():
         below = _point_below(lines, float(brackets.low[jumps].min()))
         if below is not None and below > few:
@@ -214,7 +101,7 @@ def find_borders(
     return found
 
 
-def _point_below(lines: _Lines, height: float) -> float | None:
+def _point_below(lines: Lines, height: float) -> float | None:
     """The point of a scan next below this adhesion, if a layer of its own lies below."""
     at = int(np.searchsorted(lines.heights[0], height, "right")) - 1
     return float(lines.heights[0, at]) if at >= LEAST_BELOW else None
@@ -228,13 +115,13 @@ def _bases(box: tuple[float, float, float, float]) -> Array:
 
 
 def _followed(
-    exact: ExactOrbits, bases: Array, brackets: _Brackets, jumps: NDArray[np.bool_], low: float, high: float
-) -> _Brackets:
+    exact: ExactOrbits, bases: Array, brackets: Brackets, jumps: NDArray[np.bool_], low: float, high: float
+) -> Brackets:
     """Look for the jump beyond the adhesions met, on the lines that have none among them."""
     missing = np.flatnonzero(~jumps)
     count = len(missing)
-    lines = _scan(exact, bases[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
-    more, found = _jumps(exact, bases[missing], lines)
+    lines = scan(exact, bases[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
+    more, found = jumps_on(exact, bases[missing], lines)
     if not found.all():
         raise Undecided
     joined = []
@@ -245,7 +132,7 @@ def _followed(
         old = old.copy()
         old[missing] = new
         joined.append(old)
-    return _Brackets(*joined)
+    return Brackets(*joined)
 
 
 def _check_order(lower: Border, upper: Border) -> None:
@@ -280,7 +167,7 @@ class _Located:
         box = self.box
         return (size if box[1] > box[0] else 1), (size if box[3] > box[2] else 1)
 
-    def jump(self, brackets: _Brackets) -> _Jump:
+    def jump(self, brackets: Brackets) -> _Jump:
         """Locate a jump at more and more nodes, from the brackets at centre and corners."""
         least = 0.5 * float(np.min(brackets.step))
         if self.exact.scope.frequency_ratio != 1:
@@ -290,7 +177,7 @@ class _Located:
             raise Undecided
         return _Jump(border, self._depth_above(border))
 
-    def _at_folds(self, brackets: _Brackets) -> Border | None:
+    def _at_folds(self, brackets: Brackets) -> Border | None:
         """The border as the end of the attractive branch, if that can be followed."""
         bases = _bases(self.box)
         known = folds.start(self.exact, bases, brackets.high)
@@ -335,9 +222,9 @@ class _Located:
         bases = _bases(self.box)
         height = border.height(bases[:, 0], bases[:, 1])
         room = max(BESIDE, 4 * border.error / float(height.min())) * height
-        return _above(self.exact, bases, (height + room)[:, None], DEPTH)[:, 0]
+        return orbits_above(self.exact, bases, (height + room)[:, None], DEPTH)[:, 0]
 
-    def _halving(self, brackets: _Brackets, least: float) -> _Jump:
+    def _halving(self, brackets: Brackets, least: float) -> _Jump:
         bases = _bases(self.box)
         rough = 0.5 * (brackets.low + brackets.high)
         guess, spread = _plane(bases, rough, self.box)
@@ -356,12 +243,12 @@ class _Located:
             return _Jump(border, self._depth_above(border))
         raise Undecided
 
-    def _bisect(self, bases: Array, centre: Array, half: Array, least: float) -> _Brackets:
+    def _bisect(self, bases: Array, centre: Array, half: Array, least: float) -> Brackets:
         """Locate the jump near `centre`; a step larger than `least` is one."""
         for _ in range(6):
             low, high = np.maximum(centre - half, 0.0), centre + half
-            offsets = _above(self.exact, bases, np.column_stack([low, high]), HEIGHT)
-            brackets = _Brackets(low, high, offsets[:, 0], offsets[:, 1])
+            offsets = orbits_above(self.exact, bases, np.column_stack([low, high]), HEIGHT)
+            brackets = Brackets(low, high, offsets[:, 0], offsets[:, 1])
             missed = ~(brackets.step > least)
             if not missed.any():
                 break
@@ -394,7 +281,7 @@ class _Located:
 
     def _root(self, bases: Array, low: Array, high: Array) -> Array:
         """Zero of the depth between low, where the tip touches, and high, where it does not (Illinois)."""
-        depths = _above(self.exact, bases, np.column_stack([low, high]), DEPTH)
+        depths = orbits_above(self.exact, bases, np.column_stack([low, high]), DEPTH)
         f_low, f_high = depths[:, 0].copy(), depths[:, 1].copy()
         if not ((f_low > 0) & (f_high < 0)).all():
             raise Undecided
@@ -402,7 +289,7 @@ class _Located:
         at = low
         for _ in range(40):
             at = (low * f_high - high * f_low) / (f_high - f_low)
-            f = _above(self.exact, bases, at[:, None], DEPTH)[:, 0]
+            f = orbits_above(self.exact, bases, at[:, None], DEPTH)[:, 0]
             if not np.isfinite(f).all():
                 raise Undecided
             if (abs(f) < 1e-15).all():
