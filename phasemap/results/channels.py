@@ -112,7 +112,7 @@ def channels(
     0.0231
     >>> corrected = pm.simulate(surface, scope, setpoint=0.6, variables="loss_tangent_corrected")
     >>> round(float(corrected.loss_tangent_corrected[0, 0]), 4)
-    0.0167
+    0.0165
     """
     if "phase" not in getattr(image, "data_vars", ()):
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")

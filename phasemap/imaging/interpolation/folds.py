@@ -177,8 +177,9 @@ def minimum(adhesion: Array, values: Array) -> Ends | None:
     square[:, :3] = np.linalg.solve(matrix[:, :3, :3], adhesion[:, :3, None])[..., 0]
     # Far from the end, a cubic may have no minimum.
     b = np.where((_discriminant(cubic) > 0)[:, None], cubic, square)
-    at = -b[:, 1] / (b[:, 2] + np.sqrt(np.maximum(_discriminant(b), 0.0)))
-    curvature = (b[:, 2] + 3 * b[:, 3] * at) / scale[:, 0] ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):  # a straight line has no minimum
+        at = -b[:, 1] / (b[:, 2] + np.sqrt(np.maximum(_discriminant(b), 0.0)))
+        curvature = (b[:, 2] + 3 * b[:, 3] * at) / scale[:, 0] ** 2
     if not (np.isfinite(at).all() and (curvature > 0).all() and (at < 0).all()):
         return None
     at = np.maximum(at, -2.0)

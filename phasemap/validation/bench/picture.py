@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLUMNS = 4
+COLUMNS = 4  # at most
 PANEL, GAP, BLOCK = (2.75, 2.2), (0.28, 0.7), 0.8  # sizes on the page [inch]
 LEFT, RIGHT, BOTTOM = 0.85, 0.3, 0.65
 LINE = 0.26  # height of a line of the legend [inch]
@@ -66,8 +66,8 @@ def draw(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: 
     """
     from phasemap.plot.page import Page
 
-    columns = min(COLUMNS, max(2, ds.sizes["regime"]))
-    rows = -(-ds.sizes["regime"] // columns)
+    rows = -(-ds.sizes["regime"] // COLUMNS)
+    columns = max(2, -(-ds.sizes["regime"] // rows))
     block = BLOCK + rows * (PANEL[1] + GAP[1])
     width = LEFT + columns * PANEL[0] + (columns - 1) * GAP[0] + RIGHT
     handles = _handles(ds)
