@@ -29,10 +29,8 @@ FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a 
 SWING = 1.5  # least depth that a tip comes to: so many amplitudes of the first harmonic above its mean
 TOO_STIFF, BEYOND = 2.0, 2.0  # over what the drive has for P, and over the largest amplitude of the free lever
 LOOKS = 32  # at depths along the neck, and at angles of a swing
-STRIDE, SHORTEST = (
-    0.1,
-    0.0125,
-)  # of the amplitude: the first step of a tip that is raised, and to which its end is sought
+STRIDE = 0.1  # of the amplitude, the first step of a tip that is raised
+SHORTEST = 0.0125  # of the amplitude, the last one: as closely is its end known
 EXPECTED = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
 JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
 PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step

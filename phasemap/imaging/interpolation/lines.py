@@ -28,10 +28,13 @@ class Lines:
 
     def steps(self) -> Array:
         """How much the tip offset changes from point to point; infinite where only one of two orbits is held."""
-        held = np.isfinite(self.offsets)
-        step = abs(np.diff(self.offsets, axis=1))
-        step[held[:, 1:] != held[:, :-1]] = np.inf
-        return np.nan_to_num(step, nan=0.0, posinf=np.inf)
+        return _step(self.offsets[:, :-1], self.offsets[:, 1:])
+
+
+def _step(first: Array, second: Array) -> Array:
+    """How much the tip offset changes; infinite where only one of the two is held, 0 where neither is."""
+    one_held = np.isfinite(first) != np.isfinite(second)
+    return np.where(one_held, np.inf, np.nan_to_num(abs(second - first)))
 
 
 def orbits_above(exact: ExactOrbits, bases: Array, heights: Array, function: int) -> Array:
@@ -82,8 +85,7 @@ class Brackets:
     @property
     def step(self) -> Array:
         """How much the tip offset changes between them; infinite where only one of two orbits is held."""
-        step = abs(self.offset_high - self.offset_low)
-        return np.where(np.isfinite(self.offset_high) != np.isfinite(self.offset_low), np.inf, np.nan_to_num(step))
+        return _step(self.offset_low, self.offset_high)
 
     def halved(self, exact: ExactOrbits, bases: Array, where: NDArray[np.bool_]) -> Brackets:
         """Keep, on the lines `where`, the half in which the tip offset changes more."""
