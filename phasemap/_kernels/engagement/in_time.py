@@ -279,17 +279,15 @@ def hold(
 
 
 @kernel
-def settle(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, start: np.ndarray, eta: float, most: int,
-    row: np.ndarray,
-) -> int:  # fmt: skip
-    """Hold an amplitude [m] in time, starting from (z0, mean, amplitude, lag), and fill a result row.
+def settle(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
+    """Hold an amplitude [m] in time, starting from the orbit in the result row, which is filled anew.
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
+    lag = 0.5 * math.pi - row[col.PHASE]
+    z = row[col.MEAN] + amplitude * math.cos(lag)
+    tip = new_tip(law, z, lever[col.OMEGA] * amplitude * math.sin(lag), row[col.TIP_OFFSET])
     row[:] = math.nan
-    z = start[1] + start[2] * math.cos(start[3])
-    tip = new_tip(law, z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
     return hold(law, p, lever, amplitude, eta, most, tip, row)
 
 
