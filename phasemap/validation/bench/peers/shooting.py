@@ -68,9 +68,8 @@ def shoot(period: Period, p: Array, start: Array, tolerance: float) -> Array:
     """
 
     def volume(a: Array, b: Array, c: Array) -> float:
-        return (
-            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
+        first, second = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2]
+        return float(a[0] * first + a[1] * second + a[2] * (b[0] * c[1] - b[1] * c[0]))
 
     x = start.copy()
     if p[ALPHA0] > 0.02:  # where the lever forgets quickly, a few periods bring the higher harmonics
