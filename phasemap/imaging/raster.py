@@ -22,7 +22,6 @@ from phasemap.imaging.engaged import (
     FEW,
     Interpolants,
     Numbers,
-    columns_of,
     interpolates,
     make_atlas,
     numbers_in,
@@ -31,6 +30,7 @@ from phasemap.imaging.engaged import (
 from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
+from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.both_branches import Branches, stable_branches
 
 Array = NDArray[np.float64]
@@ -69,15 +69,20 @@ def _check(_job: Job) -> None:
     """Every solver has branches."""
 
 
+def _interpolates(job: Job) -> bool:
+    """Integrals over orbits are not interpolated beside what is solved."""
+    return interpolates(job) and not set(OF_ORBITS) & set(job.needs)
+
+
 def _most(job: Job) -> int:
-    return FEW if interpolates(job) else MOST
+    return FEW if _interpolates(job) else MOST
 
 
 def _plan(job: Job, survey: Survey, _before: Table | Interpolants | None) -> Table | Interpolants | None:
     """The branches of all materials if these are few, or an atlas of more, or neither."""
     if survey.materials is not None:
         return _table(job, survey.materials, job.progress)
-    return make_atlas(job, survey) if interpolates(job) else None
+    return make_atlas(job, survey) if _interpolates(job) else None
 
 
 def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
@@ -86,9 +91,10 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     def solve(some: Array, later: Progress | None) -> Values:
         work = job.work(some)
         found = stable_branches(work, job.solver, job.accuracy, job.workers, later)
+        rows = job.widened(found.rows, found.solver, work, some)
         orbits = dict(zip(WALKED, found.orbits, strict=True))
         return {
-            **values_of(job.names, job.widened(found.rows, found.solver, work, some), found.status, found.solver),
+            **values_of(job.names, rows, found.status, found.solver, job.scope),
             **orbits,
         }
 
@@ -191,20 +197,18 @@ def _passed(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.
         branches.put(asked, found)
         orbits.stable[:, asked], orbits.offsets[:, asked] = found.stable, found.orbits.offsets
         ahead = min(2 * ahead, farthest)
-    values = values_of(
-        job.names, job.widened(branches.rows, branches.solver, None, materials), branches.status, branches.solver
-    )
+    values = values_of(job.names, branches.rows, branches.status, branches.solver, job.scope)
     return Table(materials, {**values, **dict(zip(WALKED, orbits, strict=True))})
 
 
 def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branches, Orbits]:
     """What holds the setpoint on each material, of the interpolated ones as far as engagement finds it."""
     count = len(materials)
-    columns = sorted({*columns_of(job.names), col.TIP_OFFSET, col.PHASE})
+    names = (*job.needs, "tip_offset", "phase")
     engaged = np.empty((count, col.COLUMNS))
 
     def interpolate(first: int, last: int) -> None:
-        engaged[first:last] = plan.rows(job, materials[first:last], columns)
+        engaged[first:last] = plan.rows(job, materials[first:last], names)
 
     spread(interpolate, bounds_of(count, chunk_of(count, job.workers, BLOCK)), job.workers, None)
     held = ~np.isnan(engaged[:, col.AMPLITUDE])

@@ -26,7 +26,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
 from phasemap.imaging.checkpoint import Checkpoint, fill_kept
 from phasemap.imaging.dask.image import check_lazy, simulate_lazily
-from phasemap.imaging.imperfections import drifted, finish
+from phasemap.imaging.imperfections import changes, drifted, finish
 from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import fill_part, plan_image, simulator_of
@@ -163,7 +163,9 @@ def simulate(
         raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     stay, derived = split(variables, control, scope.drive.second is not None)
-    names = inputs_of(stay, derived, control)
+    # Of the orbits, where an image shows what they do; else of the image, as an instrument would.
+    early = derived if not (control.in_time or changes(realism)) else ()
+    names = (*inputs_of(stay, () if early else derived, control), *early)
     if scope.interaction.law.takes_film and surface.thickness is None:
         allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
         raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
@@ -201,7 +203,7 @@ def simulate(
         )
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
-    image = with_channels(finish(image, realism), stay, derived, control, scope)
+    image = with_channels(finish(image, realism), stay, () if early else derived, control, scope)
     if surface.thickness is not None:
         image = image.assign_coords(thickness=surface.to_dataset()["thickness"])
     if not surface.lazy:
@@ -238,7 +240,7 @@ def _check_memory(job: Job) -> None:
     if isinstance(job.control, Raster):
         hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
         raise InputError("control", "Raster", "Engage or Feedback where contacts remember", hint)
-    check_integrals([name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)])
+    check_integrals([name for name in job.needs if name in (*OF_ADHESION, *OF_FORCES)])
 
 
 def workspace(realism: Realism) -> int:
