@@ -376,7 +376,7 @@ def test_a_law_with_another_formula_is_another_simulation(tmp_path: Path) -> Non
 # The command
 
 SLOW = [
-    "run", "samples/bistable.toml", "--quiet", "surface.shape=[120, 32]", "surface.spacing=60e-9",
+    "run", "samples/bistable.toml", "--quiet", "surface.shape=[60, 32]", "surface.spacing=60e-9",
     "control.line_rate=8", "-o",
 ]  # fmt: skip
 EAGER = "import sys, phasemap.imaging.checkpoint as c; c.EVERY = 0.0; from phasemap.cli import main; sys.exit(main())"
@@ -416,7 +416,7 @@ def test_a_command_that_was_stopped_goes_on(
         run.send_signal(stop)
         said = run.communicate()[1]
     assert run.returncode == {signal.SIGKILL: -9, signal.SIGINT: 130}[stop] and "Traceback" not in said
-    assert not output.exists() and 0 < max(last for _, last in written(parts)) < 120
+    assert not output.exists() and 0 < max(last for _, last in written(parts)) < 60
     if stop == signal.SIGINT:
         assert f"what is done is kept in {parts}; run the same command again to go on" in said
     monkeypatch.setattr(checkpoint, "EVERY", 0.1)
