@@ -26,7 +26,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope, parameters
+from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
 from phasemap._kernels.orbits.time.elements import INNER, MODE, OUTER
@@ -219,7 +219,8 @@ def march_elastic(
     int
         Steps taken, or minus a status.
     """
-    row: Row = parameters(p)
+    # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
+    row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
     omega, compliance = lever[col.OMEGA], 1 / lever[col.STIFFNESS]
     edge_force = edge_slope = 0.0
     if p[col.LONGRANGE] != 0.0:
