@@ -92,9 +92,7 @@ class Canvas:
         size = (max(len(directions), 1), surface.shape[0] * surface.shape[1])
         self._surface, self.names, self._directions = surface, names, directions
         self.notes: dict[str, float] = {}  # what a control found out, for the image's attributes
-        self._arrays = {
-            name: np.full(size, PENDING, np.int8) if name in FLAGS else np.full(size, np.nan) for name in names
-        }
+        self._arrays = {name: np.full(size, PENDING, np.int8) if name in FLAGS else np.empty(size) for name in names}
 
     @property
     def status(self) -> Array:
@@ -107,6 +105,15 @@ class Canvas:
             if name == "height" and self._surface.topography is not None:
                 value = value + self._surface.topography.reshape(-1)[pixels]
             self._arrays[name][direction, pixels] = value
+
+    def take(self, pixels: slice, values: dict[str, Array], at: NDArray[np.integer], direction: int = 0) -> None:
+        """Fill in what `values` gave for materials, `at` being the number of that of each pixel."""
+        numbers = at.astype(np.intp, copy=False)
+        for name, value in values.items():
+            room = self._arrays[name][direction, pixels]
+            np.take(value, numbers, out=room, mode="clip")  # other modes would fill a copy first
+            if name == "height" and self._surface.topography is not None:
+                room += self._surface.topography.reshape(-1)[pixels]
 
     def note(self, notes: Mapping[str, float]) -> None:
         """Add what the control found out in a part of the image."""

@@ -116,8 +116,7 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int,
 
     def put(start: int, stop: int) -> None:
         part = slice(first + start, first + stop)
-        at = numbers(part)
-        canvas.put(part, {name: value[at] for name, value in values.items()})
+        canvas.take(part, values, numbers(part))
 
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
 
@@ -147,7 +146,8 @@ def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None
         materials = job.surface.materials(part)
         points = axes.points(*job.properties(materials))
         piece, values = atlas(points, wanted)
-        rows = np.full((max(*functions, col.COLUMNS - 1) + 1, last - first), np.nan)
+        rows = np.empty((max(*functions, col.COLUMNS - 1) + 1, last - first))
+        rows[: col.COLUMNS] = np.nan
         rows[to] = values
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, atlas.errors.T[:, piece], np.nan)

@@ -22,7 +22,7 @@ from phasemap.results.variables import FLOATS
 
 Array = NDArray[np.float64]
 
-FAINT = 1e-3  # of the virial: a contact that stores less is none to divide by
+FAINT = 1e-3  # of the largest virial that the drive holds: a contact that stores less is none to divide by
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,9 @@ def _loss_tangent(motion: Motion) -> Array:
 
 def _corrected(motion: Motion) -> Array:
     loss, storage = _dissipation(motion) - motion.orbit["adhesion_loss"], motion.orbit["contact_storage"]
+    most = 0.5 * motion.lever[col.STIFFNESS] * motion.lever[col.BASE] * motion.amplitude
     with np.errstate(all="ignore"):
-        return np.where(storage > FAINT * np.abs(motion.virial), loss / (2 * np.pi * storage), np.nan)
+        return np.where(storage > FAINT * most, loss / (2 * np.pi * storage), np.nan)
 
 
 def _second(motion: Motion) -> tuple[Mode, Array, Array]:

@@ -34,6 +34,7 @@ MOST = 5 * (2 * MOST_STEPS + 1)
 TURNS = 8
 ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
 CLOSE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
+FAINT = 0.01  # of the amplitude: a drive so small does not care when the tap is
 MOST_MOVE = 0.5  # [rad] that the tap moves from turn to turn
 
 
@@ -117,7 +118,8 @@ def _way(
 
 @kernel
 def _out(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, lag: float, side: float, at: np.ndarray, first: int
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, lag: float, side: float, whole: bool, at: np.ndarray,
+    first: int,
 ) -> int:  # fmt: skip
     """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
     z0, deepest, release = row[col.TIP_OFFSET], row[col.INDENTATION], p[col.RELEASE]
@@ -135,21 +137,23 @@ def _out(
     if count == 0 and deepest > 0.0:
         h = side * math.pi / (ROUND * lever[col.OMEGA])
         return _way(law, p, lever, z0, lag, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
+    if not whole:
+        return count
     reach = reach_of(law, p)
     return _way(law, p, lever, z0, lag, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
 
 
 @kernel
 def _followed(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, late: float, at: np.ndarray
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, late: float, whole: bool, at: np.ndarray
 ) -> tuple[int, float, float]:
-    """Nodes of a period, with angles from where the tip is deepest.
+    """Nodes of a period, or of its contact if not `whole`, with angles from where the tip is deepest.
 
     Returns how many, 0 for none, how late that is against the first harmonic, and that over the row's.
     """
     lag = 0.5 * math.pi - row[col.PHASE] + late
-    half = _out(law, p, lever, row, lag, -1.0, at, 0)
-    count = _out(law, p, lever, row, lag, 1.0, at, half) if half > 0 else 0
+    half = _out(law, p, lever, row, lag, -1.0, whole, at, 0)
+    count = _out(law, p, lever, row, lag, 1.0, whole, at, half) if half > 0 else 0
     amplitude = row[col.AMPLITUDE]
     even, odd = 0.0, 0.0
     for j in range(count):
@@ -160,12 +164,19 @@ def _followed(
 
 
 @kernel
-def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, at: np.ndarray) -> int:
-    """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed."""
+def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, whole: bool, at: np.ndarray) -> int:
+    """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed.
+
+    If not `whole`, those in contact will do, and where the drive is small their angles against the drive are not told.
+    """
+    if not whole and row[col.INDENTATION] > 0.0 and lever[col.BASE] < FAINT * row[col.AMPLITUDE]:
+        count, _, _ = _followed(law, p, lever, row, 0.0, False, at)
+        if count > 0:
+            return count
     for start in (0.0, 0.5, -0.5, 1.0, -1.0):
         late, last, last_off = start, 0.0, 0.0
         for turn in range(TURNS):
-            count, found, size = _followed(law, p, lever, row, late, at)
+            count, found, size = _followed(law, p, lever, row, late, True, at)
             off = found - late
             if count == 0:
                 break
@@ -185,16 +196,18 @@ def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, at: np.ndarray) ->
 
 @kernel
 def nodes_of(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, averaged: bool, at: np.ndarray
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, averaged: bool, whole: bool, at: np.ndarray
 ) -> tuple[int, float, float]:
     """Fill the nodes of a result row of the tip, shape (ROWS, MOST), of an orbit that may be `averaged` only.
+
+    If not `whole`, depths and rates in contact are what is wanted.
 
     Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
     0 where it does not. An orbit that is averaged is harmonic.
     """
     count, entry, release = 0, 0.0, 0.0
     if not averaged:
-        count = tap(law, p, lever, row, at)
+        count = tap(law, p, lever, row, whole, at)
         for j in range(count - 1):
             if at[TOUCHES, j] > at[TOUCHES, j + 1]:
                 entry, release = release, abs(at[RATE, j])  # the way in is first

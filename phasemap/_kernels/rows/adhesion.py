@@ -16,12 +16,12 @@ from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 @kernel
 def adhesion_rows(
-    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, out: np.ndarray
+    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, whole: bool, out: np.ndarray
 ) -> None:
     """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of wide rows of the tip, shape (n, WIDE), of periodic orbits.
 
     `bare` are the rows of the same contacts without adhesion and bias. Rows that are `averaged` have the harmonic orbit
-    only.
+    only. The virial is filled in only if orbits are followed as a `whole`.
     """
     at = np.zeros((ROWS, MOST))
     for i in range(len(rows)):
@@ -30,7 +30,7 @@ def adhesion_rows(
             continue
         p, without = parameters(rows[i]), parameters(bare[i])
         virial, loss, storage = 0.0, 0.0, 0.0
-        count, _, _ = nodes_of(law, p, lever, row, averaged[i], at)
+        count, _, _ = nodes_of(law, p, lever, row, averaged[i], whole or p[col.RELEASE] < 0.0, at)
         if count == 0:
             continue
         for j in range(count):
@@ -45,6 +45,7 @@ def adhesion_rows(
             virial -= weight * f * at[COS, j]
             loss += weight * f * at[RATE, j]
         loss = loss if p[col.RELEASE] < 0.0 else 0.0
-        row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
+        if whole:
+            row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
         row[ADHESION_LOSS] = loss
         row[STORAGE] = storage / (2.0 * math.pi)
