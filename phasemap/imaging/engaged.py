@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import ADHESION_LOSS, WIDE
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
@@ -146,9 +147,11 @@ def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None
         materials = job.surface.materials(part)
         points = axes.points(*job.properties(materials))
         piece, values = atlas(points, wanted)
-        rows = np.empty((max(*functions, col.COLUMNS - 1) + 1, last - first))
+        rows = np.empty((WIDE if set(job.needs) & set(OF_ORBITS) else col.COLUMNS, last - first))
         rows[: col.COLUMNS] = np.nan
         rows[to] = values
+        if "adhesion_loss" in job.needs:
+            rows[ADHESION_LOSS] = np.where(piece >= 0, 0.0, np.nan)
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, atlas.errors.T[:, piece], np.nan)
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
@@ -185,7 +188,7 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
         **OF_ORBITS,
     }  # fmt: skip
-    return sorted({column for name in names for column in needed.get(name, ())})
+    return sorted({column for name in names for column in needed.get(name, ())} - {ADHESION_LOSS})
 
 
 def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:

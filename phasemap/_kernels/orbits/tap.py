@@ -25,9 +25,9 @@ from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIG
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-STEPS = 8  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
+STEPS = 5  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
 ROUND = 32  # of half a period pressed in
-FLIGHT = 0.5  # a step outside, over that in which the distance to the pole grows e-fold
+FLIGHT = 0.7  # a step outside, over that in which the distance to the pole grows e-fold
 NECK = 0.2  # a step in the neck, over that in which it is left behind
 MOST_STEPS = 80
 MOST = 5 * (2 * MOST_STEPS + 1)
@@ -44,6 +44,17 @@ def _depth(end: float, x: float) -> float:
     return x if end == math.inf else min(x, 0.0) if end > 0.0 else end + max(x, 0.0) ** 2
 
 
+@kernel(inline=True)
+def _turn(z0: float, end: float, y: Numbers) -> float:
+    """Change of tau with s."""
+    if end == math.inf:
+        return 1.0
+    if end <= 0.0:
+        return 2.0 * y[0]
+    gap = end - min(y[0], 0.0)
+    return gap / math.sqrt(y[1] * y[1] + 2.0 * max(z0, gap) * gap)
+
+
 @kernel
 def _rates(law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: float, y: Numbers) -> Numbers:
     """Changes of x, v, tau with s; in flight `end` is the distance from the edge of the contact to the pole."""
@@ -54,13 +65,8 @@ def _rates(law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: floa
     if d > 0.0:
         f += 2.0 * damping(law, d, p) * v
     a = lever[col.BASE] * math.cos(lever[col.OMEGA] * time + lag) - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
-    if end == math.inf:
-        return v, a, 1.0
-    if not free:
-        return v, 2.0 * x * a, 2.0 * x
-    gap = end - d
-    turn = gap / math.sqrt(v * v + 2.0 * max(z0, gap) * gap)
-    return turn * v, turn * a, turn
+    turn = _turn(z0, end, y)
+    return turn * v if free else v, turn * a, turn
 
 
 @kernel(inline=True)
@@ -104,9 +110,8 @@ def _way(
             0.5 * (y[1] + new[1]) + 0.125 * size * (r[1] - after[1]),
             0.5 * (y[2] + new[2]) + 0.125 * size * (r[2] - after[2]),
         )
-        middle = _rates(law, p, lever, z0, lag, end, between)
         at[WEIGHT, j] += abs(share * size * r[2])
-        _put(lever, end, between, 4.0 * share * size * middle[2], at, j + 1)
+        _put(lever, end, between, 4.0 * share * size * _turn(z0, end, between), at, j + 1)
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
         if last:
