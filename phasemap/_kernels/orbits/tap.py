@@ -160,11 +160,14 @@ def _followed(
     half = _out(law, p, lever, row, lag, -1.0, whole, at, 0)
     count = _out(law, p, lever, row, lag, 1.0, whole, at, half) if half > 0 else 0
     amplitude = row[col.AMPLITUDE]
+    if not whole:
+        return count, 0.0, 0.0
     even, odd = 0.0, 0.0
     for j in range(count):
         x = at[WEIGHT, j] * (at[DEPTH, j] + amplitude)
-        even += x * math.cos(at[COS, j])
-        odd -= x * math.sin(at[COS, j])
+        at[COS, j], at[SIN, j] = math.cos(at[COS, j]), math.sin(at[COS, j])
+        even += x * at[COS, j]
+        odd -= x * at[SIN, j]
     return count, math.atan2(odd, even), math.hypot(odd, even) / (math.pi * amplitude)
 
 
@@ -188,9 +191,9 @@ def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, whole: bool, at: n
             if lever[col.BASE] * abs(off) < ALIKE * row[col.AMPLITUDE]:
                 if abs(size - 1.0) > CLOSE:
                     break
+                c, s = math.cos(found), math.sin(found)
                 for j in range(count):
-                    angle = at[COS, j] + found
-                    at[COS, j], at[SIN, j] = math.cos(angle), math.sin(angle)
+                    at[COS, j], at[SIN, j] = c * at[COS, j] - s * at[SIN, j], s * at[COS, j] + c * at[SIN, j]
                 return count
             # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
             move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
@@ -221,4 +224,4 @@ def nodes_of(
     c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
     if c < 1.0 and last > -1.0:
         entry, release = amplitude * math.sqrt(1.0 - c * c), amplitude * math.sqrt(1.0 - last * last)
-    return harmonic(law, p, amplitude, depth, at), entry, release
+    return harmonic(law, p, amplitude, depth, whole, at), entry, release
