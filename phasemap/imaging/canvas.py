@@ -92,9 +92,7 @@ class Canvas:
         size = (max(len(directions), 1), surface.shape[0] * surface.shape[1])
         self._surface, self.names, self._directions = surface, names, directions
         self.notes: dict[str, float] = {}  # what a control found out, for the image's attributes
-        self._arrays = {
-            name: np.full(size, PENDING, np.int8) if name in FLAGS else np.full(size, np.nan) for name in names
-        }
+        self._arrays = {name: np.full(size, PENDING, np.int8) if name in FLAGS else np.empty(size) for name in names}
 
     @property
     def status(self) -> Array:

@@ -26,7 +26,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope, parameters
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
 from phasemap._kernels.orbits.time.elements import INNER, MODE, OUTER
@@ -200,7 +200,7 @@ def march_elastic(
     int
         Steps taken, or minus a status.
     """
-    row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
+    row: Row = parameters(p)
     omega, compliance = lever[col.OMEGA], 1 / lever[col.STIFFNESS]
     edge_force = edge_slope = 0.0
     if p[col.LONGRANGE] != 0.0:
@@ -232,13 +232,13 @@ def march_elastic(
         if steps > MAX_STEPS:
             return -col.NOT_SETTLED
         bottom = fixed[BOTTOM]
-        hanging = bottom != 0.0
-        edge = neck if hanging else 0.0  # the x of d = 0
+        in_neck = bottom != 0.0
+        edge = neck if in_neck else 0.0  # the x of d = 0
         if touching:
             # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
             rate = contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + bottom + x * x, v)
             rate += (HARD * v / deep) ** 2
-            if neck > 0 and not hanging:
+            if neck > 0 and not in_neck:
                 rate += (HARD * v) ** 2 / (x * x - row[col.RELEASE])  # the root at release, seen from contact
             h = eta / math.sqrt(rate)
         else:
@@ -251,15 +251,15 @@ def march_elastic(
             top = _advance(law, row, fixed, touching, start, part)
             height = top[X] + 0.5 * h * top[SPEED] ** 2 / (v - end[SPEED])
             highest = max(highest, bottom + height * height if touching else height)
-            if (hanging or not touching) and top[X] > edge:  # grazing: both ends may be below
+            if (in_neck or not touching) and top[X] > edge:  # grazing: both ends may be below
                 h, end = part, top
-        elif hanging and v < 0 and end[SPEED] > 0:
+        elif in_neck and v < 0 and end[SPEED] > 0:
             part = turning(-x, -v, -end[X], -end[SPEED], h)
             low = _advance(law, row, fixed, touching, start, part)
             if low[X] <= 0:  # both ends may be in the neck, with a release between
                 h, end = part, low
-        crosses = end[X] <= edge if touching and not hanging else end[X] > edge
-        if hanging and end[X] <= 0:
+        crosses = end[X] <= edge if touching and not in_neck else end[X] > edge
+        if in_neck and end[X] <= 0:
             crosses, edge = True, 0.0
         if crosses:
             h, end = _to_edge(law, row, fixed, touching, start, h, end, edge)
@@ -280,7 +280,7 @@ def march_elastic(
         air += of_air
         c, s = turn(omega * passed)
         cosine, sine = cosine * c - sine * s, sine * c + cosine * s
-        if crosses and hanging and edge == 0.0:
+        if crosses and in_neck and edge == 0.0:
             releases += 1
             touching, fixed, x = False, aloft, bottom
         elif crosses and v <= 0 and touching and neck > 0:
