@@ -2,7 +2,7 @@
 
 Phase and height are those of averaged orbits and of a defect, the difference of exact and averaged orbits at the
 material found before: repeated, that leads to the least squares of the exact model, at the price of the averaged one
-(theory, Eq. (inversion-2)). The pixel's own topography is an unknown of its own, which a projection takes out of its
+(theory, Eq. (inversion-3)). The pixel's own topography is an unknown of its own, which a projection takes out of its
 heights.
 """
 

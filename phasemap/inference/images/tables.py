@@ -1,4 +1,4 @@
-"""Integrals of the force over c for every image of a stack: theory, Eq. (inversion-7)."""
+"""Integrals of the force over c for every image of a stack: theory, Eq. (inversion-2)."""
 
 from __future__ import annotations
 
