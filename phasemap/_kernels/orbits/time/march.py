@@ -93,7 +93,7 @@ def turning(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
 
 
 @kernel
-def _root(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+def root_of(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step the cubic last changes sign before its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     low, high, t = 0.0, 1.0, 1.0
@@ -125,7 +125,7 @@ def _to_edge(
     # Of q, whose square is a length where it is 0, and of d.
     tolerance = (abs(x) + abs(v) * h) * (1e-8 if touching and edge == 0.0 else 1e-14)
     low, high = 0.0, h
-    h = _root(x, v, end[0] - edge, end[1], h)
+    h = root_of(x, v, end[0] - edge, end[1], h)
     above = end[0] <= edge
     for _ in range(50):
         end = _advance(law, p, fixed, touching, start, h)
