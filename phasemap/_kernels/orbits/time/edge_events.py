@@ -19,7 +19,7 @@ from phasemap._kernels.orbits.time.march import root_of
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-TURNED, BROKEN = 1e-5, 1e-8  # of a step: how far from the turn of the contact; where the speed of its edge has a step
+TURNED, BROKEN = 1e-5, 1e-12  # of a step: how far from the turn of the contact; where the speed of its edge has a step
 
 
 @kernel

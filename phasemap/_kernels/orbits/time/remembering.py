@@ -77,7 +77,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     t0 = 1 / recovery if kelvin else 0.0
     kappa = 1.0 if kelvin else kappa
     rate = 0.0 if kelvin else 1 / time
-    stiff = 1.5 * p[0] * compliance
+    stiff = 1.5 * p[col.CONTACT] * compliance
     most = 0.0 if kelvin else AT_MOST / rate
     flight = min(FLIGHT * eta, max(eta, FARTHEST))
     finer, beyond = (FINER, KINK) if kelvin else (1.0, BEYOND)
