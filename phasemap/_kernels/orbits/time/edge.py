@@ -40,8 +40,10 @@ from phasemap._kernels.orbits.time.runge_kutta import (
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-SUMS = 11
-X, V, SEEN, INSIDE, TAU = 0, 1, 2, 3, 4  # what a step moves: d or q, z', D, Y, the time; and after these six integrals
+# A point of the motion: what a step moves, d or q, z', D, Y and the time; six integrals; and the slopes of all these.
+X, V, SEEN, INSIDE, TAU, SLOPES = 0, 1, 2, 3, 4, 11
+PLACES, SUMS, POINT = 5, 11, 22
+THIRD = 1 / 3
 
 
 @kernel
@@ -98,7 +100,7 @@ def slopes(
         y, slope = at_edge(m, rate, recovery, mode, x, seen, t)
         d = xi + kappa * y
         speed = (v + kappa * y * recovery) / (1 + kappa * slope)
-        whole = x * (d - xi / 3)
+        whole = x * (d - xi * THIRD)
         if t0 > 0:
             force = stiff * (whole + t0 * x * v) + pull
         else:
@@ -116,23 +118,28 @@ def slopes(
 
 
 @kernel
-def speed_of(law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray) -> Numbers:
-    """q' or d', and the slope of z'."""
-    return slopes(law, p, c, m, mode, start, u[X], u[V], u[SEEN], u[INSIDE], u[TAU])[:2]
+def speed_of(law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray) -> float:
+    """q' or d', with all other slopes put beside what they are of."""
+    found = slopes(law, p, c, m, mode, start, u[X], u[V], u[SEEN], u[INSIDE], u[TAU])
+    for i in range(SUMS):
+        u[SLOPES + i] = found[i]
+    return found[0]
 
 
 @kernel
 def step(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray
 ) -> None:
-    """Fill `end` with what u and the six integrals are after h; u[TAU] is 0."""
+    """Fill `end` with what u and the six integrals are after h; u[TAU] is 0, and in contact u has its slopes."""
     if mode == on.FREE and (p[col.LONGRANGE] == 0.0 or c[13] == 0.0):
         end[X], end[V], end[TAU], end[5], end[6], end[7], end[8], end[9], end[10] = fly(
             law, p, c[:8], (u[X], u[V], start[1], start[2]), h
         )
         return
-    x, v, d, y = u[X], u[V], u[SEEN], u[INSIDE]
-    x1, v1, d1, y1, t1, c1, s1, m1, e1, f1, o1 = slopes(law, p, c, m, mode, start, x, v, d, y, 0.0)
+    if mode == on.FREE:
+        speed_of(law, p, c, m, mode, start, u)
+    x1, v1, d1, y1, t1, c1 = u[11], u[12], u[13], u[14], u[15], u[16]
+    s1, m1, e1, f1, o1 = u[17], u[18], u[19], u[20], u[21]
     x = row2(u[X], h, x1)
     v = row2(u[V], h, v1)
     d = row2(u[SEEN], h, d1)

@@ -108,7 +108,7 @@ def turning(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
 
 
 @kernel
-def _root(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+def root_of(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step the cubic last changes sign before its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     low, high, t = 0.0, 1.0, 1.0
@@ -140,7 +140,7 @@ def _to_edge(
     The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
     """
     low, high, whole = 0.0, h, h
-    h = _root(start[X] - edge, start[SPEED], end[X] - edge, end[SPEED], h)
+    h = root_of(start[X] - edge, start[SPEED], end[X] - edge, end[SPEED], h)
     above = end[X] <= edge
     for _ in range(50):
         end = _advance(law, p, fixed, touching, start, h)

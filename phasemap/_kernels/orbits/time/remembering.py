@@ -18,7 +18,10 @@ from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.orbits.time.edge import (
     INSIDE,
+    PLACES,
+    POINT,
     SEEN,
+    SLOPES,
     SUMS,
     TAU,
     V,
@@ -29,17 +32,34 @@ from phasemap._kernels.orbits.time.edge import (
     speed_of,
     step,
 )
-from phasemap._kernels.orbits.time.edge_events import find_edge, record, to_edge, to_instant, to_turn
+from phasemap._kernels.orbits.time.edge_events import find_edge, record, record_between, to_edge, to_instant, to_turn
 from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, turning
 from phasemap._kernels.orbits.time.runge_kutta import turn
 
-PLACES = 5
 FINER = 0.7  # steps of a Kelvin-Voigt contact, over others: its dents have kinks
 COARSER, FAINT = 1.4, 1e-5  # steps of the others where the dent met is less than that of the free amplitude
-RELAXES, AT_ONCE = 5.0, 0.06  # of relaxation in the density of steps: where little stays stiff, where it is fast
-AFTER_TURN = 0.25
+GROWTH, OVER_DENT = 1.3, 0.7  # steps of a contact that grows, over others; over dents that are not so faint
+AT_MOST = 4.0  # relaxation times that a step takes: explicit ones are stable up to 6
+BEFORE, BEHIND, LITTLE = 8.0, 2.0, 1.0  # of relaxation in the density of steps: about a turn; where little stays stiff
+WITH_DENT = 3.0  # times the former, where the next tap meets what this one leaves
+AFTER_TURN = 0.1
+FLIGHT, FARTHEST = 2.0, 0.5  # steps out of contact, over those of `march`; no longer than this, in 1/omega_c
 BEYOND, KINK, NUDGE = 3e-3, 1e-6, 1e-9  # of q: how far past an old turn an edge has to come to stop there; just past
 FORGOTTEN = 3e-8  # of the free amplitude: a dent that is gone
+
+
+@kernel
+def relaxation_rate(mode: float, u: np.ndarray, rate: float, kappa: float, since: float, layers: float) -> float:
+    """Square of the density of steps in s that relaxation asks for, the contact having turned `since` ago.
+
+    Next to a turn, on both sides, they are short against the relaxation time, `layers` times as much over dents, for
+    most of what a contact remembers as it shrinks is what happened there.
+    """
+    q, v, slows = u[X], u[V], u[SLOPES + V]
+    fast = layers * q * q * rate * rate
+    if mode == on.SHRINKING:
+        return q * q * rate * LITTLE / (1 - kappa) + BEHIND * fast * math.exp((kappa - 1) * rate * since)
+    return BEFORE * fast * math.exp(2 * q * max(v, 0.0) * rate / slows) if slows < 0 else 0.0
 
 
 @kernel
@@ -58,20 +78,22 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     kappa = 1.0 if kelvin else kappa
     rate = 0.0 if kelvin else 1 / time
     stiff = 1.5 * p[col.CONTACT] * compliance
-    relaxes = 0.0 if kelvin else rate * (AT_ONCE * rate + RELAXES / (1 - kappa))
+    most = 0.0 if kelvin else AT_MOST / rate
+    flight = min(FLIGHT * eta, max(eta, FARTHEST))
     finer, beyond = (FINER, KINK) if kelvin else (1.0, BEYOND)
     plain = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
     snap, free = 2 * HARD * HARD * abs(pull), base / (2 * alpha0)
 
-    m, u, end, trial = y, np.zeros(PLACES), np.zeros(SUMS), np.zeros(SUMS)
+    m, u, end, trial = y, np.zeros(POINT), np.zeros(POINT), np.zeros(POINT)
     mode, d, v = m[on.MODE], y[0] - z0, y[1]
     dent = 0.0
     if mode == on.FREE and m[on.OUTER] > 0:
         dent = kappa * on.outside(m, 0.0, 0.0, recovery)[0]
         if dent < FORGOTTEN * free:
             m[on.OUTER], dent = 0.0, 0.0
+    growth, layers = OVER_DENT, WITH_DENT
     if not kelvin and mode == on.FREE and dent < FAINT * free:
-        finer = COARSER
+        finer, growth, layers = COARSER, GROWTH, 1.0
     c = (
         omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull, dent,
         0.0,
@@ -89,9 +111,9 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         if t0 == 0:
             on.lay(m, False, 0.0, 0.0, (d - on.outside(m, 0.0, 0.0, recovery)[0], -1.0, 0.0), on.OPEN, rate)
         u[TAU] = 0.0
-        record(m, c, mode, u, 0.0, speed_of(law, p, c, m, mode, (0.0, 1.0, 0.0), u)[0])
+        record(m, c, mode, u, 0.0, speed_of(law, p, c, m, mode, (0.0, 1.0, 0.0), u))
     deep = reach(law, p, plain, max(u[X], 0.0), v, snap + 2 * HARD * HARD * math.hypot(y[0], v)) if mode > 0 else 0.0
-    highest, grade, gone = d, 1.0, 0.0
+    highest, grade, gone, turned = d, 1.0, 0.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
     sums = np.zeros(SUMS)
     steps, speed = 0, 0.0
@@ -106,13 +128,18 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         u[TAU] = 0.0
         if touching:
             if what != 0:
-                speed = speed_of(law, p, c, m, mode, start, u)[0]
+                speed = speed_of(law, p, c, m, mode, start, u)
             density = contact_rate(law, p, plain, x) + snap + 2 * HARD * HARD * math.hypot(z0 + x * x, v)
-            density += (HARD * max(abs(v), abs(speed)) / deep) ** 2 + x * x * relaxes
+            density += (HARD * max(abs(v), abs(speed)) / deep) ** 2
+            if not kelvin:
+                density += relaxation_rate(mode, u, rate, kappa, gone - turned, layers)
             h = grade * finer * eta / math.sqrt(density)
+            if not kelvin:
+                h *= growth if mode == on.GROWING else 1.0
+                h = min(h, most / (x + math.sqrt(x * x + most * max(abs(v), abs(speed)))))  # 2 q h + q' h^2
             grade = min(2 * grade, 1.0)
         else:
-            h = min(left, eta / flight_rate(law, p, plain, x - dent_at(c, gone), v))
+            h = min(left, flight / flight_rate(law, p, plain, x - dent_at(c, gone), v))
         step(law, p, c, m, mode, start, u, h, end)
         if not touching and v > 0 and end[V] < 0:
             # The highest point lies inside; the tip may touch there and be off again at the end.
@@ -132,7 +159,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             if mode == on.SHRINKING and end[X] <= 0:
                 what = 2
                 to_edge(law, p, c, m, mode, start, u, h, end)
-            speed = speed_of(law, p, c, m, mode, start, end)[0]
+            speed = speed_of(law, p, c, m, mode, start, end)
             if what == 0 and (speed < 0) == (mode == on.GROWING):
                 what = 3
                 h = to_turn(law, p, c, m, mode, start, u, h, end)
@@ -143,12 +170,16 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             if end[TAU] >= left:
                 to_instant(law, p, c, m, mode, start, u, h, end, left)
                 what, end[TAU], whole = 0, left, False
+        if mode == on.GROWING and not kelvin and m[on.OUTER] == 0 and (what == 3 or (what == 0 and whole)):
+            record_between(m, c, u, end, h, gone)
         left -= end[TAU]
         gone += end[TAU]
         for i in range(PLACES):
             u[i] = end[i]
+            u[SLOPES + i] = end[SLOPES + i]
         for i in range(PLACES, SUMS):
             sums[i] += end[i]
+            u[SLOPES + i] = end[SLOPES + i]
         b, s = turn(omega * end[TAU])
         cosine, sine = cosine * b - sine * s, sine * b + cosine * s
         start, u[TAU] = (gone, cosine, sine), 0.0
@@ -162,7 +193,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             if what == 3:
                 speed = 0.0
             elif what != 0 or not whole:
-                speed = speed_of(law, p, c, m, mode, start, u)[0]
+                speed = speed_of(law, p, c, m, mode, start, u)
             record(m, c, mode, u, gone, speed)
         if what == 2:
             d = depth_of(m, c, mode, u, gone)
@@ -172,10 +203,10 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
                 d, gone,
             )  # fmt: skip
         elif what == 3 and mode == on.GROWING:
-            bend = speed_of(law, p, c, m, mode, start, u)[1]
+            bend = u[SLOPES + V]
             highest = max(highest, depth_of(m, c, mode, u, gone) - u[V] ** 2 * u[X] / bend)
             on.turn_back(m, u[X] * u[X], gone, recovery, rate)
-            mode, grade = on.SHRINKING, AFTER_TURN
+            mode, grade, turned = on.SHRINKING, AFTER_TURN, gone
         elif what == 3:
             if kelvin:
                 return -col.NOT_SETTLED
