@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import leaps
+from phasemap._kernels.engagement.resonance import leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
@@ -58,7 +58,9 @@ WHOLE = 64.0  # ring-down times that a fall takes with what comes before and aft
 
 @kernel(light=True)
 def deepest(lever: np.ndarray) -> float:
-    """Tip offset [m], 30 amplitudes of the lever at its resonance below the surface, down to which a tip is lowered."""
+    """Tip offset [m] down to which a tip is lowered: -30 free amplitudes, near resonance of those at it."""
+    if not near_resonance(lever):
+        return -30.0 * free_amplitude(lever)
     return -15.0 * lever[col.BASE] / lever[col.ALPHA0]
 
 
