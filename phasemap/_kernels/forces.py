@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from phasemap._kernels.columns import DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE
+from phasemap._kernels.columns import CONTACT, DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE, PULL
 
 
 def hertzian(d: float, p: Any) -> float:
     """K sqrt(R) d^(3/2) less a constant attraction [N] (Wang 1999, Eq. 2), d >= 0."""
-    return float(p[0] * d * math.sqrt(d) - p[1])
+    return float(p[CONTACT] * d * math.sqrt(d) - p[PULL])
 
 
 def hertzian_slope(d: float, p: Any) -> float:
     """Its derivative [N/m]."""
-    return float(1.5 * p[0] * math.sqrt(d))
+    return float(1.5 * p[CONTACT] * math.sqrt(d))
 
 
 def inverse_square(d: float, p: Any) -> float:

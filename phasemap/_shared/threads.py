@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import itertools
 import os
+import threading
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from queue import SimpleQueue
+from typing import TypeVar
 
 from phasemap._shared.checks import whole
 
+T = TypeVar("T")
+
 Progress = Callable[[int, int], None]
+
+SMALL = 8  # rows whose solution may take no longer than to begin with them
 
 
 def workers_of(threads: int | None) -> int:
@@ -18,14 +25,17 @@ def workers_of(threads: int | None) -> int:
 
 
 def chunk_of(count: int, workers: int, most: int) -> int:
-    """How many of so many to solve in one go: four turns for each thread, and at most so many together.
+    """How many of so many to solve in one go: four turns for each thread, or two if few, and at most so many together.
 
     Examples
     --------
-    >>> chunk_of(100, 2, 1000), chunk_of(100_000, 2, 1000)
-    (13, 1000)
+    >>> chunk_of(10, 2, 1000), chunk_of(100, 2, 1000), chunk_of(100_000, 2, 1000)
+    (3, 13, 1000)
     """
-    return max(1, min(most, -(-count // (4 * workers))))
+    chunk = -(-count // (4 * workers))
+    if chunk < SMALL:
+        chunk = min(SMALL, -(-count // (2 * workers)))
+    return max(1, min(most, chunk))
 
 
 def bounds_of(count: int, chunk: int) -> list[int]:
@@ -44,10 +54,6 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
     parts = list(itertools.pairwise(bounds))
     total, done = (bounds[-1] if parts else 0), 0
 
-    def solve(part: tuple[int, int]) -> int:
-        task(*part)
-        return part[1] - part[0]
-
     def report(more: int) -> None:
         nonlocal done
         done += more
@@ -55,17 +61,54 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
             progress(done, total)
 
     if workers == 1 or len(parts) <= 1:
-        for part in parts:
-            report(solve(part))
+        for first, last in parts:
+            task(first, last)
+            report(last - first)
         return
-    pool = ThreadPoolExecutor(workers)
+    left = deque(parts)
+    # A pool of futures would look at all parts that wait whenever one ends, which costs seconds for thousands.
+    ended: SimpleQueue[int | BaseException] = SimpleQueue()
+
+    def following() -> tuple[int, int] | None:
+        try:
+            return left.popleft()
+        except IndexError:
+            return None
+
+    def work() -> None:
+        try:
+            for first, last in iter(following, None):
+                task(first, last)
+                ended.put(last - first)
+        except BaseException as error:
+            ended.put(error)
+
     try:
-        waiting = {pool.submit(solve, part) for part in parts}
-        while waiting:
-            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            report(sum(future.result() for future in finished))
+        for _ in range(min(workers, len(parts))):
+            threading.Thread(target=work).start()
+        for _ in parts:
+            if isinstance(more := ended.get(), BaseException):
+                raise more
+            report(more)
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)  # an interrupt does not wait for what cannot be interrupted
+        left.clear()  # an interrupt does not wait for what cannot be interrupted
+
+
+def found_in(task: Callable[[int, int], T], bounds: Sequence[int], workers: int) -> list[T]:
+    """What ``task(first, last)`` returns for all neighbours in `bounds`, in their order.
+
+    Examples
+    --------
+    >>> found_in(lambda first, last: last - first, [0, 4, 8, 10], 2)
+    [4, 4, 2]
+    """
+    found: dict[int, T] = {}
+
+    def find(first: int, last: int) -> None:
+        found[first] = task(first, last)
+
+    spread(find, bounds, workers, None)
+    return [found[first] for first in bounds[:-1]]
 
 
 def _cores() -> int:

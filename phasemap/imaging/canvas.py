@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
+from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, needs_of
+from phasemap.results.quantities import motion_of as motion_seen
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from phasemap.experiment.microscope import Microscope
     from phasemap.experiment.surface import Surface
 
 Array = np.ndarray
@@ -24,13 +27,23 @@ COUNTS = ("ringing_lines",)  # notes that add up
 PENDING = -1  # status of a pixel that is not filled yet
 
 
-def values_of(names: tuple[str, ...], rows: Array, status: Array, used: Array) -> dict[str, Any]:
-    """Variables of result rows, shape (..., COLUMNS), with their codes, on a flat surface."""
+def values_of(
+    names: tuple[str, ...], rows: Array, status: Array, used: Array, scope: Microscope | None = None
+) -> dict[str, Any]:
+    """Variables of result rows, shape (..., COLUMNS or WIDE), with their codes, on a flat surface.
+
+    `scope`: that made the rows, for channels, which are derived from them.
+    """
     flags = {
         "status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows),
         "motion": lambda: motion_of(rows),
     }  # fmt: skip
-    return {name: flags[name]() if name in FLAGS else FLOATS[name].value(rows) for name in names}
+    known = {name: FLOATS[name].value(rows) for name in needs_of(names) if name in FLOATS}
+    derived = [name for name in names if is_derived(name)]
+    if derived and scope is not None:
+        motion = motion_seen(scope, known["amplitude"], known["phase"], known)
+        known |= {name: CHANNELS[name].value(motion) for name in derived}
+    return {name: flags[name]() if name in FLAGS else known[name] for name in names}
 
 
 def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
@@ -58,6 +71,12 @@ def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tupl
     check_fits(what + (f" in {passes} directions" if directions else ""), (per_pixel + more) * math.prod(shape), advice)
 
 
+def attributes_of(name: str) -> dict[str, str]:
+    """Attributes of a float variable, or of a channel of an orbit."""
+    about = channel_attributes(CHANNELS[name], bool(CHANNELS[name].of_orbit)) if is_derived(name) else None
+    return {**(about or float_attributes(name)), "ancillary_variables": "status"}
+
+
 class Canvas:
     """Arrays of the variables asked for, and of nothing else.
 
@@ -73,9 +92,7 @@ class Canvas:
         size = (max(len(directions), 1), surface.shape[0] * surface.shape[1])
         self._surface, self.names, self._directions = surface, names, directions
         self.notes: dict[str, float] = {}  # what a control found out, for the image's attributes
-        self._arrays = {
-            name: np.full(size, PENDING, np.int8) if name in FLAGS else np.full(size, np.nan) for name in names
-        }
+        self._arrays = {name: np.full(size, PENDING, np.int8) if name in FLAGS else np.empty(size) for name in names}
 
     @property
     def status(self) -> Array:
@@ -140,8 +157,6 @@ def image_of(surface: Surface, arrays: Mapping[str, Any], directions: tuple[str,
         dims = ("direction", *dims)
     data: dict[str, Any] = {}
     for name, values in arrays.items():
-        attributes: dict[str, Any] = (
-            flag_attributes(name) if name in FLAGS else {**float_attributes(name), "ancillary_variables": "status"}
-        )
+        attributes: dict[str, Any] = flag_attributes(name) if name in FLAGS else attributes_of(name)
         data[name] = (dims, values, attributes)
     return xr.Dataset(data, coords)

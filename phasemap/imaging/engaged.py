@@ -18,11 +18,11 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation import Atlas, ExactOrbits, build
 from phasemap.imaging.interpolation.axes import Axes
-from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS
+from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, functions_of
 from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
-from phasemap.results.variables import OF_ADHESION, OF_FORCES
+from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.energy import close
 
 Array = NDArray[np.float64]
@@ -34,6 +34,7 @@ FEW = 1 << 13  # distinct materials up to which an atlas does not pay
 MOST = 1 << 19  # distinct materials that are kept at a time
 FINER = 0.1  # accuracy of what an atlas is made of, over that of the image
 DEEPEST = 30.0  # error of the indentation, over that of the height
+SHARE, SOME, TINY = 1e-3, 64, 1e-300  # error of an integral over its size, points that tell that, and the least of it
 REST = 1 << 16  # pixels without an interpolant that are solved together
 
 
@@ -135,8 +136,9 @@ def _fill_segments(job: Job, canvas: Canvas) -> None:
 
 def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None:
     """Interpolate what can be; the other pixels stay pending."""
-    wanted = np.array([FUNCTIONS.index(column) for column in _columns_of(job.names)], np.int64)
-    to = np.array(FUNCTIONS)[wanted]
+    functions = functions_of(job.needs)
+    wanted = np.array([functions.index(column) for column in _columns_of(job.needs)], np.int64)
+    to = np.array(functions)[wanted]
     filled: list[int] = []
     lever = lever_of(job.scope)
 
@@ -145,7 +147,7 @@ def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None
         materials = job.surface.materials(part)
         points = axes.points(*job.properties(materials))
         piece, values = atlas(points, wanted)
-        rows = np.full((col.COLUMNS, last - first), np.nan)
+        rows = np.full((max(*functions, col.COLUMNS - 1) + 1, last - first), np.nan)
         rows[to] = values
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, atlas.errors.T[:, piece], np.nan)
@@ -153,7 +155,7 @@ def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None
         close(rows.T, lever)
         status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
         used = np.full(last - first, col.INTERPOLATED, np.int8)
-        canvas.put(part, values_of(job.names, job.widened(rows.T, used, None, materials), status, used))
+        canvas.put(part, values_of(job.names, rows.T, status, used, job.scope))
         filled.append(int(np.count_nonzero(piece >= 0)))
 
     def report(_done: int, _total: int) -> None:
@@ -170,9 +172,9 @@ def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
     axes = Axes.around(stiffness[valid], damping[valid]) if valid.any() else Axes(False, 0.0)
     sample = axes.points(stiffness[valid], adhesion[valid], damping[valid]).T
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
-    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer)
-    shuffled = np.random.default_rng(1).permutation(len(sample))
-    return axes, build(exact, np.ascontiguousarray(sample[shuffled]), survey.count, tolerances_of(job))
+    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs)
+    shuffled = np.ascontiguousarray(sample[np.random.default_rng(1).permutation(len(sample))])
+    return axes, build(exact, shuffled, survey.count, tolerances_of(job, exact, shuffled))
 
 
 def _columns_of(names: tuple[str, ...]) -> list[int]:
@@ -181,14 +183,15 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "height": (col.TIP_OFFSET,), "phase": (col.PHASE,), "tip_offset": (col.TIP_OFFSET,),
         "mean_deflection": (col.MEAN,), "indentation": (col.INDENTATION,), "dissipation": (col.DISSIPATION,),
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
-        **dict.fromkeys(OF_ADHESION, (col.INDENTATION, col.TIP_OFFSET, col.PHASE)),
-        **dict.fromkeys(OF_FORCES, (col.INDENTATION, col.TIP_OFFSET, col.MEAN)),
+        **OF_ORBITS,
     }  # fmt: skip
     return sorted({column for name in names for column in needed.get(name, ())})
 
 
-def tolerances_of(job: Job) -> Array:
-    """Largest errors of FUNCTIONS: lengths as the height, energies as what the phase's error does to them.
+def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:
+    """Largest errors of functions: lengths as the height, energies as what the phase's error does to them.
+
+    Those of integrals over orbits are a share of what they are on average at some points of the sample.
 
     The indentation is allowed more: the solvers give the deepest of the points at which they evaluate the force, and
     which one that is changes from material to material.
@@ -200,7 +203,15 @@ def tolerances_of(job: Job) -> Array:
         col.TIP_OFFSET: height, col.MEAN: height, col.INDENTATION: DEEPEST * height, col.PHASE: phase,
         col.DISSIPATION: math.pi * energy, col.VIRIAL: 0.5 * energy,
     }  # fmt: skip
-    return np.array([limits[column] for column in FUNCTIONS])
+    common = np.array([limits[column] for column in FUNCTIONS])
+    if exact.functions == FUNCTIONS or not len(sample):
+        return common
+    known = np.abs(exact(sample[:SOME], in_time=False)[:, len(FUNCTIONS) :])
+    usual = np.nanmean(known, axis=0) if np.isfinite(known).any() else np.ones(known.shape[1])
+    pairs = {column: pair for pair in OF_ORBITS.values() for column in pair}
+    size = dict(zip(exact.functions[len(FUNCTIONS) :], usual, strict=True))
+    of_pair = [max(*(size[part] for part in pairs[column]), TINY) for column in size]
+    return np.append(common, SHARE * np.array(of_pair))
 
 
 def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Array:

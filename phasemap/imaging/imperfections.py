@@ -103,6 +103,11 @@ def _carried(relief: FloatArray, right: FloatArray, down: FloatArray) -> FloatAr
     return carried
 
 
+def changes(realism: Realism) -> bool:
+    """Whether what an image records differs from what the tip does under a tip that is known."""
+    return bool(realism.phase_offset or realism.bits is not None or realism.tip_change is not None)
+
+
 def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
     """Add what comes after the scan: offsets of lines, then quantisation.
 

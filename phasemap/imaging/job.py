@@ -19,8 +19,8 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.materials.survey import Place, Survey
-from phasemap.results.variables import OF_ADHESION, OF_FORCES
-from phasemap.solvers.integrals import bare_rows, with_adhesion, with_forces
+from phasemap.results.quantities import needs_of
+from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
@@ -69,7 +69,7 @@ class Job:
     solver: Solver
     accuracy: Accuracy
     realism: Realism  # its drift is in the surface already; what comes after the scan is not a concern of a simulator
-    names: tuple[str, ...]  # image variables, `status` among them
+    names: tuple[str, ...]  # image variables, `status` among them, and channels
     workers: int  # threads
     progress: Progress | None = None
     memo: Memo | None = None
@@ -107,24 +107,22 @@ class Job:
         def solve(some: Array, later: Progress | None) -> Values:
             work = self.work(some)
             rows, status, used = run(self.solver, work, self.accuracy, threads=self.workers, progress=later)
-            return values_of(self.names, self.widened(rows, used, work, some), status, used)
+            return values_of(self.names, self.widened(rows, used, work, some), status, used, self.scope)
 
         return self.in_chunks(materials, solve, progress)
 
-    def widened(self, rows: Array, used: NDArray[np.int8], work: Work | None, materials: Array) -> Array:
-        """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides.
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Variables that must be known of an orbit."""
+        return needs_of(self.names)
 
-        Their work is made here where it was not made yet, and only if a variable needs it.
-        """
-        if not {*OF_ADHESION, *OF_FORCES} & set(self.names):
-            return rows
-        work = self.work(materials) if work is None else work
-        if set(OF_ADHESION) & set(self.names):
-            stiffness = self.properties(materials)[0]
-            rows = with_adhesion(rows, work, used, bare_rows(stiffness, self.scope, film_of(materials)))
-        if set(OF_FORCES) & set(self.names):
-            rows = with_forces(rows, work, used, self.scope)
-        return rows
+    def widened(self, rows: Array, used: NDArray[np.int8], work: Work, materials: Array) -> Array:
+        """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides."""
+
+        def bare() -> Array:
+            return bare_rows(self.properties(materials)[0], self.scope, film_of(materials))
+
+        return widened(rows, work, used, self.scope, bare, self.needs)
 
     def in_chunks(
         self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None

@@ -70,9 +70,10 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     def solve(some: Array, later: Progress | None) -> Values:
         work = job.work(some)
         found = stable_branches(work, job.solver, job.accuracy, job.workers, later)
+        rows = job.widened(found.rows, found.solver, work, some)
         orbits = dict(zip((STABLE, BEGINS, OFFSETS, REACH), found.orbits, strict=True))
         return {
-            **values_of(job.names, job.widened(found.rows, found.solver, work, some), found.status, found.solver),
+            **values_of(job.names, rows, found.status, found.solver, job.scope),
             **orbits,
         }
 

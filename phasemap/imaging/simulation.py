@@ -16,7 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError, SolveError, Word
 from phasemap._shared.notices import tell
 from phasemap._shared.quantities import Scalar
-from phasemap._shared.threads import Progress, workers_of
+from phasemap._shared.threads import Progress, bounds_of, found_in, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Raster
 from phasemap.experiment.microscope import Microscope
@@ -26,7 +26,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
 from phasemap.imaging.checkpoint import Checkpoint, fill_kept
 from phasemap.imaging.dask.image import check_lazy, simulate_lazily
-from phasemap.imaging.imperfections import drifted, finish
+from phasemap.imaging.imperfections import changes, drifted, finish
 from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import fill_part, plan_image, simulator_of
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = np.ndarray
+
+MANY = 1 << 20  # pixels among which a thread looks for the largest
 
 
 def simulate(
@@ -161,7 +163,9 @@ def simulate(
         raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     stay, derived = split(variables, control, scope.drive.second is not None)
-    names = inputs_of(stay, derived, control)
+    # Of the orbits, where an image shows what they do; else of the image, as an instrument would.
+    early = derived if not (control.in_time or changes(realism)) else ()
+    names = (*inputs_of(stay, () if early else derived, control), *early)
     if scope.interaction.law.takes_film and surface.thickness is None:
         allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
         raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
@@ -189,17 +193,17 @@ def simulate(
         canvas, found = _filled(replace(job, memo=kept), kept)
         if strict:
             _refuse_failures(canvas.status.reshape(-1, *surface.shape))
+        largest, viscous = _largest_material(surface, workers), surface.viscosity is not None
+        work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
         image = canvas.image().assign_attrs(
-            dict(zip(FORCES, _forces(surface, scope), strict=True)),
-            modelled="; ".join(
-                modelled(_largest(surface, scope), scope, surface.topography is not None, job.remembers)
-            ),
+            dict(zip(FORCES, _forces(largest, viscous, scope), strict=True)),
+            modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
             distinct_materials=found.count,
             seconds=round(time.perf_counter() - started, 6),
         )
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
-    image = with_channels(finish(image, realism), stay, derived, control, scope)
+    image = with_channels(finish(image, realism), stay, () if early else derived, control, scope)
     if surface.thickness is not None:
         image = image.assign_coords(thickness=surface.to_dataset()["thickness"])
     if not surface.lazy:
@@ -236,7 +240,7 @@ def _check_memory(job: Job) -> None:
     if isinstance(job.control, Raster):
         hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
         raise InputError("control", "Raster", "Engage or Feedback where contacts remember", hint)
-    check_integrals([name for name in job.names if name in (*OF_ADHESION, *OF_FORCES)])
+    check_integrals([name for name in job.needs if name in (*OF_ADHESION, *OF_FORCES)])
 
 
 def workspace(realism: Realism) -> int:
@@ -246,7 +250,7 @@ def workspace(realism: Realism) -> int:
 
 def _filled(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
     """The image of a surface in memory, and what was found out about its materials."""
-    found = survey(job.surface, simulator_of(job.control).most(job))
+    found = survey(job.surface, simulator_of(job.control).most(job), workers=job.workers)
     canvas = Canvas(job.surface, job.names, job.control.directions)
     stretches = plan_image(job, found)
     if checkpoint is None:
@@ -275,21 +279,20 @@ def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool = 
     return names
 
 
-def _largest_material(surface: Surface) -> Array:
+def _largest_material(surface: Surface, workers: int) -> Array:
     """One row, with the largest of every property; a term is zero there if no pixel has it."""
-    largest = np.array([[np.fmax.reduce(values, None) for values in surface.columns]])
-    return np.asarray(np.nan_to_num(largest, posinf=np.inf))
+    columns = [column.reshape(-1) for column in surface.columns]
+
+    def largest_in(first: int, last: int) -> list[float]:
+        return [np.fmax.reduce(column[first:last]) for column in columns]
+
+    found = found_in(largest_in, bounds_of(len(columns[0]), MANY), workers)
+    return np.asarray(np.nan_to_num(np.fmax.reduce(found, axis=0, keepdims=True), posinf=np.inf))
 
 
-def _largest(surface: Surface, scope: Microscope) -> Work:
-    """Work of `_largest_material`."""
-    one, viscous = _largest_material(surface), surface.viscosity is not None
-    return make_work(one, viscous, scope, scope.driven_amplitude, marched=True)
-
-
-def _forces(surface: Surface, scope: Microscope) -> tuple[float, float]:
+def _forces(largest: Array, viscous: bool, scope: Microscope) -> tuple[float, float]:
     """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
-    stiffness, adhesion, _ = properties(_largest_material(surface), surface.viscosity is not None, scope)
+    stiffness, adhesion, _ = properties(largest, viscous, scope)
     pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
     return float(pull[0]), scope.cantilever.stiffness * scope.driven_amplitude
 

@@ -17,7 +17,7 @@ from phasemap._shared.quantities import Scalar
 from phasemap.experiment.excitation import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.io.metadata import of_simulation, off_resonance, phase_of_free
-from phasemap.results.quantities import CHANNELS, Channel, motion_of
+from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_of
 from phasemap.results.variables import all_variables_of, check_variables, describe, provenance, variables_of
 
 if TYPE_CHECKING:
@@ -230,10 +230,7 @@ def _derive(
     for channel in wanted:
         own = {name: orbit[name] for name in (*channel.needs, channel.of_orbit) if name in orbit}
         from_orbit = channel.of_orbit in own
-        attributes = {
-            "long_name": channel.long_name, "units": channel.units, "references": channel.source,
-            "derived_from": "the orbit" if from_orbit else "amplitude and phase",
-        }  # fmt: skip
+        attributes = channel_attributes(channel, from_orbit)
         if "status" in image:
             attributes["ancillary_variables"] = "status"
         yield channel.name, _apply(channel, scope, amplitude, phase, own).assign_attrs(attributes)

@@ -6,8 +6,9 @@ add an entry to `CHANNELS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from phasemap._shared.units import ELECTRONVOLT
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
 from phasemap.experiment.microscope import Microscope, Mode
+from phasemap.results.variables import FLOATS
 
 Array = NDArray[np.float64]
 
@@ -40,13 +42,13 @@ class Motion:
         """Of the drive [Hz]."""
         return self.scope.frequency_ratio * self.scope.cantilever.resonance_frequency
 
-    @property
+    @cached_property
     def dissipation(self) -> Array:
         """Energy that the surface takes per cycle, as amplitude and phase tell it [J]."""
         left: Array = supplied(self.lever, self.amplitude, self.phase) - lost_in_air(self.lever, self.amplitude)
         return left
 
-    @property
+    @cached_property
     def virial(self) -> Array:
         """Virial of the surface's force, as amplitude and phase tell it, positive for attraction [J]."""
         return virial_of(self.lever, self.amplitude, self.phase)
@@ -74,12 +76,46 @@ def motion_of(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[
     return Motion(lever, scope, size, angle, orbit or {})
 
 
+def is_derived(name: str) -> bool:
+    """Whether this is a channel that is no variable of an image by itself."""
+    return name in CHANNELS and name not in FLOATS
+
+
+def needs_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Variables that these need, themselves where they are no channels.
+
+    Examples
+    --------
+    >>> needs_of(["phase", "dissipation_ev"])
+    ('phase', 'amplitude', 'dissipation')
+    """
+    found: dict[str, None] = {}
+    for name in names:
+        if not is_derived(name):
+            found[name] = None
+            continue
+        channel = CHANNELS[name]
+        needed = ("phase", "amplitude", *channel.needs, channel.of_orbit)
+        found.update(dict.fromkeys(one for one in needed if one))
+    return tuple(found)
+
+
+def channel_attributes(channel: Channel, from_orbit: bool) -> dict[str, str]:
+    """Long name, units and origin of a channel."""
+    return {
+        "long_name": channel.long_name, "units": channel.units, "references": channel.source,
+        "derived_from": "the orbit" if from_orbit else "amplitude and phase",
+    }  # fmt: skip
+
+
 def _dissipation(motion: Motion) -> Array:
-    return motion.orbit.get("dissipation", motion.dissipation)
+    known = motion.orbit.get("dissipation")
+    return motion.dissipation if known is None else known
 
 
 def _virial(motion: Motion) -> Array:
-    return motion.orbit.get("virial", motion.virial)
+    known = motion.orbit.get("virial")
+    return motion.virial if known is None else known
 
 
 def _loss_tangent(motion: Motion) -> Array:

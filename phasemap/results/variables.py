@@ -157,6 +157,16 @@ OF_FORCES = (
     *(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}")),
 )  # fmt: skip
 """What `phasemap.solvers.integrals.with_forces` knows."""
+OF_ORBITS = {
+    "adhesion_virial": (ADHESION_VIRIAL,), "adhesion_loss": (ADHESION_LOSS,), "contact_storage": (STORAGE,),
+    "mean_gradient": (GRADIENT,), "mean_damping": (DRAG,),
+    **dict.fromkeys(("sideband_stiffness", "sideband_loss"), (SIDEBANDS, SIDEBANDS + 1)),
+    **{
+        f"{of}_{n}": (WAVES + 2 * (n - 2), WAVES + 2 * (n - 2) + 1)
+        for n in range(2, 2 + col.HARMONICS) for of in ("amplitude", "phase")
+    },
+}  # fmt: skip
+"""Columns of wide rows that each of these takes: one number, or real and imaginary part of one."""
 WHERE_ASKED = (*OF_ADHESION, *OF_FORCES)
 """Variables of an image at rest that it has only where they are asked for: each costs an integral over every orbit."""
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.wide import WIDE
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
+from phasemap.results.variables import OF_ADHESION, OF_FORCES
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
@@ -29,15 +31,13 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
 def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array) -> Array:
     """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
 
-    The attraction is the force less that of the same contact without adhesion and bias. For its virial the orbit is
-    taken as harmonic about its deepest point: in air it is good to 1 %, in a liquid to some 10 %. The energy stored is
-    that of the tap as the equation of motion has it, good to 0.5 %, or of the harmonic orbit where it was averaged or
-    never leaves the contact.
+    The attraction is the force less that of the same contact without adhesion and bias. All are good to 0.1 %: the tip
+    is followed by the equation of motion. Where the orbit was averaged it is taken as harmonic.
 
     `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
     `used` (shape (..., n)): codes of the solvers that made the rows.
     `bare` (shape (n, 12)): see `bare_rows`.
-    Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
+    Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit, or one that taps twice.
     """
     from phasemap._kernels.rows.adhesion import adhesion_rows
 
@@ -50,8 +50,8 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array) 
 def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope) -> Array:
     """Result rows with the mean slope of the force [N/m], the mean damping [1] and the harmonics of the tip [m].
 
-    With all harmonics of the orbit, good to half a percent, where the lever's response converges; as harmonic about
-    its deepest point where the contact has a neck or the orbit was averaged, which in air is good to 1 %.
+    All are good to 0.1 % of the largest harmonic, however hard the tap: the tip is followed by the equation of motion.
+    Where the orbit was averaged it is taken as harmonic about its deepest point, which in air is good to 1 %.
 
     `rows`, `work`, `used`: as for `with_adhesion`.
     `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
@@ -65,6 +65,22 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
         force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, some)
     return _as_seen(wide, rows)
+
+
+def widened(
+    rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope, bare: Callable[[], Array],
+    names: Collection[str],
+) -> Array:  # fmt: skip
+    """Result rows with what variables of these names need besides; the same rows where none needs anything.
+
+    `rows`, `work`, `used`, `scope`: as for `with_adhesion` and `with_forces`.
+    `bare`: makes what `bare_rows` returns.
+    """
+    if not set(OF_ADHESION).isdisjoint(names):
+        rows = with_adhesion(rows, work, used, bare())
+    if not set(OF_FORCES).isdisjoint(names):
+        rows = with_forces(rows, work, used, scope)
+    return rows
 
 
 def _of_tip(rows: Array, work: Work) -> Array:

@@ -530,8 +530,8 @@ def test_energy_closes_with_a_neck(name: str) -> None:
     interaction, damping = MARCHED[name]
     token, p = interaction.token(), row_of(interaction, damping=damping)
     row, amplitude = np.empty(col.COLUMNS), 12e-9
-    start = np.array([amplitude, 0.0, amplitude, math.radians(55)])
-    assert in_time.settle(token, p, LEVER, amplitude, start, 0.2, 200_000, row) == col.GOOD
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = amplitude, 0.0, math.radians(35)
+    assert in_time.settle(token, p, LEVER, amplitude, 0.2, 200_000, row) == col.GOOD
     assert row[col.INDENTATION] > 0
     assert abs(row[col.CLOSURE]) < 1e-8
     lost = loop_energies(token, p[None])[0]
@@ -618,8 +618,8 @@ def test_the_phase_with_a_neck_is_that_of_another_integrator() -> None:
     other_lag, other_amplitude = math.atan2(y[3], y[2]), math.hypot(y[2], y[3]) / math.pi
 
     row = np.empty(col.COLUMNS)
-    start = np.array([z0, 0.0, other_amplitude, other_lag])
-    assert in_time.settle(interaction.token(), p, lever, other_amplitude, start, 0.2, 100_000, row) == col.GOOD
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = z0, 0.0, math.pi / 2 - other_lag
+    assert in_time.settle(interaction.token(), p, lever, other_amplitude, 0.2, 100_000, row) == col.GOOD
     assert row[col.TIP_OFFSET] == pytest.approx(z0, abs=2e-14)
     assert math.degrees(row[col.PHASE]) == pytest.approx(90 - math.degrees(other_lag), abs=1e-4)
     assert row[col.DISSIPATION] > loop_energies(interaction.token(), p[None])[0]

@@ -12,6 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time, lowering
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.time import period_map
+from phasemap._kernels.orbits.time.tip import Tip, new_tip
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap.imaging.feedback.loop import loop_of
@@ -29,8 +30,8 @@ MORE = 100
 """Periods by which a bound may be passed: a step of Newton's method is ended, 20 iterations of 5 at most."""
 
 
-def tip_at(law: Law, scope: pm.Microscope, z0: float) -> period_map.Tip:
-    return period_map.new_tip(law, 0.0, 0.5 * scope.driven_amplitude, z0)
+def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
+    return new_tip(law, 0.0, 0.5 * scope.driven_amplitude, z0)
 
 
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])
@@ -40,14 +41,15 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
     amplitude = 0.6 * scope.driven_amplitude
     work = work_of_material(RUBBER, scope, amplitude)
     problem = work.law, work.rows[0], work.lever
-    tip, row, how = tip_at(work.law, scope, 24e-9), np.empty(col.COLUMNS), (0.5, 1e-7 * amplitude, 1e-12)
+    tip, row = tip_at(work.law, scope, 24e-9), np.empty(col.COLUMNS)
+    tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
     {
         "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, tip, row),
         "hold_mean": lambda: in_time.hold_mean(*problem, amplitude, in_time.EAGER, 0.25, most, tip, row),
-        "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, how, most, tip),
-        "follow_down": lambda: lowering.follow_down(*problem, amplitude, 1e-10, 0.0, how, most, tip),
-        "fall": lambda: lowering.fall(*problem, amplitude, 1e-12, 0.0, how, most, tip),
-        "rest": lambda: period_map.rest(*problem, how, most, tip),
+        "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, tolerance, most, tip),
+        "follow_down": lambda: lowering.follow_down(*problem, amplitude, 1e-10, 0.0, tolerance, most, tip),
+        "fall": lambda: lowering.fall(*problem, amplitude, 1e-12, 0.0, tolerance, most, tip),
+        "rest": lambda: period_map.rest(*problem, tolerance, most, tip),
     }[what]()
     assert tip.periods[0] <= most + MORE
 

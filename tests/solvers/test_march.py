@@ -12,6 +12,7 @@ from cases import Case, label, load
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import in_time
 from phasemap._kernels.orbits.time import march, period_map, runge_kutta
+from phasemap._kernels.orbits.time.tip import BY_V, BY_Z
 from phasemap.experiment.interaction import Interaction
 
 Problem = tuple[Any, np.ndarray, np.ndarray]
@@ -40,20 +41,22 @@ def problem_of(case: Case) -> Problem:
     return interaction.token(), rows[0], np.array(lever)
 
 
-def start_of(orbit: dict[str, float]) -> np.ndarray:
-    lag = math.radians(90 - orbit["phase"])
-    return np.array([orbit["tip_offset"], orbit["mean_deflection"], orbit["amplitude"], lag])
+def row_of(orbit: dict[str, float]) -> np.ndarray:
+    row = np.full(col.COLUMNS, np.nan)
+    row[col.TIP_OFFSET], row[col.MEAN] = orbit["tip_offset"], orbit["mean_deflection"]
+    row[col.AMPLITUDE], row[col.PHASE] = orbit["amplitude"], math.radians(orbit["phase"])
+    return row
 
 
 def state_of(orbit: dict[str, float], omega: float = 1.0) -> np.ndarray:
     """(z, z') at drive phase 0, without the higher harmonics."""
-    _, mean, amplitude, lag = start_of(orbit)
+    mean, amplitude, lag = orbit["mean_deflection"], orbit["amplitude"], math.radians(90 - orbit["phase"])
     return np.array([mean + amplitude * math.cos(lag), omega * amplitude * math.sin(lag)])
 
 
 def settled(problem: Problem, orbit: dict[str, float], eta: float, most: int = 1_000_000) -> tuple[int, np.ndarray]:
-    row = np.empty(col.COLUMNS)
-    return in_time.settle(*problem, orbit["amplitude"], start_of(orbit), eta, most, row), row
+    row = row_of(orbit)
+    return in_time.settle(*problem, orbit["amplitude"], eta, most, row), row
 
 
 def marched(problem: Problem, z0: float, y: np.ndarray, eta: float, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -105,8 +108,8 @@ def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
 
 def test_a_measured_decay_is_summed_and_its_multipliers_found() -> None:
     change = np.array([[-0.1, 0.3], [-0.2, -0.05]])  # P' - 1
-    linear = np.zeros(16)
-    linear[4:6], linear[8:10] = change[:, 0], change[:, 1]
+    linear = np.zeros((4, 3))
+    linear[BY_Z, :2], linear[BY_V, :2] = change[:, 0], change[:, 1]
     assert period_map.relaxed.py_func(linear, 1.0, 2.0) == pytest.approx(tuple(np.linalg.solve(-change, [1.0, 2.0])))
     assert period_map.multiplier_of.py_func(linear) == pytest.approx(
         np.abs(np.linalg.eigvals(np.eye(2) + change)).max()
@@ -310,9 +313,8 @@ def test_the_transient_that_is_skipped_is_the_one_that_time_takes(number: int) -
 def test_a_poor_start_settles_on_the_only_orbit_there_is(number: int) -> None:
     case = load("orbits")[number]
     orbit = case["orbits"][0]
-    row = np.empty(col.COLUMNS)
-    start = np.array([orbit["amplitude"] + 1e-9, 0.0, orbit["amplitude"], math.pi / 2])
-    assert in_time.settle(*problem_of(case), orbit["amplitude"], start, 0.3, 1_000_000, row) == col.GOOD
+    row = row_of(orbit | {"tip_offset": orbit["amplitude"] + 1e-9, "mean_deflection": 0.0, "phase": 0.0})
+    assert in_time.settle(*problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
     assert abs(row[col.TIP_OFFSET] - orbit["tip_offset"]) < 1e-14
 
 

@@ -6,8 +6,10 @@ import json
 import math
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ import phasemap.validation.bench
 from phasemap.cli import main
 from phasemap.io.netcdf import load as read
 from phasemap.io.netcdf import save
-from phasemap.validation.bench import cases
+from phasemap.validation.bench import cases, picture
 from phasemap.validation.bench import measure as measuring
 from phasemap.validation.bench.compiling import of_solvers
 from phasemap.validation.bench.curves import measure_curves
@@ -43,12 +45,18 @@ FASTER_THAN = {"march": 2.0, "numbalsoda": 5.0, "heyoka": 5.0, "scipy": 100.0}
 IN_AIR = ("air, hard sample", "air, soft sample")
 
 
+COMPILED: list[dict[str, float]] = []
+"""What the run below was told of compilation."""
+
+
 @pytest.fixture(scope="module")
 def measured() -> xr.Dataset:
     """A small run over all regimes, with the peers that are installed."""
     said: list[str] = []
     plan = Plan(batches=2, timed=32, references=1, seed=3, budget=0.05, rounds=2, cold=False)
-    ds = to_dataset(measure(plan, *installed(), said.append))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measuring, "of_solvers", lambda empty: COMPILED.append(of_solvers(empty)) or COMPILED[-1])
+        ds = to_dataset(measure(plan, *installed(), said.append))
     assert any("reference orbits of bistable: 2 of 2" in line for line in said)
     return ds
 
@@ -317,18 +325,9 @@ def test_the_measured_table_has_a_row_for_each_method_and_a_column_for_each_regi
     assert "Seed 3" in said
 
 
-def test_the_picture_has_a_panel_for_each_regime_and_error_and_one_legend(measured: xr.Dataset, tmp_path: Path) -> None:
-    figure = draw_picture(measured, tmp_path / "bench.png")
-    assert (tmp_path / "bench.png").stat().st_size > 10_000
-    legends = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
-    assert len(figure.axes) == 2 * len(REGIMES) + 1 and len(legends) == 1
-    names = [text.get_text() for text in legends[0].get_texts()]
-    assert names[: len(set(measured["family"].values))] == list(dict.fromkeys(measured["family"].values.tolist()))
-    assert {axes.get_xscale() for axes in figure.axes[:7]} == {"log"}
-
-
+@pytest.mark.usefixtures("measured")
 def test_compilation_is_timed_for_every_solver() -> None:
-    seconds = of_solvers(empty=False)
+    (seconds,) = COMPILED
     assert set(seconds) == {method.family for method in methods_of([])}
     assert min(seconds.values()) > 0.0
 
@@ -336,30 +335,57 @@ def test_compilation_is_timed_for_every_solver() -> None:
 # The command.
 
 
-@pytest.fixture
-def no_measuring(measured: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
-    """Give what was measured above to the command; returns what the command asked for."""
+@dataclass(frozen=True)
+class Commanded:
+    """What the command was asked, said, wrote and drew."""
+
+    asked: list[tuple[Any, ...]]  # of measuring
+    out: str
+    err: str
+    output: Path
+    plot: Path
+    figure: Any
+
+
+@pytest.fixture(scope="module")
+def commanded(measured: xr.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Commanded:
+    """The command run once, given what was measured above."""
     asked: list[tuple[Any, ...]] = []
+    figures: list[Any] = []
 
     def bench(pixels: int, seed: int, peers: bool, quick: bool, progress: Callable[[str], None]) -> xr.Dataset:
         asked.append((pixels, seed, peers, quick))
         progress("measuring")
         return measured
 
-    monkeypatch.setattr(phasemap.validation.bench, "bench", bench)
-    return asked
+    folder = tmp_path_factory.mktemp("bench")
+    output, plot = folder / "bench.nc", folder / "bench.png"
+    words = ["bench", "--quick", "--seed", "3", "--output", str(output), "--plot", str(plot), "--no-peers"]
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
+        patch.setattr(phasemap.validation.bench, "bench", bench)
+        patch.setattr(picture, "draw", lambda *given: figures.append(draw_picture(*given)) or figures[-1])
+        assert main(words) == 0
+    (figure,) = figures
+    return Commanded(asked, out.getvalue(), err.getvalue(), output, plot, figure)
 
 
-def test_the_command_prints_the_table_and_writes_both_files(
-    no_measuring: list[tuple[Any, ...]], measured: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_command_prints_the_table_and_writes_both_files(measured: xr.Dataset, commanded: Commanded) -> None:
+    assert commanded.out.startswith(table(measured)) and f"written to  {commanded.plot}" in commanded.out
+    assert commanded.err == "measuring ...\n"
+    assert read(commanded.output).identical(measured) and commanded.plot.exists()
+    assert commanded.asked == [(phasemap.validation.bench.QUICK_PIXELS, 3, False, True)]
+
+
+def test_the_picture_has_a_panel_for_each_regime_and_error_and_one_legend(
+    measured: xr.Dataset, commanded: Commanded
 ) -> None:
-    output, plot = tmp_path / "bench.nc", tmp_path / "bench.png"
-    assert main(["bench", "--quick", "--seed", "3", "--output", str(output), "--plot", str(plot), "--no-peers"]) == 0
-    said = capsys.readouterr()
-    assert said.out.startswith(table(measured)) and f"written to  {plot}" in said.out
-    assert said.err == "measuring ...\n"
-    assert read(output).identical(measured) and plot.exists()
-    assert no_measuring == [(phasemap.validation.bench.QUICK_PIXELS, 3, False, True)]
+    figure = commanded.figure
+    assert commanded.plot.stat().st_size > 10_000
+    legends = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
+    assert len(figure.axes) == 2 * len(REGIMES) + 1 and len(legends) == 1
+    names = [text.get_text() for text in legends[0].get_texts()]
+    assert names[: len(set(measured["family"].values))] == list(dict.fromkeys(measured["family"].values.tolist()))
+    assert {axes.get_xscale() for axes in figure.axes[:7]} == {"log"}
 
 
 def test_the_site_shows_a_table_that_the_command_made(measured: xr.Dataset) -> None:

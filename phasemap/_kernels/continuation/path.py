@@ -16,7 +16,15 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.collocation.closing import along, along_swept, close_swept
+from phasemap._kernels.orbits.collocation.closing import (
+    EQUALS,
+    NORMAL_A,
+    NORMAL_M,
+    NORMAL_Z,
+    along,
+    along_swept,
+    close_swept,
+)
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.newton import newton, take
@@ -120,8 +128,8 @@ def held_at(path: Path, m: float) -> float:
 @kernel
 def put_row(row: np.ndarray, normal: tuple[float, float, float], right: float) -> None:
     """Write the equation normal (z0, A, m) = right as `close_swept` reads it."""
-    row[0], row[1], row[2] = normal
-    row[3] = right
+    row[NORMAL_Z], row[NORMAL_A], row[NORMAL_M] = normal
+    row[EQUALS] = right
 
 
 @kernel

@@ -7,14 +7,14 @@ Eqs. (irregular-2) and (irregular-4).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.period_map import Tip, ring_down
+from phasemap._kernels.orbits.time.tip import COS, DEEPEST, GIVEN, SIN, Z0, Tip, ring_down
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -29,16 +29,26 @@ STEPS_PHASE, STEPS_LENGTH = math.radians(2e-4), 2e-14  # errors [rad, m] by the 
 # What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
 # and angle behind the lock-in, their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
 # from which angles count, that of the last period; the largest change of it in a period, and the least depth.
-DEEPEST, COUNT, SIZE, SIZE2, ANGLE, ANGLE2, OFFSET, ADDED = 5, 7, 8, 9, 10, 11, 12, 13
+COUNT, SIZE, SIZE2, ANGLE, ANGLE2, OFFSET, ADDED = 7, 8, 9, 10, 11, 12, 13
 LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, LEAST, SUMS = 13, 14, 15, 16, 17, 18, 19, 20, 21
+# A series of averages: tip offset and phasor [m] of each.
+AT_OFFSET, AT_COS, AT_SIN = 0, 1, 2
+
+
+class Errors(NamedTuple):
+    """Errors of lag [rad] and tip offset [m] of a mean, and what its lag is too large by [rad]."""
+
+    lag: float
+    offset: float
+    lag_off: float
 
 
 @kernel
 def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
     """Return empty sums of a lock-in that shows the phasor of the last period, as the detector sees it."""
     sums = np.zeros(SUMS)
-    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[0] - lever[col.SHAKER]
-    sums[LOW_SIN] = sums[FROM_SIN] = sums[LAST_SIN] = acc[1]
+    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[COS] - lever[col.SHAKER]
+    sums[LOW_SIN] = sums[FROM_SIN] = sums[LAST_SIN] = acc[SIN]
     return sums
 
 
@@ -46,7 +56,7 @@ def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
 def average(
     law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray
 ) -> bool:
-    """March so many periods, and sum up what is seen; z0 falls by move[0] + move[1] (A - move[2]) [m] in each.
+    """March so many periods, and sum up what is seen; z0 falls by way + gain (A - setpoint) [m] in each.
 
     A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
     """
@@ -54,22 +64,22 @@ def average(
         sums[j] = 0.0
     sums[CHANGE], sums[DEEPEST], sums[LEAST] = 0.0, -math.inf, math.inf
     keep = math.exp(-2.0 * math.pi * BANDWIDTH)
-    acc = tip.acc
+    acc, (way, gain, setpoint) = tip.acc, move
     for _ in range(count):
-        tip.u[3] -= move[0] + move[1] * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - move[2])
+        tip.u[Z0] -= way + gain * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - setpoint)
         tip.periods[0] += 1
-        if march_period(law, p, lever, tip.u[3], eta, tip.u, acc) < 0:
+        if march_period(law, p, lever, tip.u[Z0], eta, tip.u, acc) < 0:
             return False
-        for j in range(7):
+        for j in range(GIVEN):
             sums[j] = max(sums[j], acc[j]) if j == DEEPEST else sums[j] + acc[j]
         sums[LEAST] = min(sums[LEAST], acc[DEEPEST])
-        cosine, sine = acc[0] - lever[col.SHAKER], acc[1]
+        cosine, sine = acc[COS] - lever[col.SHAKER], acc[SIN]
         x = keep * sums[LOW_COS] + (1.0 - keep) * cosine
         y = keep * sums[LOW_SIN] + (1.0 - keep) * sine
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
         size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         sums[COUNT] += 1.0
-        sums[OFFSET] += tip.u[3]
+        sums[OFFSET] += tip.u[Z0]
         sums[SIZE] += size
         sums[SIZE2] += size * size
         sums[ANGLE] += angle
@@ -82,7 +92,7 @@ def average(
 @kernel
 def seen(lever: np.ndarray, sums: np.ndarray) -> float:
     """Amplitude [m] of the mean phasor that the detector sees."""
-    return math.hypot(sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT])
+    return math.hypot(sums[COS] / sums[COUNT] - lever[col.SHAKER], sums[SIN] / sums[COUNT])
 
 
 @kernel
@@ -106,9 +116,9 @@ def noted(lever: np.ndarray, sums: np.ndarray, series: np.ndarray, count: int) -
             for j in range(3):
                 longer[i, j] = series[i, j]
         series = longer
-    series[count, 0] = sums[OFFSET] / sums[COUNT]
-    series[count, 1] = sums[0] / sums[COUNT] - lever[col.SHAKER]
-    series[count, 2] = sums[1] / sums[COUNT]
+    series[count, AT_OFFSET] = sums[OFFSET] / sums[COUNT]
+    series[count, AT_COS] = sums[COS] / sums[COUNT] - lever[col.SHAKER]
+    series[count, AT_SIN] = sums[SIN] / sums[COUNT]
     return series
 
 
@@ -136,8 +146,8 @@ def half_width(x: np.ndarray, count: int) -> float:
 
 
 @kernel
-def errors_of_mean(series: np.ndarray, first: int, count: int, amplitude: float) -> tuple[float, float, float]:
-    """Errors of lag [rad] and tip offset [m] of averages from `first` on; and what the lag is too large by [rad].
+def errors_of_mean(series: np.ndarray, first: int, count: int, amplitude: float) -> Errors:
+    """Errors of averages from `first` on.
 
     Where an amplitude is held, lag and amplitude go together, whether a tap more or less or the way to the setpoint is
     the cause. The slope of that is taken from all averages (a control variate): by it and what the mean amplitude
@@ -145,11 +155,11 @@ def errors_of_mean(series: np.ndarray, first: int, count: int, amplitude: float)
     """
     x = y = missed = lag = 0.0
     for i in range(first, count):
-        x, y = x + series[i, 1], y + series[i, 2]
+        x, y = x + series[i, AT_COS], y + series[i, AT_SIN]
     held, a, z = amplitude > 0.0, np.empty(count), np.empty(count)
     for i in range(count):
-        a[i] = math.atan2(series[i, 2] * x - series[i, 1] * y, series[i, 1] * x + series[i, 2] * y)
-        z[i] = math.hypot(series[i, 1], series[i, 2]) - amplitude
+        a[i] = math.atan2(series[i, AT_SIN] * x - series[i, AT_COS] * y, series[i, AT_COS] * x + series[i, AT_SIN] * y)
+        z[i] = math.hypot(series[i, AT_COS], series[i, AT_SIN]) - amplitude
         missed, lag = missed + z[i] / count, lag + a[i] / count
     both = square = 0.0
     for i in range(count):
@@ -159,7 +169,7 @@ def errors_of_mean(series: np.ndarray, first: int, count: int, amplitude: float)
     missed = math.hypot(x, y) / (count - first) - amplitude if held else 0.0
     for i in range(first, count):
         a[i - first] = a[i] - slope * z[i]
-        z[i - first] = series[i, 0] - z[i]
+        z[i - first] = series[i, AT_OFFSET] - z[i]
     wide_lag, wide_z = half_width(a, count - first), half_width(z, count - first)
     lag_error = math.hypot(wide_lag, STEPS_PHASE) + UNSURE * abs(slope * missed)
-    return lag_error, math.hypot(wide_z, STEPS_LENGTH) + UNSURE * abs(missed), slope * missed
+    return Errors(lag_error, math.hypot(wide_z, STEPS_LENGTH) + UNSURE * abs(missed), slope * missed)

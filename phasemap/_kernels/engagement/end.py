@@ -18,7 +18,7 @@ from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, W
-from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.response.orbit import AT, BEND, MISMATCH, Room
 from phasemap._kernels.orbits.response.passes import (
     AMP,
     DRAG,
@@ -65,7 +65,7 @@ def decide_exactly(
 ) -> int:  # fmt: skip
     """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
 
-    Fills fit = (gap of the maximum, mismatch there, its curvature).
+    Fills `fit`.
     """
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
     lifted = held(law, p, lever, reach, amplitude, 0.0, f, state)
@@ -86,7 +86,7 @@ def decide_exactly(
         return UNCLEAR
     at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
     h = held(law, p, lever, reach, amplitude, at, f, state)
-    fit[0], fit[1], fit[2] = at, h, bend
+    fit[AT], fit[MISMATCH], fit[BEND] = at, h, bend
     highest = max(max(h0, h1), max(h2, h))
     if not math.isfinite(h):
         return UNCLEAR
@@ -100,7 +100,7 @@ def decide_exactly(
 @kernel
 def highest_at(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> float:
     """The maximum of the mismatch next to the gap of room.fit, which is filled anew; NaN where it is not so near."""
-    middle, f, state = room.fit[0], room.nodes, room.state
+    middle, f, state = room.fit[AT], room.nodes, room.state
     h0 = held(law, p, lever, reach, amplitude, middle, f, state)
     depth = f[W, TOUCH + N // 2] - middle
     step = min(LENS * (reach + abs(middle)), INSIDE * depth)  # within the contact: where it begins there is a kink
@@ -111,7 +111,7 @@ def highest_at(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitu
         return math.nan
     at = middle - rise / bend
     h = held(law, p, lever, reach, amplitude, at, f, state)
-    room.fit[0], room.fit[1], room.fit[2] = at, h, bend
+    room.fit[AT], room.fit[MISMATCH], room.fit[BEND] = at, h, bend
     return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + KNOWN else math.nan
 
 
@@ -126,11 +126,11 @@ def decide_closely(
     """
     highest = highest_at(law, p, lever, reach, amplitude, room)
     if amplitude < (1.0 + SPREAD) * narrowest(lever) * free_amplitude(lever):
-        at, h, bend = room.fit[0], room.fit[1], room.fit[2]
+        at, h, bend = room.fit[AT], room.fit[MISMATCH], room.fit[BEND]
         above = highest_at(law, p, lever, reach, (1.0 + SPREAD) * amplitude, room)
-        room.fit[0] = at
+        room.fit[AT] = at
         below = highest_at(law, p, lever, reach, (1.0 - SPREAD) * amplitude, room)
-        room.fit[0], room.fit[1], room.fit[2] = at, h, bend
+        room.fit[AT], room.fit[MISMATCH], room.fit[BEND] = at, h, bend
         slope, curved = 0.5 * (above - below), 0.5 * (above + below) - highest
         if not (curved > 0.0 and abs(slope) < 4.0 * curved):
             return UNCLEAR
@@ -149,7 +149,7 @@ def beside_end(
 
     The mismatch goes with the square of the distance from its maximum.
     """
-    at, highest, fall = room.fit[0], room.fit[1], 0.5 * room.fit[2]
+    at, highest, fall = room.fit[AT], room.fit[MISMATCH], 0.5 * room.fit[BEND]
     state = room.state
     for _ in range(MOST_STEPS):
         if not (highest > 0.0 and fall < 0.0):

@@ -25,7 +25,6 @@ from phasemap._kernels.engagement.averages import (
     ANGLE2,
     CHANGE,
     COUNT,
-    DEEPEST,
     FEWEST,
     FROM_COS,
     FROM_SIN,
@@ -61,23 +60,20 @@ from phasemap._kernels.engagement.lowering import (
 from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import (
-    Tip,
-    amplitude_of,
+    Tolerance,
     fill,
     fill_orbit,
     hold_periodic,
-    new_tip,
     pass_period,
     rest,
-    ring_down,
     skip,
 )
+from phasemap._kernels.orbits.time.tip import COS, DEEPEST, SIN, Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-PRECISE = (math.radians(1e-5), 1e-14)  # of a periodic orbit, of its amplitude in (z, z') and of the tip offset [m]
+STATE_ERROR, OFFSET_ERROR = math.radians(1e-5), 1e-14  # of a periodic orbit, of its amplitude in (z, z'), and [m]
 COARSE, WIDE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
 NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
@@ -115,7 +111,14 @@ def pace_of(lever: np.ndarray) -> float:
 
 @kernel
 def move_slowly(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, least: float, how: Numbers, most: int, tip: Tip
+    law: Law,
+    p: np.ndarray,
+    lever: np.ndarray,
+    amplitude: float,
+    least: float,
+    tolerance: Tolerance,
+    most: int,
+    tip: Tip,
 ) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached: SEEN, AGAIN, SPENT or LOWEST.
 
@@ -123,10 +126,10 @@ def move_slowly(
     irregular as it was (else once more, slowly), and ever slower near the end, for the way decides on the pattern of
     taps. AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
-    block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[3]
+    block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[Z0]
     lowest = deepest(lever)
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
-    eta = ROUGH * how[0] if hasty else how[0]
+    eta = ROUGH * tolerance.eta if hasty else tolerance.eta
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
     if tip.periods[0] + block > most or not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
         return SPENT
@@ -159,11 +162,11 @@ def move_slowly(
             now = seen(lever, sums)
         if (now <= amplitude) == down:
             return SEEN
-        if not abs(tip.u[3]) < -lowest:
+        if not abs(tip.u[Z0]) < -lowest:
             return LOWEST
         before, change = now, sums[CHANGE]
         still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)
-        if still and abs(from_z0 - tip.u[3]) > least and skip(law, p, lever, how, 0.0, tip):
+        if still and abs(from_z0 - tip.u[Z0]) > least and skip(law, p, lever, tolerance, 0.0, tip):
             return AGAIN
         if hasty and not still:
             haste = max(1.0, min(2.0 * haste, HASTE, CLOSER * abs(now - amplitude) / (slow * block)))
@@ -188,8 +191,8 @@ def hold_mean(
     faster takes to another pattern of taps than the one that it lands on.
     """
     held = amplitude > 0.0
-    how = (fine(p, eta), PRECISE[0] * (amplitude if held else free_amplitude(lever)), PRECISE[1])
-    block, sums, total, group = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED), np.zeros(3)
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * (amplitude if held else free_amplitude(lever)), OFFSET_ERROR)
+    block, sums, total = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED)
     sticky = p[col.RELEASE] != 0.0
     size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
     if tip.periods[0] + 3 * GROUP * block > most:
@@ -201,34 +204,34 @@ def hold_mean(
         if not average(law, p, lever, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
             return col.NOT_SETTLED
         series, count = noted(lever, sums, series, count), count + 1
-        tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
+        tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
         if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
             break
     gain, first = min(gain, SLOW), count
     slow = (0.0, follows * gain, amplitude)
-    sums[FROM_COS], sums[FROM_SIN] = sums[0] / sums[COUNT] - lever[col.SHAKER], sums[1] / sums[COUNT]
+    sums[FROM_COS], sums[FROM_SIN] = sums[COS] / sums[COUNT] - lever[col.SHAKER], sums[SIN] / sums[COUNT]
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     z_error, a_error, astray = math.inf, math.inf, True
     while tip.periods[0] + size * block <= most:
-        group[0] = group[1] = group[2] = 0.0
+        z0 = cosine = sine = 0.0
         for _ in range(size):
             if not average(law, p, lever, COARSE * eta, block, slow, tip, sums):
                 return col.NOT_SETTLED
             for j in range(ADDED):
                 total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
-            group[0] += sums[OFFSET] / (size * block)
-            group[1] += sums[0]
-            group[2] += sums[1]
+            z0 += sums[OFFSET] / (size * block)
+            cosine += sums[COS]
+            sine += sums[SIN]
             series, count = noted(lever, sums, series, count), count + 1
             missed += (seen(lever, sums) - amplitude) ** 2
-            tip.u[3] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
-        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, how, amplitude, tip):
+            tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
+        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, tolerance, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
-        x, y = group[1] / (size * block) - lever[col.SHAKER], group[2] / (size * block)
+        x, y = cosine / (size * block) - lever[col.SHAKER], sine / (size * block)
         from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
-        z = group[0] + amplitude - math.hypot(x, y)
+        z = z0 + amplitude - math.hypot(x, y)
         short += amplitude - math.hypot(x, y)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
         groups += 1
@@ -244,7 +247,7 @@ def hold_mean(
             astray = held and abs(short) > ASTRAY * amplitude * groups
             if z_error < LENGTH and a_error < PHASE and not astray:
                 errors = errors_of_mean(series, first, count, amplitude)
-                if errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH:
+                if errors.lag < 2.0 * WORST_PHASE and errors.offset < 2.0 * WORST_LENGTH:
                     break
             needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
             if groups >= 4 * fewest and needed > HOPE * most:
@@ -254,22 +257,22 @@ def hold_mean(
                 return col.NO_STABLE_ORBIT
             missed = 0.0
     errors = errors_of_mean(series, first, count, amplitude)
-    if astray or not (errors[0] < 2.0 * WORST_PHASE and errors[1] < 2.0 * WORST_LENGTH):
+    if astray or not (errors.lag < 2.0 * WORST_PHASE and errors.offset < 2.0 * WORST_LENGTH):
         return col.NOT_SETTLED
     periods = total[COUNT]
     for j in range(ADDED):
         if j != DEEPEST:
             total[j] /= periods
-    fill(lever, z_mean if held else tip.u[3], total, row)
+    fill(lever, z_mean if held else tip.u[Z0], total, row)
     if held and lever[col.SHAKER] == 0.0:
         row[col.AMPLITUDE] = amplitude
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors[0], errors[1]
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
     if sticky:
-        row[col.PHASE] += errors[2]
+        row[col.PHASE] += errors.lag_off
     else:
-        row[col.ERROR_PHASE] += abs(errors[2])
+        row[col.ERROR_PHASE] += abs(errors.lag_off)
     # Energy that is missing says that steps or rounding are too coarse for so small a motion.
     return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
 
@@ -280,25 +283,23 @@ def hold(
     row: np.ndarray,
 ) -> int:  # fmt: skip
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row."""
-    how = (fine(p, eta), PRECISE[0] * amplitude, PRECISE[1])
-    status = hold_periodic(law, p, lever, how, amplitude, most, tip, row)
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
+    status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
     if status != col.NOT_SETTLED:
         return status
     return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
 
 
 @kernel
-def settle(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, start: np.ndarray, eta: float, most: int,
-    row: np.ndarray,
-) -> int:  # fmt: skip
-    """Hold an amplitude [m] in time, starting from (z0, mean, amplitude, lag), and fill a result row.
+def settle(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
+    """Hold an amplitude [m] in time, starting from the orbit in the result row, which is filled anew.
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
+    lag = 0.5 * math.pi - row[col.PHASE]
+    z = row[col.MEAN] + amplitude * math.cos(lag)
+    tip = new_tip(law, z, lever[col.OMEGA] * amplitude * math.sin(lag), row[col.TIP_OFFSET])
     row[:] = math.nan
-    z = start[1] + start[2] * math.cos(start[3])
-    tip = new_tip(law, z, lever[col.OMEGA] * start[2] * math.sin(start[3]), start[0])
     return hold(law, p, lever, amplitude, eta, most, tip, row)
 
 
@@ -323,30 +324,30 @@ def approach(
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
     tip = new_tip(law, free.real, -omega * free.imag, z0)
-    how = (COARSE * eta, WIDE * PRECISE[0] * amplitude, WIDE * PRECISE[1])
+    tolerance = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
     least, pace, loose, fell = AWAY * abs(free), pace_of_leap(law, p, lever), False, tip.u.copy()
     short = WHOLE * ring_down(lever) > most  # for more than to see that the surface catches the tip
     row[:] = math.nan
     while True:
         if loose and pace > 0.0:
-            ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, how, most, tip), False
+            ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, tolerance, most, tip), False
         else:
-            ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, how, most, tip)
+            ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, tolerance, most, tip)
             periodic = ends == SEEN
         if ends == LEFT and pace > 0.0:
-            ends = fall(law, p, lever, amplitude, pace, least, how, most, tip)
+            ends = fall(law, p, lever, amplitude, pace, least, tolerance, most, tip)
             least *= 2.0
             if short and not (ends == HELD and sticks(p, lever, amplitude, tip)):
                 return col.NOT_SETTLED
         elif ends == LEFT:
-            ends = move_slowly(law, p, lever, amplitude, least, how, most, tip)
+            ends = move_slowly(law, p, lever, amplitude, least, tolerance, most, tip)
             least *= 2.0
         if law.memory == 0 and ends in (SEEN, HELD) and sticks(p, lever, amplitude, tip):
             known = periodic or p[col.RELEASE] != 0.0
             if loose or (known and too_stiff(law, p, lever, amplitude)):
                 return col.NO_STABLE_ORBIT
             copy(tip.u, fell)
-            comes = comes_loose(law, p, lever, amplitude, how, most, tip)
+            comes = comes_loose(law, p, lever, amplitude, tolerance, most, tip)
             if comes == REACHED:
                 return hold(law, p, lever, amplitude, eta, most, tip, row)
             if comes == FREE and periodic:
@@ -354,9 +355,9 @@ def approach(
             loose = comes != UNKNOWN and (periodic or pace > 0.0)
             if not loose:  # a feedback may lower it faster than it was lowered
                 copy(fell, tip.u)
-                pass_period(law, p, lever, how[0], tip)
+                pass_period(law, p, lever, tolerance.eta, tip)
             elif comes == FREE:
-                tip.u[3] = min(tip.u[3], fell[3] + LEAD * (amplitude_of(lever, tip.acc) - amplitude))
+                tip.u[Z0] = min(tip.u[Z0], fell[Z0] + LEAD * (amplitude_of(lever, tip.acc) - amplitude))
             if loose:
                 continue
         if periodic or ends == HELD:
@@ -376,16 +377,16 @@ def carry_to(
 
     Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
     """
-    tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
-    count = int(abs(u[3] - z0) / pace_of(lever))
+    tip = tip_in(u)
+    count = int(abs(u[Z0] - z0) / pace_of(lever))
     if count >= most or not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    move, sums = ((u[3] - z0) / max(count, 1), 0.0, 0.0), begin_sums(lever, tip.acc)
+    move, sums = ((u[Z0] - z0) / max(count, 1), 0.0, 0.0), begin_sums(lever, tip.acc)
     if not average(law, p, lever, COARSE * eta, count, move, tip, sums):
         return col.NOT_SETTLED
-    u[3] = z0
-    how = (fine(p, eta), PRECISE[0] * free_amplitude(lever), PRECISE[1])
-    if rest(law, p, lever, how, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
+    u[Z0] = z0
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * free_amplitude(lever), OFFSET_ERROR)
+    if rest(law, p, lever, tolerance, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
         fill_orbit(lever, tip, row)
         return col.GOOD
     return hold_mean(law, p, lever, 0.0, 0.0, eta, most, tip, row)
@@ -396,11 +397,11 @@ def carry_on(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
 ) -> int:
     """Move a tip in state u slowly until its amplitude is the one asked for, hold it, and fill a row; as `approach`."""
-    tip = Tip(u, np.zeros(7), np.zeros(16), np.zeros(1, np.int64))
+    tip = tip_in(u)
     if not pass_period(law, p, lever, eta, tip):
         return col.NOT_SETTLED
-    how = (COARSE * eta, WIDE * PRECISE[0] * amplitude, WIDE * PRECISE[1])
-    ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), how, most, tip)
+    tolerance = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
+    ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), tolerance, most, tip)
     if ends == AGAIN:
         return hold(law, p, lever, amplitude, eta, most, tip, row)
     if ends == SEEN:

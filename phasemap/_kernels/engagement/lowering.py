@@ -20,20 +20,11 @@ from phasemap._kernels.engagement.resonance import leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.orbits.time.period_map import (
-    Tip,
-    amplitude_of,
-    pass_period,
-    relaxed,
-    rest,
-    ring_down,
-    skip,
-    slope_of,
-)
+from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, relaxed, rest, skip, slope_of
+from phasemap._kernels.orbits.time.tip import BY_Z0, COS, SIN, Z0, Tip, V, Z, amplitude_of, ring_down
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
@@ -83,8 +74,8 @@ def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
 
 @kernel
 def follow_down(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, trail: float, how: Numbers, most: int,
-    tip: Tip,
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, trail: float, tolerance: Tolerance,
+    most: int, tip: Tip,
 ) -> int:  # fmt: skip
     """Lower the tip along periodic orbits until the amplitude is reached; returns SEEN, LEFT, SPENT or LOWEST.
 
@@ -96,14 +87,14 @@ def follow_down(
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
     stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
     while tip.periods[0] < most:
-        if u[3] < lowest:
+        if u[Z0] < lowest:
             return LOWEST
         for j in range(4):
             before[j] = u[j]
-        z, v = u[0] - z_slope * stride, u[1] - v_slope * stride
-        u[0], u[1], u[3] = z, v, u[3] - stride
-        rests = skip(law, p, lever, how, 0.0, tip)
-        off = math.hypot(u[0] - z, u[1] - v) if rests else math.inf
+        z, v = u[Z] - z_slope * stride, u[V] - v_slope * stride
+        u[Z], u[V], u[Z0] = z, v, u[Z0] - stride
+        rests = skip(law, p, lever, tolerance, 0.0, tip)
+        off = math.hypot(u[Z] - z, u[V] - v) if rests else math.inf
         turned = rests and slope_of(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
         small = stride <= SHORTEST * step
         if not small and (turned or off > PREDICTED * amplitude):
@@ -113,9 +104,9 @@ def follow_down(
             if rests or trail == 0.0:
                 continue
             # A tip that moves trails its orbit, and loses one that draws in its closest neighbours only.
-            u[3] -= trail
+            u[Z0] -= trail
             off = math.inf
-            if not skip(law, p, lever, how, 0.0, tip):
+            if not skip(law, p, lever, tolerance, 0.0, tip):
                 return LEFT
         elif not rests and trail > 0.0 and stride > 0.0:
             for j in range(4):
@@ -124,24 +115,24 @@ def follow_down(
         elif not rests:
             for j in range(4):
                 u[j] = before[j]
-            u[3] -= stride
-            if not rest(law, p, lever, how, min(patience, most - tip.periods[0]), tip):
+            u[Z0] -= stride
+            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[0]), tip):
                 return LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN
         slope = slope_of(linear)
-        z_slope, v_slope = relaxed(linear, linear[12], linear[13])
+        z_slope, v_slope = relaxed(linear, linear[BY_Z0, Z], linear[BY_Z0, V])
         if stride == 0.0:
             stride = 0.1 * step
         elif off < 0.1 * PREDICTED * amplitude:
-            stride = min(2.0 * stride, max(LONGEST * step, -DEEPER * u[3]))
+            stride = min(2.0 * stride, max(LONGEST * step, -DEEPER * u[Z0]))
     return SPENT
 
 
 @kernel
 def fall(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, pace: float, least: float, how: Numbers, most: int,
-    tip: Tip,
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, pace: float, least: float, tolerance: Tolerance,
+    most: int, tip: Tip,
 ) -> int:  # fmt: skip
     """Lower the tip by `pace` [m] a period until its motion repeats itself, AGAIN above the amplitude or HELD at it.
 
@@ -152,25 +143,25 @@ def fall(
     before z0 has fallen by `least` [m].
     """
     u, acc, ring = tip.u, tip.acc, max(FEWEST, ring_down(lever))
-    if not pass_period(law, p, lever, how[0], tip):
+    if not pass_period(law, p, lever, tolerance.eta, tip):
         return SPENT
-    x, y = acc[0] - lever[col.SHAKER], acc[1]
-    from_z0, lowest, steady = u[3], deepest(lever), 0
+    x, y = acc[COS] - lever[col.SHAKER], acc[SIN]
+    from_z0, lowest, steady = u[Z0], deepest(lever), 0
     seen = 0 if pace > 0.0 else 1
     while tip.periods[0] + ring <= most:
         change = missed = 0.0
         for _ in range(ring):
-            u[3] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
-            last_x, last_y = acc[0], acc[1]
-            if not pass_period(law, p, lever, how[0], tip):
+            u[Z0] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
+            last_x, last_y = acc[COS], acc[SIN]
+            if not pass_period(law, p, lever, tolerance.eta, tip):
                 return SPENT
-            change = max(change, math.hypot(acc[0] - last_x, acc[1] - last_y))
-            x += (acc[0] - lever[col.SHAKER] - x) / ring
-            y += (acc[1] - y) / ring
+            change = max(change, math.hypot(acc[COS] - last_x, acc[SIN] - last_y))
+            x += (acc[COS] - lever[col.SHAKER] - x) / ring
+            y += (acc[SIN] - y) / ring
             if seen > 0 or math.hypot(x, y) <= amplitude:
                 seen += 1
             missed = max(missed, abs(math.hypot(x, y) - amplitude))
-        if not abs(u[3]) < -lowest:
+        if not abs(u[Z0]) < -lowest:
             return LOWEST
         still = change < STILL * amplitude
         if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
@@ -178,9 +169,9 @@ def fall(
         if still:
             if seen > 0 and presses(p, tip):
                 return AGAIN if amplitude_of(lever, acc) > amplitude else HELD
-            if seen > 0 and skip(law, p, lever, how, amplitude, tip):
+            if seen > 0 and skip(law, p, lever, tolerance, amplitude, tip):
                 return HELD
-            if seen == 0 and from_z0 - u[3] > least and skip(law, p, lever, how, 0.0, tip):
+            if seen == 0 and from_z0 - u[Z0] > least and skip(law, p, lever, tolerance, 0.0, tip):
                 return AGAIN
         steady = steady + 1 if seen > 0 and missed < EVEN * amplitude else 0
         if steady >= LONG:

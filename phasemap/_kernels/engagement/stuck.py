@@ -11,7 +11,6 @@ Where that decides nothing, a softening neck or an attraction that reaches beyon
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +19,21 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.rest import loosened, static_depth
 from phasemap._kernels.law import Law, contact_force
-from phasemap._kernels.orbits.time.period_map import Tip, amplitude_of, relaxed, rest, ring_down, slope_of
-
-if TYPE_CHECKING:
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers
+from phasemap._kernels.orbits.time.period_map import Tolerance, relaxed, rest, slope_of
+from phasemap._kernels.orbits.time.tip import (
+    BY_Z0,
+    COS,
+    DEEPEST,
+    MEAN,
+    SIN,
+    TOUCHES,
+    Z0,
+    Tip,
+    V,
+    Z,
+    amplitude_of,
+    ring_down,
+)
 
 FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
 SWING = 1.5  # least depth that a tip comes to: so many amplitudes of the first harmonic above its mean
@@ -42,8 +52,8 @@ REACHED, FREE, LOOSE, UNKNOWN = 0, 1, 2, 3
 def presses(p: np.ndarray, tip: Tip) -> bool:
     """Whether the tip was in contact, or the neck, all the last period."""
     acc = tip.acc
-    touches = p[col.RELEASE] == 0.0 or tip.u[2] != 0.0
-    return touches and acc[2] - tip.u[3] - SWING * math.hypot(acc[0], acc[1]) >= p[col.RELEASE]
+    touches = p[col.RELEASE] == 0.0 or tip.u[TOUCHES] != 0.0
+    return touches and acc[MEAN] - tip.u[Z0] - SWING * math.hypot(acc[COS], acc[SIN]) >= p[col.RELEASE]
 
 
 @kernel
@@ -89,7 +99,9 @@ def too_stiff(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> b
 
 
 @kernel
-def comes_loose(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, how: Numbers, most: int, tip: Tip) -> int:
+def comes_loose(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, tolerance: Tolerance, most: int, tip: Tip
+) -> int:
     """Raise a tip that sticks along its orbits in contact, to where they end.
 
     As long as it swings by little about the lever's rest there is nothing to follow. Returns REACHED with the tip near
@@ -97,34 +109,34 @@ def comes_loose(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, ho
     """
     u, acc, linear, before = tip.u, tip.acc, tip.linear, np.empty(4)
     copy(u, before)
-    z0 = loosened(law, p, lever, u[3], amplitude)
-    if z0 > u[3]:
-        u[0], u[1], u[2], u[3] = z0 + static_depth(law, p, lever, z0), 0.0, 1.0, z0
+    z0 = loosened(law, p, lever, u[Z0], amplitude)
+    if z0 > u[Z0]:
+        u[Z], u[V], u[TOUCHES], u[Z0] = z0 + static_depth(law, p, lever, z0), 0.0, 1.0, z0
     patience, shortest = int(PATIENCE * ring_down(lever)) + LOOKS, SHORTEST * amplitude
     stride, step, ceiling = STRIDE * amplitude, 0.0, math.inf
     z_slope = v_slope = slope = low = 0.0
     while tip.periods[0] + patience < most:
-        rests, now = rest(law, p, lever, how, patience, tip), amplitude_of(lever, acc)
+        rests, now = rest(law, p, lever, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
         as_said = least or (abs(now - low - slope * step) < EXPECTED * amplitude and slope_of(linear) * slope >= 0.0)
         if now < amplitude and (as_said if rests else least and step > 0.0 and now < FALLEN * amplitude):
             copy(u, before)
             if rests:
-                z_slope, v_slope = relaxed(linear, linear[12], linear[13])
+                z_slope, v_slope = relaxed(linear, linear[BY_Z0, Z], linear[BY_Z0, V])
                 slope = slope_of(linear)
             stride = max(stride, 2.0 * step) if ceiling == math.inf else 2.0 * step
-            low, ceiling = now, ceiling if u[3] < ceiling else math.inf
+            low, ceiling = now, ceiling if u[Z0] < ceiling else math.inf
         elif rests and presses(p, tip) and now >= amplitude:
             return REACHED
         elif least:
             if rests and step > 0.0 and now > low + JUMP * amplitude:
-                return FREE if acc[5] < p[col.RELEASE] else LOOSE
+                return FREE if acc[DEEPEST] < p[col.RELEASE] else LOOSE
             break
         else:
             if not (rests and now < amplitude):
-                ceiling = u[3]
+                ceiling = u[Z0]
             stride = 0.5 * step
             copy(before, u)
-        step = min(stride, max(0.5 * (ceiling - u[3]), shortest))
-        u[0], u[1], u[3] = u[0] + z_slope * step, u[1] + v_slope * step, u[3] + step
+        step = min(stride, max(0.5 * (ceiling - u[Z0]), shortest))
+        u[Z], u[V], u[Z0] = u[Z] + z_slope * step, u[V] + v_slope * step, u[Z0] + step
     return UNKNOWN

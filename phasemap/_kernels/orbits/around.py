@@ -28,7 +28,6 @@ _COS2, _SIN2 = np.cos(0.5 * np.pi * X) ** 2, np.sin(0.5 * np.pi * X) ** 2
 _TOUCH_W = WEIGHTS * np.pi * np.cos(0.5 * np.pi * X)
 # Rows of the nodes: cos and sin of theta, depth [m], its change with theta [m], weight [rad], whether in contact.
 COS, SIN, DEPTH, RATE, WEIGHT, TOUCHES, ROWS = 0, 1, 2, 3, 4, 5, 6
-MOST = 6 * N
 
 
 @kernel
@@ -83,7 +82,7 @@ def _neck(amplitude: float, c: float, release: float, first: int, at: np.ndarray
 
 @kernel
 def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, at: np.ndarray) -> int:
-    """Fill the nodes of a harmonic orbit, shape (ROWS, MOST); returns how many there are."""
+    """Fill the nodes of a harmonic orbit, shape (ROWS, 6 N or more); returns how many there are."""
     c, release = 1.0 - depth / amplitude, p[col.RELEASE]
     if c <= -1.0 or (release < 0.0 and c < 1.0 and amplitude * (c + 1.0) <= -release):
         for i in range(ROUND):  # always in contact

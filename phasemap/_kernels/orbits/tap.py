@@ -1,11 +1,12 @@
-"""The tap of an orbit that is solved: how fast the tip moves at each depth in the contact.
+"""Nodes along an orbit that is solved, with all its harmonics, for integrals over it.
 
-From its deepest point the tip is followed out of the contact, and back in time into it, by the equation of motion. The
-variables are q = sqrt(d) and v, with dtau = 2 q ds, as in `time.march`: in these all is smooth up to q = 0, and what is
-summed vanishes there, so that the end need not be located exactly.
+From its deepest point the tip is followed by the equation of motion for half a period, and back in time for another.
+In contact and neck the variables are x = sqrt(d - end) and v, with dtau = 2 x ds, as in `time.march`: in these all is
+smooth up to the end, and what is summed vanishes there, so that it need not be located exactly. Outside steps grow with
+the distance to the pole of the long-range force. Each step gives the nodes of Simpson's rule.
 
-What the orbit does not tell is when the tip is deepest: that is at theta = 0 if it moves as a sine, and else where the
-force of the tap has the sine that the orbit's has.
+What a result row does not tell is when the tip is deepest: at theta = 0 if it moves as a sine, and else where the first
+harmonic of its motion says so.
 """
 
 from __future__ import annotations
@@ -17,75 +18,189 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, contact_slope, damping
+from phasemap._kernels.law import Law, contact_force, damping, longrange_force
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, harmonic
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-STEPS, FEWER, MOST = 10, 5, 80  # of a way, of order 4: so many and more with damping; at first; where all is slow
-
-
-@kernel
-def _slopes(law: Law, p: Any, bare: Any, lever: np.ndarray, z0: float, lag: float, y: Numbers) -> Numbers:
-    """Changes with s of q, v, tau, and integrals of F' v^2, f cos and f sin over tau."""
-    q, v, time = y[:3]
-    d = max(q, 0.0) ** 2
-    f = contact_force(law, d, p) / lever[col.STIFFNESS] + 2.0 * damping(law, d, p) * v
-    turn = lever[col.OMEGA] * time
-    a = lever[col.BASE] * math.cos(turn + lag) - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
-    w = 2.0 * q
-    return v, w * a, w, w * contact_slope(law, d, bare) * v * v, w * f * math.cos(turn), w * f * math.sin(turn)
+STEPS = 8  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
+ROUND = 32  # of half a period pressed in
+FLIGHT = 0.5  # a step outside, over that in which the distance to the pole grows e-fold
+NECK = 0.2  # a step in the neck, over that in which it is left behind
+MOST_STEPS = 80
+MOST = 5 * (2 * MOST_STEPS + 1)
+TURNS = 8
+ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
+CLOSE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
+MOST_MOVE = 0.5  # [rad] that the tap moves from turn to turn
 
 
 @kernel(inline=True)
-def _moved(y: Numbers, h: float, s: Numbers) -> Numbers:
-    return (
-        y[0] + h * s[0], y[1] + h * s[1], y[2] + h * s[2], y[3] + h * s[3], y[4] + h * s[4], y[5] + h * s[5],
-    )  # fmt: skip
+def _depth(end: float, x: float) -> float:
+    """Depth [m]: in contact; in flight, `end` being above 0; pressed in, `end` being infinite."""
+    return x if end == math.inf else min(x, 0.0) if end > 0.0 else end + max(x, 0.0) ** 2
 
 
 @kernel
-def _way(law: Law, p: Any, bare: Any, lever: np.ndarray, z0: float, lag: float, deepest: float, steps: int) -> Numbers:
-    """Integrals along one way, in where `steps` is negative, up to where the tip leaves or as good as rests."""
-    y = (math.sqrt(deepest), 0.0, 0.0, 0.0, 0.0, 0.0)
-    slows = 4.0 * y[0] * damping(law, deepest, p)
-    falls = -_slopes(law, p, bare, lever, z0, lag, y)[1] / (2.0 * y[0])
-    h = 1.0 / (steps * (4.0 / math.pi) * math.sqrt(0.5 * max(falls, 0.0)) + math.copysign(slows, steps))
-    for _ in range(MOST):
-        first = _slopes(law, p, bare, lever, z0, lag, y)
-        last = y[0] <= -first[0] * h
-        size = -y[0] / first[0] if last else h
-        second = _slopes(law, p, bare, lever, z0, lag, _moved(y, 0.5 * size, first))
-        third = _slopes(law, p, bare, lever, z0, lag, _moved(y, 0.5 * size, second))
-        fourth = _slopes(law, p, bare, lever, z0, lag, _moved(y, size, third))
-        y = _moved(
-            _moved(_moved(_moved(y, size / 6.0, first), size / 3.0, second), size / 3.0, third), size / 6.0, fourth
-        )
-        if last or not y[1] * h < 0.0:
-            break
-    return y
+def _rates(law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: float, y: Numbers) -> Numbers:
+    """Changes of x, v, tau with s; in flight `end` is the distance from the edge of the contact to the pole."""
+    x, v, time = y
+    d, free = _depth(end, x), 0.0 < end < math.inf
+    f = longrange_force(law, d, p) if free else contact_force(law, d, p)
+    f /= lever[col.STIFFNESS]
+    if d > 0.0:
+        f += 2.0 * damping(law, d, p) * v
+    a = lever[col.BASE] * math.cos(lever[col.OMEGA] * time + lag) - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
+    if end == math.inf:
+        return v, a, 1.0
+    if not free:
+        return v, 2.0 * x * a, 2.0 * x
+    gap = end - d
+    turn = gap / math.sqrt(v * v + 2.0 * max(z0, gap) * gap)
+    return turn * v, turn * a, turn
+
+
+@kernel(inline=True)
+def _moved(y: Numbers, h: float, r: Numbers) -> Numbers:
+    return y[0] + h * r[0], y[1] + h * r[1], y[2] + h * r[2]
 
 
 @kernel
-def stored(law: Law, p: Any, bare: Any, lever: np.ndarray, row: np.ndarray, neck: float) -> float:
-    """Integral of F' (dd/dtheta)^2 over theta [J], F the force of `bare`, of a tip that leaves the contact.
+def _put(lever: np.ndarray, end: float, y: Numbers, weight: float, at: np.ndarray, j: int) -> None:
+    """A node: the angle stands for its cosine."""
+    at[COS, j], at[DEPTH, j] = lever[col.OMEGA] * y[2], _depth(end, y[0])
+    at[RATE, j], at[WEIGHT, j] = y[1] / lever[col.OMEGA], abs(weight)
+    at[TOUCHES, j] = 0.0 if 0.0 < end < math.inf else 1.0
 
-    Parameters
-    ----------
-    row : ndarray
-        Result row of the tip.
-    neck : float
-        Energy that a neck takes per cycle [J].
+
+@kernel
+def _way(
+    law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: float, y: Numbers, h: float, at: np.ndarray,
+    first: int,
+) -> tuple[Numbers, int]:  # fmt: skip
+    """Follow the tip with steps `h`, back in time where negative, up to the end of contact or half a period away.
+
+    Returns where it is then, and up to where nodes are filled; 0 where it does not leave the contact, or does and comes
+    back within the period.
     """
-    amplitude, lag = row[col.AMPLITUDE], 0.5 * math.pi - row[col.PHASE]
-    sine = math.pi * (2.0 * lever[col.ALPHA0] * lever[col.OMEGA] * amplitude - lever[col.BASE] * math.sin(lag))
-    sine += neck / (lever[col.STIFFNESS] * amplitude)
-    late, found = 0.0, math.nan
-    for steps in (FEWER, STEPS):
-        deepest, z0 = row[col.INDENTATION], row[col.TIP_OFFSET]
-        inward = _way(law, p, bare, lever, z0, lag + late, deepest, -steps)
-        outward = _way(law, p, bare, lever, z0, lag + late, deepest, steps)
-        # Inward the integrals are negative. The sine of the force about its middle, turned by `late`, is the orbit's.
-        found = (outward[3] - inward[3]) / lever[col.OMEGA]
-        late = (sine / lever[col.OMEGA] - outward[5] + inward[5]) / (outward[4] - inward[4])
-    return found
+    timed, j, half = end > 0.0, first, math.copysign(math.pi / lever[col.OMEGA], h)
+    least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if 0.0 < end < math.inf else math.inf
+    share, r = lever[col.OMEGA] / 6.0, _rates(law, p, lever, z0, lag, end, y)
+    _put(lever, end, y, 0.0, at, j)
+    for _ in range(MOST_STEPS):
+        last = abs(half - y[2]) <= abs(h) * r[2] if timed else y[0] <= -h * r[0]
+        size = h if not last else (half - y[2]) / r[2] if timed else -y[0] / r[0]
+        second = _rates(law, p, lever, z0, lag, end, _moved(y, 0.5 * size, r))
+        third = _rates(law, p, lever, z0, lag, end, _moved(y, 0.5 * size, second))
+        fourth = _rates(law, p, lever, z0, lag, end, _moved(y, size, third))
+        new = _moved(_moved(y, size / 6.0, r), size / 3.0, second)
+        new = _moved(_moved(new, size / 3.0, third), size / 6.0, fourth)
+        after = _rates(law, p, lever, z0, lag, end, new)
+        between = (
+            0.5 * (y[0] + new[0]) + 0.125 * size * (r[0] - after[0]),
+            0.5 * (y[1] + new[1]) + 0.125 * size * (r[1] - after[1]),
+            0.5 * (y[2] + new[2]) + 0.125 * size * (r[2] - after[2]),
+        )
+        middle = _rates(law, p, lever, z0, lag, end, between)
+        at[WEIGHT, j] += abs(share * size * r[2])
+        _put(lever, end, between, 4.0 * share * size * middle[2], at, j + 1)
+        _put(lever, end, new, share * size * after[2], at, j + 2)
+        y, r, j = new, after, j + 2
+        if last:
+            return y, j + 1
+        if not (least < y[0] < most and (timed or y[1] * h < 0.0)):
+            break
+    return y, 0
+
+
+@kernel
+def _out(
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, lag: float, side: float, at: np.ndarray, first: int
+) -> int:  # fmt: skip
+    """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
+    z0, deepest, release = row[col.TIP_OFFSET], row[col.INDENTATION], p[col.RELEASE]
+    y, count, edge = (deepest, 0.0, 0.0), first, 0.0
+    if deepest > 0.0:
+        y = (math.sqrt(deepest), 0.0, 0.0)
+        slows = 4.0 * y[0] * damping(law, deepest, p)
+        falls = -_rates(law, p, lever, z0, lag, 0.0, y)[1] / (2.0 * y[0])
+        h = side / (STEPS * (4.0 / math.pi) * math.sqrt(0.5 * max(falls, 0.0)) + slows)
+        y, count = _way(law, p, lever, z0, lag, 0.0, y, h, at, first)
+        if side > 0.0 and release < 0.0 and count > 0:
+            y, edge = (math.sqrt(-release), y[1], y[2]), release
+            y, count = _way(law, p, lever, z0, lag, release, y, NECK * y[0] / abs(y[1]), at, count)
+        y = (edge, y[1], y[2])
+    if count == 0 and deepest > 0.0:
+        h = side * math.pi / (ROUND * lever[col.OMEGA])
+        return _way(law, p, lever, z0, lag, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
+    reach = reach_of(law, p)
+    return _way(law, p, lever, z0, lag, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
+
+
+@kernel
+def _followed(
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, late: float, at: np.ndarray
+) -> tuple[int, float, float]:
+    """Nodes of a period, with angles from where the tip is deepest.
+
+    Returns how many, 0 for none, how late that is against the first harmonic, and that over the row's.
+    """
+    lag = 0.5 * math.pi - row[col.PHASE] + late
+    half = _out(law, p, lever, row, lag, -1.0, at, 0)
+    count = _out(law, p, lever, row, lag, 1.0, at, half) if half > 0 else 0
+    amplitude = row[col.AMPLITUDE]
+    even, odd = 0.0, 0.0
+    for j in range(count):
+        x = at[WEIGHT, j] * (at[DEPTH, j] + amplitude)
+        even += x * math.cos(at[COS, j])
+        odd -= x * math.sin(at[COS, j])
+    return count, math.atan2(odd, even), math.hypot(odd, even) / (math.pi * amplitude)
+
+
+@kernel
+def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, at: np.ndarray) -> int:
+    """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed."""
+    for start in (0.0, 0.5, -0.5, 1.0, -1.0):
+        late, last, last_off = start, 0.0, 0.0
+        for turn in range(TURNS):
+            count, found, size = _followed(law, p, lever, row, late, at)
+            off = found - late
+            if count == 0:
+                break
+            if lever[col.BASE] * abs(off) < ALIKE * row[col.AMPLITUDE]:
+                if abs(size - 1.0) > CLOSE:
+                    break
+                for j in range(count):
+                    angle = at[COS, j] + found
+                    at[COS, j], at[SIN, j] = math.cos(angle), math.sin(angle)
+                return count
+            # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
+            move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
+            last, last_off = late, off
+            late += min(max(move, -MOST_MOVE), MOST_MOVE)
+    return 0
+
+
+@kernel
+def nodes_of(
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, averaged: bool, at: np.ndarray
+) -> tuple[int, float, float]:
+    """Fill the nodes of a result row of the tip, shape (ROWS, MOST), of an orbit that may be `averaged` only.
+
+    Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
+    0 where it does not. An orbit that is averaged is harmonic.
+    """
+    count, entry, release = 0, 0.0, 0.0
+    if not averaged:
+        count = tap(law, p, lever, row, at)
+        for j in range(count - 1):
+            if at[TOUCHES, j] > at[TOUCHES, j + 1]:
+                entry, release = release, abs(at[RATE, j])  # the way in is first
+        return count, entry, release
+    amplitude, depth = row[col.AMPLITUDE], row[col.INDENTATION]
+    c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
+    if c < 1.0 and last > -1.0:
+        entry, release = amplitude * math.sqrt(1.0 - c * c), amplitude * math.sqrt(1.0 - last * last)
+    return harmonic(law, p, amplitude, depth, at), entry, release

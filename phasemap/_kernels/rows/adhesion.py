@@ -9,8 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, longrange_force, parameters
-from phasemap._kernels.orbits.around import COS, DEPTH, MOST, RATE, ROWS, TOUCHES, WEIGHT, harmonic, moves
-from phasemap._kernels.orbits.tap import stored
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, moves
+from phasemap._kernels.orbits.tap import MOST, nodes_of
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 
@@ -21,7 +21,7 @@ def adhesion_rows(
     """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of wide rows of the tip, shape (n, WIDE), of periodic orbits.
 
     `bare` are the rows of the same contacts without adhesion and bias. Rows that are `averaged` have the harmonic orbit
-    only, and so it is where the tip does not leave the contact.
+    only.
     """
     at = np.zeros((ROWS, MOST))
     for i in range(len(rows)):
@@ -30,7 +30,10 @@ def adhesion_rows(
             continue
         p, without = parameters(rows[i]), parameters(bare[i])
         virial, loss, storage = 0.0, 0.0, 0.0
-        for j in range(harmonic(law, p, row[col.AMPLITUDE], row[col.INDENTATION], at)):
+        count, _, _ = nodes_of(law, p, lever, row, averaged[i], at)
+        if count == 0:
+            continue
+        for j in range(count):
             d, weight = at[DEPTH, j], at[WEIGHT, j]
             if at[TOUCHES, j] == 0.0:
                 f = longrange_force(law, min(d, 0.0), p)
@@ -42,8 +45,6 @@ def adhesion_rows(
             virial -= weight * f * at[COS, j]
             loss += weight * f * at[RATE, j]
         loss = loss if p[col.RELEASE] < 0.0 else 0.0
-        if 0.0 < row[col.INDENTATION] < 2.0 * row[col.AMPLITUDE] and not averaged[i]:
-            storage = stored(law, p, without, lever, row, loss)
         row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
         row[ADHESION_LOSS] = loss
         row[STORAGE] = storage / (2.0 * math.pi)

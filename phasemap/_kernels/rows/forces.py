@@ -17,24 +17,21 @@ from phasemap._kernels.law import (
     longrange_slope,
     parameters,
 )
-from phasemap._kernels.orbits.along import along
-from phasemap._kernels.orbits.around import COS, DEPTH, MOST, RATE, ROWS, SIN, TOUCHES, WEIGHT, harmonic, moves
-from phasemap._kernels.orbits.response import nodes as free
-from phasemap._kernels.orbits.response.passes import STATE
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT, moves
+from phasemap._kernels.orbits.tap import MOST, nodes_of
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
 
 TURNS = 20  # harmonics of the force's slope that are looked at
 
 
 @kernel
-def _jumps(law: Law, p: np.ndarray, amplitude: float, depth: float) -> float:
-    """What jumps of the force at contact and release add to the integral of dF/dd over theta [N/m]: each over d'."""
-    c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
-    if c >= 1.0 or last <= -1.0:
+def _jumps(law: Law, p: np.ndarray, entry: float, release: float) -> float:
+    """What jumps of the force add to the integral of dF/dd over theta [N/m]: each over |dd/dtheta| there [m]."""
+    if entry == 0.0 or release == 0.0:
         return 0.0
     made = contact_force(law, 0.0, p) - longrange_force(law, 0.0, p)
     broken = contact_force(law, p[col.RELEASE], p) - longrange_force(law, p[col.RELEASE], p)
-    return (made / math.sqrt(1.0 - c * c) + broken / math.sqrt(1.0 - last * last)) / amplitude
+    return made / entry + broken / release
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -97,20 +94,17 @@ def force_rows(
     Rows that are `averaged` have the harmonic orbit only. `second` is the lever of a second mode, shape (5,),
     of stiffness 0 where there is none: SIDEBANDS are filled in with one.
     """
-    at, f, state = np.zeros((ROWS, MOST)), np.zeros((free.FIELDS, free.ALL)), np.zeros(STATE)
-    slopes, waves = np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS))
+    at, slopes, waves = np.zeros((ROWS, MOST)), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS))
     slope_at, force_at = np.zeros(MOST), np.zeros(MOST)
     inverse_k = 1.0 / lever[col.STIFFNESS]
     for i in range(len(rows)):
         row, p = out[i], parameters(rows[i])
         if not moves(row):
             continue
-        amplitude, count = row[col.AMPLITUDE], 0
-        if not averaged[i]:
-            count = along(law, p, lever, amplitude, row[col.TIP_OFFSET] - row[col.MEAN], f, state, at)
+        count, entry, release = nodes_of(law, p, lever, row, averaged[i], at)
         if count == 0:
-            count = harmonic(law, p, amplitude, row[col.INDENTATION], at)
-        gradient, drag = _jumps(law, p, amplitude, row[col.INDENTATION]), 0.0
+            continue
+        gradient, drag = _jumps(law, p, entry, release), 0.0
         for j in range(count):
             d, weight = at[DEPTH, j], at[WEIGHT, j]
             if at[TOUCHES, j] == 0.0:

@@ -29,14 +29,11 @@ def march_rows(
 
     Where the status is not GOOD, no orbit is known to start from, and the tip is engaged from far.
     """
-    start = np.zeros(4)
     free = free_amplitude(lever)
     for i in range(len(rows)):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         if status[i] == col.GOOD:
-            start[0], start[1] = out[i, col.TIP_OFFSET], out[i, col.MEAN]
-            start[2], start[3] = amplitude, 0.5 * math.pi - out[i, col.PHASE]
-            status[i] = settle(law, p, lever, amplitude, start, eta, most, out[i])
+            status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
         else:
             far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
             step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free

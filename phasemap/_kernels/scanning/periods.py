@@ -16,6 +16,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.time import elements
 from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN
 from phasemap._kernels.scanning.loop import (
     AMP,
     DETECTOR,
@@ -54,7 +55,7 @@ def new_periods(eta: float) -> Periods:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)
     memory[ETA] = eta
-    return Periods(np.zeros(STATE), np.zeros(elements.STATE), np.zeros(7), memory)
+    return Periods(np.zeros(STATE), np.zeros(elements.STATE), np.zeros(GIVEN), memory)
 
 
 @kernel
@@ -93,7 +94,7 @@ def march_on(
         z0 = y[PLACE] - ground - slope * (at + 0.5 * period)
         if march_period(law, p, lever, z0, memory[ETA], state.tip, state.sums) < 0:
             return col.DIVERGED
-        y[AMP], y[AMP + 1] = state.sums[0], -state.sums[1]
+        y[AMP], y[AMP + 1] = state.sums[COS], -state.sums[SIN]
         if noisy:
             _add_noise(lever, loop, period, noise, state)
         amplitude, phase = shown(loop, y)

@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import average, begin_sums, block_of
 from phasemap._kernels.engagement.in_time import COARSE, pace_of
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.orbits.time.period_map import new_tip
+from phasemap._kernels.orbits.time.tip import COS, Z0, new_tip
 
 
 @kernel
@@ -35,7 +35,7 @@ def reach_rows(
         tip = new_tip(law, z, v, orbit[col.TIP_OFFSET])
         sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
-        while tip.periods[0] < most and tip.u[3] < top:
-            if not average(law, parameters(rows[i]), lever, COARSE * eta, block, up, tip, sums) or sums[0] < 0.0:
-                reach[i] = tip.u[3]
+        while tip.periods[0] < most and tip.u[Z0] < top:
+            if not average(law, parameters(rows[i]), lever, COARSE * eta, block, up, tip, sums) or sums[COS] < 0.0:
+                reach[i] = tip.u[Z0]
                 break

@@ -7,6 +7,7 @@ from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
@@ -40,14 +41,14 @@ class Cone(ContactLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
-        return p[0] * d * d - p[1]
+        return p[CONTACT] * d * d - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
-        return 2.0 * p[0] * d
+        return 2.0 * p[CONTACT] * d
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
-        """p[0] = (2/pi) E* tan(theta) [Pa], p[1] = the attraction [N]."""
+        """p[CONTACT] = (2/pi) E* tan(theta) [Pa], p[PULL] = the attraction [N]."""
         stiffness = 1.5 / math.pi * math.tan(math.radians(self.half_angle)) * contact_stiffness
         return stiffness, self.pull(contact_stiffness, adhesion, radius)
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
@@ -33,7 +34,7 @@ class DMT(ContactLaw):
     slope = staticmethod(hertzian_slope)
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
-        """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N]."""
+        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N]."""
         return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
@@ -67,14 +68,14 @@ class FlatPunch(ContactLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
-        return p[0] * d - p[1]
+        return p[CONTACT] * d - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
-        return p[0]
+        return p[CONTACT]
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
-        """p[0] = 2 E* R_c [N/m], p[1] = the attraction [N]."""
+        """p[CONTACT] = 2 E* R_c [N/m], p[PULL] = the attraction [N]."""
         flat = radius if self.contact_radius is None else self.contact_radius
         return 1.5 * contact_stiffness * flat, self.pull(contact_stiffness, adhesion, radius)
 
@@ -115,14 +116,14 @@ class Neck(ContactLaw):
     @staticmethod
     def force(d: float, p: Array) -> float:
         depth = max(d, 0.0)
-        return p[0] * depth * math.sqrt(depth) - p[1]
+        return p[CONTACT] * depth * math.sqrt(depth) - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
-        return 1.5 * p[0] * math.sqrt(max(d, 0.0))
+        return 1.5 * p[CONTACT] * math.sqrt(max(d, 0.0))
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
-        """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N]."""
+        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N]."""
         return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.errors import InputError
 from phasemap.experiment.interaction.base import ContactLaw
@@ -20,6 +21,7 @@ BASES = ("bonded", "slipping")
 WIDEST = 2.0  # contact radius over thickness up to which the series is fitted
 DEGREE = 24  # of the series of c1
 CENTRE = 0.9  # of the first coefficients
+THINNESS, FIRST = 2, 3  # columns of the law beside its contact and its pull
 
 
 def _powers(t: float) -> tuple[float, float, float]:
@@ -123,32 +125,35 @@ class Film(ContactLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
-        return p[0] * d * math.sqrt(d) * _share(p[2] * math.sqrt(d), p[3]) - p[1]
+        return p[CONTACT] * d * math.sqrt(d) * _share(p[THINNESS] * math.sqrt(d), p[FIRST]) - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
         root = math.sqrt(d)
-        x = p[2] * root
-        return p[0] * root * (1.5 * _share(x, p[3]) + 0.5 * x * _rise(x, p[3]))
+        x = p[THINNESS] * root
+        return p[CONTACT] * root * (1.5 * _share(x, p[FIRST]) + 0.5 * x * _rise(x, p[FIRST]))
 
     @staticmethod
     def damping(d: float, p: Array) -> float:
-        x = p[2] * math.sqrt(d)
-        return power_law(d, p) * (_share(x, p[3]) + x * _rise(x, p[3]) / 3.0)
+        x = p[THINNESS] * math.sqrt(d)
+        return power_law(d, p) * (_share(x, p[FIRST]) + x * _rise(x, p[FIRST]) / 3.0)
 
     @staticmethod
     def damping_slope(d: float, p: Array) -> float:
         if d <= 0.0:
             return power_law_slope(d, p)
-        x = p[2] * math.sqrt(d)
-        rise = _rise(x, p[3])
-        more = (4.0 * rise + x * _bend(x, p[3])) * x / (6.0 * d)
-        return power_law_slope(d, p) * (_share(x, p[3]) + x * rise / 3.0) + power_law(d, p) * more
+        x = p[THINNESS] * math.sqrt(d)
+        rise = _rise(x, p[FIRST])
+        more = (4.0 * rise + x * _bend(x, p[FIRST])) * x / (6.0 * d)
+        return power_law_slope(d, p) * (_share(x, p[FIRST]) + x * rise / 3.0) + power_law(d, p) * more
 
     def columns_on(
         self, contact_stiffness: Array, adhesion: Array, radius: float, film: Array | None
     ) -> tuple[Array | float, ...]:
-        """p[0] = K sqrt(R) [N m^-1.5], p[1] = the attraction [N], p[2] = sqrt(R)/h [m^-0.5], p[3] = c1 [1]."""
+        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N].
+
+        And p[THINNESS] = sqrt(R)/h [m^-0.5], p[FIRST] = c1 [1].
+        """
         hertzian = contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
         if film is None:
             return *hertzian, 0.0, CENTRE

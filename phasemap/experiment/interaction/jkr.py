@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from phasemap._kernels.columns import CONTACT
 from phasemap.experiment.interaction.base import ContactLaw
 
 if TYPE_CHECKING:
     import numpy as np
 
     Array = np.ndarray
+
+
+RADIUS, S_C, D_C = 1, 2, 3  # columns of the law beside its contact
 
 
 def _root(d: float, p: Array) -> tuple[float, float]:
@@ -20,8 +24,8 @@ def _root(d: float, p: Array) -> tuple[float, float]:
     no digits near release (t -> 0), deep in contact or without adhesion (s_c = 0). The start is exact at both ends of t
     and, by a polynomial that was fitted, 8e-6 off between them; one of Halley's steps brings it to rounding.
     """
-    s_c = p[2]
-    goal = max(p[1] * (d - p[3]), 1e-140)  # so that t, and the slope at release, are finite
+    s_c = p[S_C]
+    goal = max(p[RADIUS] * (d - p[D_C]), 1e-140)  # so that t, and the slope at release, are finite
     e = math.sqrt(goal)
     root = math.sqrt(e + 2.1010205144336438 * s_c * s_c)  # (sqrt(6) - 1)^2
     u = 1.4494897427831781 * s_c / root  # 0 deep in contact, 1 at release
@@ -47,17 +51,17 @@ class JKR(ContactLaw):
     def force(d: float, p: Array) -> float:
         _, s = _root(d, p)
         cube = s * s * s
-        return p[0] * cube * (cube - 6.0 * p[2] * p[2] * p[2])
+        return p[CONTACT] * cube * (cube - 6.0 * p[S_C] * p[S_C] * p[S_C])
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
         t, s = _root(d, p)
-        s_c = p[2]
+        s_c = p[S_C]
         rise = t * (t * t + 3.0 * s_c * t + 3.0 * s_c * s_c)  # s^3 - s_c^3
-        return 1.5 * p[0] * p[1] * s * s * (rise - 2.0 * s_c * s_c * s_c) / rise
+        return 1.5 * p[CONTACT] * p[RADIUS] * s * s * (rise - 2.0 * s_c * s_c * s_c) / rise
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
-        """p[0] = K/R [Pa/m], p[1] = R [m], p[2] = s_c [m^0.5], p[3] = d_c [m]."""
+        """p[CONTACT] = K/R [Pa/m], p[RADIUS] = R [m], p[S_C] = s_c [m^0.5], p[D_C] = d_c [m]."""
         s_c = self._least(contact_stiffness, adhesion, radius)
         return contact_stiffness / radius, radius, s_c, -3 * s_c**4 / radius
 

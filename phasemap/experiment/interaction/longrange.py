@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 VACUUM_PERMITTIVITY = 8.8541878188e-12  # [F/m], CODATA 2022
 CLOSEST = 0.3e-9  # gap at contact [m] of the electrostatic force where there is no decay length
+BIASED, CURVATURE = 6, 7  # columns of the electrostatic force
 
 
 class InverseSquare:
@@ -66,7 +67,7 @@ class Biased:
     ) -> tuple[np.ndarray | float, ...]:
         """p[LONGRANGE] = whole attraction at d = 0 [N], p[INVERSE_REACH] = 1/d0 [1/m].
 
-        And p[6] = pi eps0 V^2 [N], p[7] = 1/R [1/m].
+        And p[BIASED] = pi eps0 V^2 [N], p[CURVATURE] = 1/R [1/m].
         """
         at_contact = Biased.at_contact(decay_length, bias, radius)
         own = pull if decay_length is not None else 0.0 * pull
@@ -81,14 +82,13 @@ class Biased:
     @staticmethod
     def force(d: float, p: np.ndarray) -> float:
         s = 1.0 - d * p[INVERSE_REACH]
-        x = (1.0 / p[INVERSE_REACH] - d) * p[7]
-        return -(p[LONGRANGE] - p[BIAS]) / (s * s) - p[6] / (x * (1.0 + x))
+        x = (1.0 / p[INVERSE_REACH] - d) * p[CURVATURE]
+        return -(p[LONGRANGE] - p[BIAS]) / (s * s) - p[BIASED] / (x * (1.0 + x))
 
     @staticmethod
     def slope(d: float, p: np.ndarray) -> float:
         s = 1.0 - d * p[INVERSE_REACH]
-        x = (1.0 / p[INVERSE_REACH] - d) * p[7]
+        x = (1.0 / p[INVERSE_REACH] - d) * p[CURVATURE]
         y = x * (1.0 + x)
-        return -2.0 * (p[LONGRANGE] - p[BIAS]) * p[INVERSE_REACH] / (s * s * s) - p[6] * p[7] * (1.0 + 2.0 * x) / (
-            y * y
-        )
+        electric = p[BIASED] * p[CURVATURE] * (1.0 + 2.0 * x) / (y * y)
+        return -2.0 * (p[LONGRANGE] - p[BIAS]) * p[INVERSE_REACH] / (s * s * s) - electric

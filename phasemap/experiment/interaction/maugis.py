@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
+from phasemap._kernels.columns import CONTACT
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 FOLD = 0.6058  # at the fold of D(s), s < FOLD lambda, which it tends to for large lambda (JKR)
 FLAT = 0.9  # below this lambda (exactly 0.938) D(s) has no fold
+PER_DEPTH, LAMBDA, RELEASED = 1, 2, 3  # columns of the law beside its contact
 
 
 def _sides(s: float, lam: float) -> tuple[float, float, float, float]:
@@ -53,9 +55,9 @@ def _solve(d: float, p: Array) -> tuple[float, float]:
 
     The start comes from rough A, P and Q, and lies above the fold, where the stable branch is.
     """
-    lam = p[2]
-    least = p[1] * p[3]
-    goal = math.sqrt(max(p[1] * (d - p[3]), -1e-16 * least))  # so that the slope at release is finite
+    lam = p[LAMBDA]
+    least = p[PER_DEPTH] * p[RELEASED]
+    goal = math.sqrt(max(p[PER_DEPTH] * (d - p[RELEASED]), -1e-16 * least))  # so that the slope at release is finite
     s = math.sqrt(lam * goal * (0.785 * goal + 0.667 * lam))
     s = math.sqrt(lam * goal * (0.5 * goal / (0.6366 + 0.75 * s) + 4.0 / 3.0 * lam * s / (1.752 + 2.0 * s)))
     s = max(s, FOLD * lam + 0.4 * lam * goal)
@@ -100,26 +102,26 @@ class MaugisDugdale(ContactLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
-        if p[1] == 0.0:  # no adhesion
-            return p[0] * d * math.sqrt(d)
+        if p[PER_DEPTH] == 0.0:  # no adhesion
+            return p[CONTACT] * d * math.sqrt(d)
         s, lam = _solve(d, p)
         b, _, phi, _ = _sides(s, lam)
-        return p[0] * b * b * (b * s * s * s - lam * (s + (1.0 + s * s) * phi))
+        return p[CONTACT] * b * b * (b * s * s * s - lam * (s + (1.0 + s * s) * phi))
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
-        if p[1] == 0.0:
-            return 1.5 * p[0] * math.sqrt(d)
+        if p[PER_DEPTH] == 0.0:
+            return 1.5 * p[CONTACT] * math.sqrt(d)
         s, lam = _solve(d, p)
         b, b_s, phi, half = _sides(s, lam)
         a_s = b + s * b_s
         rise = 3.0 * b * s * s * a_s - 2.0 * lam * (b_s * (s + (1.0 + s * s) * phi) + b * s * phi)
-        return 0.5 * p[0] * p[1] * b * rise / half
+        return 0.5 * p[CONTACT] * p[PER_DEPTH] * b * rise / half
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
-        """p[0] = pi w R [N], p[1] = D/d [1/m], p[2] = lambda [1], p[3] = depth of release [m].
+        """p[CONTACT] = pi w R [N], p[PER_DEPTH] = D/d [1/m], p[LAMBDA] = lambda [1], p[RELEASED] = d_r [m].
 
-        Without adhesion p[0] = K sqrt(R) [N m^-1.5] and p[1] = 0.
+        Without adhesion p[CONTACT] = K sqrt(R) [N m^-1.5] and p[PER_DEPTH] = 0.
         """
         import numpy as np
 

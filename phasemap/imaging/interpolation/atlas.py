@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.cells import Piece
-from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS
 
 if TYPE_CHECKING:
     from phasemap._kernels.materials.interpolate import Tree
@@ -91,7 +90,7 @@ def _without_rest(table: Array) -> Array:
 
 def _packed(pieces: Sequence[Piece]) -> tuple[Array | Ints, ...]:
     """Sizes, and the coefficients of each function without the negligible ones at the end along u."""
-    count = len(FUNCTIONS)
+    count = pieces[0].coefficients.shape[-1] if pieces else 0
     sizes = np.array([piece.coefficients.shape[:3] for piece in pieces], np.int64).reshape(-1, 3)
     length_starts, starts = np.zeros((len(pieces), count), np.int64), np.zeros((len(pieces), count), np.int64)
     lengths: list[Array] = []

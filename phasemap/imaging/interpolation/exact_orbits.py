@@ -10,6 +10,8 @@ from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.interpolation.axes import Axes
+from phasemap.results.variables import OF_ORBITS
+from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
@@ -17,7 +19,7 @@ from phasemap.solvers.run import run
 Array = NDArray[np.float64]
 
 FUNCTIONS = (col.TIP_OFFSET, col.PHASE, col.MEAN, col.INDENTATION, col.DISSIPATION, col.VIRIAL)
-"""Result columns that are interpolated; the others follow from these."""
+"""Result columns that are interpolated, besides those of integrals that are asked for; the others follow from these."""
 HEIGHT, PHASE, MEAN, DEPTH = 0, 1, 2, 3  # places in FUNCTIONS
 
 CHUNK = 400  # orbits that a thread takes at a time
@@ -34,13 +36,18 @@ class ExactOrbits:
         Threads.
     accuracy : Accuracy, optional
         Of the orbits.
+    names : tuple of str
+        Image variables; of those in `phasemap.results.variables.OF_ORBITS` the columns are functions, too.
     """
 
     def __init__(
-        self, scope: Microscope, amplitude: float, axes: Axes, workers: int, accuracy: Accuracy | None = None
-    ) -> None:
+        self, scope: Microscope, amplitude: float, axes: Axes, workers: int, accuracy: Accuracy | None = None,
+        names: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
         self.scope, self.amplitude, self.axes = scope, amplitude, axes
         self.asked = 0
+        self.functions = functions_of(names)
+        self._names = names
         self._workers, self._accuracy = workers, accuracy or Accuracy()
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
@@ -48,26 +55,26 @@ class ExactOrbits:
         return work_of(*self.axes.materials(points.T), self.scope, amplitude or self.amplitude)
 
     def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
-        """FUNCTIONS after engagement.
+        """Functions after engagement.
 
         `points` (shape (n, 3)).
         `amplitude`: in place of that at the setpoint [m].
         `in_time`: whether time is asked where no curve of orbits tells, which is a thousand times slower.
-        Returns an array of shape (n, 6): NaN where no orbit is held.
+        Returns an array of shape (n, functions): NaN where no orbit is held.
         """
         work = self._work(points, amplitude)
-        rows, status, _ = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
-        return _functions(rows, status)
+        rows, status, used = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
+        return self._functions(work, points, rows, status, used)
 
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
-        """FUNCTIONS of the orbits next to guesses, without engagement, which is cheaper near a jump.
+        """Functions of the orbits next to guesses, without engagement, which is cheaper near a jump.
 
         `points` (shape (n, 3)).
         `guesses` (shape (n, functions)): as from exact orbits; tip offset, phase and mean deflection are used.
         `away` (shape (n,)): how far off the tip offset may be [m].
         `amplitude`: in place of that at the setpoint [m].
         `group`: so many points, one after another, are close to each other.
-        Returns an array of shape (n, 6): NaN where there is no stable orbit so near.
+        Returns an array of shape (n, functions): NaN where there is no stable orbit so near.
         """
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.nearby import nearby_rows
@@ -86,10 +93,19 @@ class ExactOrbits:
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)
         spread(solve, bounds_of(count, size), self._workers, None)
-        return _functions(rows, status)
+        return self._functions(work, points, rows, status, np.full(count, col.ORBIT, np.int8))
+
+    def _functions(
+        self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]
+    ) -> Array:
+        def bare() -> Array:
+            return bare_rows(self.axes.materials(points.T)[0], self.scope)
+
+        values: Array = widened(rows, work, used, self.scope, bare, self._names)[:, self.functions]
+        values[(status != col.GOOD) | col.irregular(rows)] = np.nan
+        return values
 
 
-def _functions(rows: Array, status: NDArray[np.int8]) -> Array:
-    values: Array = rows[:, FUNCTIONS]
-    values[(status != col.GOOD) | col.irregular(rows)] = np.nan
-    return values
+def functions_of(names: tuple[str, ...]) -> tuple[int, ...]:
+    """Columns to interpolate for an image with these variables."""
+    return *FUNCTIONS, *sorted({column for name in names for column in OF_ORBITS.get(name, ())})

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.imaging.interpolation.exact_orbits import DEPTH, FUNCTIONS, HEIGHT, ExactOrbits
+from phasemap.imaging.interpolation.exact_orbits import DEPTH, HEIGHT, ExactOrbits
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def _step(first: Array, second: Array) -> Array:
 
 def orbits_above(exact: ExactOrbits, bases: Array, heights: Array, function: int) -> Array:
     """A function of the orbits at heights (lines, points) above bases (lines, 2)."""
-    return exact(_points(bases, heights).reshape(-1, 3)).reshape(*heights.shape, len(FUNCTIONS))[..., function]
+    return exact(_points(bases, heights).reshape(-1, 3)).reshape(*heights.shape, len(exact.functions))[..., function]
 
 
 def _points(bases: Array, heights: Array) -> Array:
@@ -58,7 +58,7 @@ def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float =
     share = np.linspace(0, 1, SCAN)
     heights = low[:, None] + (high - low)[:, None] * share
     points = _points(bases, heights)
-    orbits = exact(points.reshape(-1, 3), in_time=False).reshape(*heights.shape, len(FUNCTIONS))
+    orbits = exact(points.reshape(-1, 3), in_time=False).reshape(*heights.shape, len(exact.functions))
     held = np.isfinite(orbits[..., HEIGHT])
     beside = ~held
     beside[:, 1:-1] &= held[:, 2:] | held[:, :-2]

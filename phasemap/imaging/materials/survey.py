@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.threads import bounds_of, found_in
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.materials.distinct import BLOCK, Distinct, digests_of
 
@@ -87,11 +88,12 @@ class Survey:
         return self.smallest if self.materials is None else digests_of(self.materials)
 
 
-def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
+def survey(surface: Surface, most: int, place: Place | None = None, workers: int = 1) -> Survey:
     """Look at the materials of a surface, or of a part of one.
 
     `most`: distinct materials up to which all of them are wanted.
     `place`: where the part lies; without it the surface is the whole.
+    `workers`: threads.
 
     Examples
     --------
@@ -99,45 +101,61 @@ def survey(surface: Surface, most: int, place: Place | None = None) -> Survey:
     >>> survey(two, most=10).count, survey(two, most=1).materials is None
     (2, True)
     """
-    materials = _all_of_few(surface, most)
-    smallest = _smallest_of(surface) if materials is None else np.empty(0, np.uint64)
+    materials = _all_of_few(surface, most, workers)
+    smallest = _smallest_of(surface, workers) if materials is None else np.empty(0, np.uint64)
     if place is None and materials is not None:
         return Survey(materials, np.empty((0, materials.shape[1])), smallest)
     where = place or Place(0, 0, surface.shape)
     return Survey(materials, _each_once(surface.materials(where.drawn(surface.shape))), smallest)
 
 
-def _all_of_few(surface: Surface, most: int) -> Array | None:
-    """All distinct materials, or None if there are more than so many."""
+def _all_of_few(surface: Surface, most: int, workers: int) -> Array | None:
+    """All distinct materials in the order in which they come, or None if there are more than so many."""
+    pixels = surface.shape[0] * surface.shape[1]
     if surface.found is not None and len(surface.found[0]) <= most:
         materials, numbers = surface.found
         seen = np.zeros(len(materials), np.bool_)
-        for part in _parts(surface):
+        for part in _parts(0, pixels):
             seen[numbers.reshape(-1)[part]] = True
         return materials if seen.all() else materials[seen]  # some rows of a surface may not have all
-    known = Distinct(min(most, surface.shape[0] * surface.shape[1]))
-    for part in _parts(surface):
-        some = surface.materials(part)
-        if known.add(some) < len(some):
-            return None
-    return known.materials.copy()
+
+    def few_in(first: int, last: int) -> Array | None:
+        known = Distinct(min(most, last - first))
+        taken = all(known.add(some) == len(some) for some in map(surface.materials, _parts(first, last)))
+        return known.materials.copy() if taken else None
+
+    found = found_in(few_in, _ranges(pixels, workers), workers)
+    if len(found) == 1:
+        return found[0]
+    known = Distinct(min(most, pixels))
+    taken = all(some is not None and known.add(some) == len(some) for some in found)
+    return known.materials.copy() if taken else None
 
 
-def _parts(surface: Surface) -> list[slice]:
-    pixels = surface.shape[0] * surface.shape[1]
-    return [slice(first, min(first + BLOCK, pixels)) for first in range(0, pixels, BLOCK)]
+def _ranges(pixels: int, workers: int) -> list[int]:
+    """A range for each thread, unless these are short."""
+    return bounds_of(pixels, max(BLOCK, -(-pixels // workers)))
 
 
-def _smallest_of(surface: Surface) -> Digests:
-    """The smallest digests of all materials, gathered until there are twice as many as are kept."""
-    kept = np.empty(0, np.uint64)
-    held: list[Digests] = []
-    for part in _parts(surface):
-        digests = digests_of(surface.materials(part))
-        held.append(digests[digests < kept[-1]] if len(kept) == KEPT else digests)
-        if sum(map(len, held)) >= KEPT:
-            kept, held = _smallest(kept, *held), []
-    return _smallest(kept, *held)
+def _parts(first: int, last: int) -> list[slice]:
+    return [slice(start, min(start + BLOCK, last)) for start in range(first, last, BLOCK)]
+
+
+def _smallest_of(surface: Surface, workers: int) -> Digests:
+    """The smallest digests of all materials."""
+
+    def smallest_in(first: int, last: int) -> Digests:
+        """Gathered until there are twice as many as are kept."""
+        kept = np.empty(0, np.uint64)
+        held: list[Digests] = []
+        for part in _parts(first, last):
+            digests = digests_of(surface.materials(part))
+            held.append(digests[digests < kept[-1]] if len(kept) == KEPT else digests)
+            if sum(map(len, held)) >= KEPT:
+                kept, held = _smallest(kept, *held), []
+        return _smallest(kept, *held)
+
+    return _smallest(*found_in(smallest_in, _ranges(surface.shape[0] * surface.shape[1], workers), workers))
 
 
 def _smallest(*digests: Digests) -> Digests:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels.least_squares import normal_rows
 from phasemap._kernels.rows.derivatives import Found
 
 Array = NDArray[np.float64]
@@ -54,6 +55,14 @@ class Problems(Protocol):
         ...
 
 
+def normal_equations(prior: Array, slopes: Array, rest: Array, apart: Array) -> tuple[Array, Array]:
+    """N and J^T r - prior (q - q0) of n problems with these derivatives, residuals and q - q0."""
+    matrix, pull = np.empty((len(slopes), *prior.shape)), -(apart @ prior)
+    matrix[:] = prior
+    normal_rows(slopes, rest, matrix, pull)
+    return matrix, pull
+
+
 def descend(problems: Problems, todo: NDArray[np.bool_], q: Array, places: Array, defect: Array) -> tuple[Found, Array]:
     """Go downhill; `q` and `places` are moved, and the orbits there are returned with their costs.
 
@@ -72,8 +81,7 @@ def descend(problems: Problems, todo: NDArray[np.bool_], q: Array, places: Array
         part = problems.part(some)
         slopes = part.weigh(found.slopes[some])
         rest = part.rest(found.values[some], defect[some])
-        matrix = np.einsum("nai,naj->nij", slopes, slopes) + problems.prior
-        pull = np.einsum("nai,na->ni", slopes, rest) - part.apart(q[some]) @ problems.prior
+        matrix, pull = normal_equations(problems.prior, slopes, rest, part.apart(q[some]))
         steep = matrix * (1 + damping[some, None, None] * np.eye(q.shape[1]))
         step = np.linalg.solve(steep, pull[..., None])[..., 0]
         expected = np.einsum("ni,ni->n", step, pull)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels.columns import SHAKER
 from phasemap._kernels.law import Law
 from phasemap._kernels.rows.derivatives import Found, averaged_block
 from phasemap._shared.errors import InputError
@@ -16,14 +17,16 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import contact_stiffness, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.images.tables import Tables, make_tables
 from phasemap.solvers.problem import material_row
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
-STEP = 1e-3  # of a logarithm, for derivatives
+STEP, NEAR = 1e-3, 1e-6  # of a logarithm, for derivatives of orbits and of the kernels' parameters
 LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
 REACH = 3.0  # prior standard deviations within which a material is sought
+CORNERS = np.array([[1, 1, -1], [1, -1, 1], [-1, 1, 1], [-1, -1, -1]])  # materials to check tables, in half reaches
 PARAMETERS = ("modulus", "adhesion", "damping")
 
 
@@ -41,10 +44,11 @@ class Model:
     law: Law
     levers: Array  # shape (m, 5)
     amplitudes: Array  # shape (m,); at the setpoint [m]
+    tables: Tables | None = None  # where the law and the detector allow them
 
     def image(self, j: int) -> Model:
         """The same for one image only."""
-        return replace(self, levers=self.levers[j : j + 1], amplitudes=self.amplitudes[j : j + 1])
+        return replace(self, levers=self.levers[j : j + 1], amplitudes=self.amplitudes[j : j + 1], tables=None)
 
     def materials(self, q: Array) -> Array:
         """Modulus, adhesion and damping at these logarithms, shape (n, 3)."""
@@ -59,8 +63,27 @@ class Model:
 
     def averaged(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
         """Averaged orbits near `places`, which are moved to them."""
-        n, m = sides.shape
-        found = Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
+        if self.tables is None:
+            return self._integrated(q, sides, places, search)
+        from phasemap._kernels.rows.tabulated import tabulated_block
+
+        table, axes = self.tables
+        x = axes.along(self.rows(q))
+        rates = (axes.along(self.rows(q + NEAR)) - x) / NEAR  # a place depends on its own property only
+        found, beyond, before = _unfilled(*sides.shape), np.zeros(len(q), np.bool_), places.copy()
+        tabulated_block(table, x, rates, self.levers, self.amplitudes, sides, places, found, beyond)
+        again = np.flatnonzero(~found.good & (beyond | search))
+        if len(again):
+            there = before[again]
+            others = self._integrated(q[again], sides[again], there, search)
+            places[again] = there
+            for whole, part in zip(found, others, strict=True):
+                whole[again] = part
+        return found
+
+    def _integrated(self, q: Array, sides: Codes, places: Array, search: bool) -> Found:
+        """The same by integrals of the force, for any law."""
+        found = _unfilled(*sides.shape)
         rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
         averaged_block(self.law, rows, STEP, self.levers, self.amplitudes, sides, search, places, found)
         return found
@@ -85,11 +108,19 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
     _, adhesion, damping = properties(row, viscous, scope)
     levers = [lever_of(one) for one in stack.scopes]
     amplitudes = [ratio * one.driven_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
-    return Model(
+    model = Model(
         np.array([prior.modulus, float(adhesion[0]), float(damping[0])]),
         np.zeros(3), np.full(3, np.log(factor)), REACH * float(np.log(factor)), prior.poisson_ratio,
         scope, scope.interaction.token(), np.array(levers), np.array(amplitudes),
     )  # fmt: skip
+    if model.levers[:, SHAKER].any():  # the amplitude of the tip then depends on the material
+        return model
+    rows = model.rows(np.concatenate([np.zeros((1, 3)), np.eye(3), 0.5 * model.reach * CORNERS]))
+    return replace(model, tables=make_tables(model.law, rows, model.levers, model.amplitudes))
+
+
+def _unfilled(n: int, m: int) -> Found:
+    return Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
 
 
 def sides_of(stack: Stack) -> Codes:

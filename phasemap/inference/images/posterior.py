@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.inference.images.descent import normal_equations
 from phasemap.inference.images.search import Block, Solution
 
 Array = NDArray[np.float64]
@@ -102,29 +103,36 @@ def _walk(block: Block, found: Solution, valleys: _Valleys, sign: int) -> None:
             return
         roots[some] = there
         slopes = part.weigh(orbits.slopes[inside])
-        values, defect = orbits.values[inside], found.defect[some]
-        matrix = np.einsum("nai,naj->nij", slopes, slopes) + block.prior
-        rest = part.rest(values, defect)
-        pull = np.einsum("nai,na->ni", slopes, rest) - (q[some] - block.model.centre) @ block.prior
-        plane = across[some]
-        inner = np.linalg.inv(np.einsum("nia,nij,njb->nab", plane, matrix, plane))
-        cross = np.einsum("nia,ni->na", plane, pull)
-        step = np.einsum("nab,nb->na", inner, cross)
-        cost = part.cost(values, defect, q[some]) - np.einsum("na,na->n", cross, step)
-        move = np.einsum("nia,na->ni", plane, step)
+        rest = part.rest(orbits.values[inside], found.defect[some])
+        matrix, pull = normal_equations(block.prior, slopes, rest, part.apart(q[some]))
+        plane, line = across[some], along[some, :, None]
+        to_plane = plane.transpose(0, 2, 1)
+        inner, determinant = _inverse(to_plane @ matrix @ plane)
+        cross = to_plane @ pull[..., None]
+        step = inner @ cross
+        cost = (rest**2).sum(axis=1) + part.cost_of_prior(q[some]) - (cross * step).sum(axis=(1, 2))
+        move = (plane @ step)[..., 0]
         move *= np.minimum(1.0, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
-        logs[some, at] = -0.5 * cost + 0.5 * np.log(np.linalg.det(inner))
+        logs[some, at] = -0.5 * cost - 0.5 * np.log(determinant)
         points[some, at] = q[some] + move
-        rests[some, at] = rest - np.einsum("nai,ni->na", slopes, move)
-        spreads[some, at] = np.einsum("nia,nab,njb->nij", plane, inner, plane)
+        rests[some, at] = rest - (slopes @ move[..., None])[..., 0]
+        spread = plane @ inner
+        spreads[some, at] = spread @ to_plane
         if k == STEPS:
             return
-        turn = np.einsum("nia,nij,nj->na", plane, matrix, along[some])
-        tangent = along[some] - np.einsum("nia,nab,nb->ni", plane, inner, turn)
+        tangent = (line - spread @ (to_plane @ (matrix @ line)))[..., 0]
         width = places[some, at + sign] - places[some, at]
         q[some] = points[some, at] + width[:, None] * tangent
         least = logs[some].max(axis=1)
         some = some[logs[some, at] > least - 0.5 * DEEP]
+
+
+def _inverse(matrix: Array) -> tuple[Array, Array]:
+    """Inverse and determinant of matrices, shape (n, 2, 2), symmetric."""
+    a, b, d = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]
+    determinant = a * d - b * b
+    inverse = np.stack([d, -b, -b, a], axis=1) / determinant[:, None]
+    return inverse.reshape(-1, 2, 2), determinant
 
 
 def _fallen(logs: Array) -> NDArray[np.bool_]:

@@ -42,25 +42,25 @@ DEEP = -0.6  # below this c the contact integrals need the finer nodes
 
 @kernel
 def _neck(
-    law: Law, p: np.ndarray, reach: float, amplitude: float, c: float, hanging: bool
+    law: Law, p: np.ndarray, reach: float, amplitude: float, c: float, caught: bool
 ) -> tuple[float, float, float]:
     """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
 
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
-    See theory, Eq. (averaging-9). A tip that hangs is never released, and has no way in.
+    See theory, Eq. (averaging-9). A tip that is caught in it is never released, and has no way in.
     """
     length = -p[RELEASE] / amplitude
     start = math.sqrt((1.0 - c) / (1.0 + c)) if c > -1.0 else math.inf
-    x_end = -1.0 if hanging else c - length
-    if hanging:
+    x_end = -1.0 if caught else c - length
+    if caught:
         width = 2.0 * math.atan(1.0 / start)
         end = math.pi
     else:
         far = math.sqrt((1.0 - x_end) / (1.0 + x_end))
         width = 2.0 * math.atan(2.0 * length / ((1.0 + c) * (1.0 + x_end) * (far + start) * (1.0 + far * start)))
         end = 2.0 * math.atan(far)
-    share = 1.0 if hanging else 0.5
-    bottom = amplitude * (x_end - c) if hanging else p[RELEASE]
+    share = 1.0 if caught else 0.5
+    bottom = amplitude * (x_end - c) if caught else p[RELEASE]
     mean, push, loss = 0.0, 0.0, 0.0
     for i in range(len(_NECK_X)):
         x = _NECK_X[i]
@@ -71,7 +71,7 @@ def _neck(
         mean += f
         push += f * math.cos(theta)
         loss += f * math.sin(theta)
-    if hanging:
+    if caught:
         return mean, push, 0.0
     if p[LONGRANGE] != 0.0:
         ratio = 0.5 * reach / amplitude * (1.0 + start * start) ** 2
@@ -157,9 +157,9 @@ def harmonics(
     """
     if p[RELEASE] == 0.0 or abs(c) >= 1.0:
         return _even(law, p, lever, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
-    hanging = amplitude * (c + 1.0) < -p[RELEASE]
-    push, drag, mean = _even(law, p, lever, reach, amplitude, c, not hanging)
-    more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, hanging)
+    caught = amplitude * (c + 1.0) < -p[RELEASE]
+    push, drag, mean = _even(law, p, lever, reach, amplitude, c, not caught)
+    more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, caught)
     share = 2.0 / (math.pi * lever[STIFFNESS])
     return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean
 

@@ -23,6 +23,7 @@ from phasemap._kernels.orbits.collocation.system import (
     HOLD_OFFSET,
     LINEAR,
     LOCAL,
+    ONE,
     OPEN,
     PLACE,
     RA,
@@ -51,6 +52,10 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
 )
 from phasemap._kernels.quadrature import NODES, T_M1, T_M2, T_SUM1
+
+# An equation NORMAL (z0, A, m) = EQUALS that is held; and the plane through (z0, A) that `close` holds.
+NORMAL_Z, NORMAL_A, NORMAL_M, EQUALS = 0, 1, 2, 3
+PLANE_Z, PLANE_A, THROUGH_Z, THROUGH_A = 0, 1, 2, 3
 
 
 @kernel
@@ -94,9 +99,9 @@ def close(lever: np.ndarray, orbit: Orbit, hold: int, target: np.ndarray) -> boo
         row[RZ] = 1.0
         row[RIGHT] = target[0]
     else:
-        row[RZ] = target[0]
-        row[RA] = target[1]
-        row[RIGHT] = target[0] * target[2] + target[1] * (target[3] - head[VALUE, A])
+        row[RZ] = target[PLANE_Z]
+        row[RA] = target[PLANE_A]
+        row[RIGHT] = target[PLANE_Z] * target[THROUGH_Z] + target[PLANE_A] * (target[THROUGH_A] - head[VALUE, A])
     return eliminate(head[SYSTEM : SYSTEM + 6], 6)
 
 
@@ -119,8 +124,8 @@ def close_swept(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, holds: np.nd
     _with_drive(lever, head, drift)
     for i in range(2):
         row, hold = head[SYSTEM + 5 + i], holds[i]
-        row[RZ], row[RA], row[RM] = hold[0], hold[1], hold[2]
-        row[RIGHT] = hold[3] - hold[1] * head[VALUE, A] - hold[2] * head[VALUE, M]
+        row[RZ], row[RA], row[RM] = hold[NORMAL_Z], hold[NORMAL_A], hold[NORMAL_M]
+        row[RIGHT] = hold[EQUALS] - hold[NORMAL_A] * head[VALUE, A] - hold[NORMAL_M] * head[VALUE, M]
     return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
 
 
@@ -132,7 +137,7 @@ def along_swept(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, holds: np.nd
     head[SYSTEM : SYSTEM + SEVEN, RIGHT] = 0.0
     for i in range(2):
         row, hold = head[SYSTEM + 5 + i], holds[i]
-        row[RZ], row[RA], row[RM] = hold[0], hold[1], hold[2]
+        row[RZ], row[RA], row[RM] = hold[NORMAL_Z], hold[NORMAL_A], hold[NORMAL_M]
     head[SYSTEM + SEVEN - 1, RIGHT] = 1.0
     return eliminate(head[SYSTEM : SYSTEM + SEVEN], SEVEN)
 
@@ -154,16 +159,16 @@ def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) ->
     for e in range(count):
         one = elements[e]
         at_w, at_u = one[CHAIN], one[CHAIN + 1]
-        start_w = at_w[0] * w0 + at_w[1] * u0 + at_w[2] * push + at_w[3] * drag + at_w[4] * z0 + at_w[5]
+        start_w = at_w[W0] * w0 + at_w[U0] * u0 + at_w[RP] * push + at_w[RS] * drag + at_w[RZ] * z0 + at_w[ONE]
         start_w += at_w[RM] * change
-        start_u = at_u[0] * w0 + at_u[1] * u0 + at_u[2] * push + at_u[3] * drag + at_u[4] * z0 + at_u[5]
+        start_u = at_u[W0] * w0 + at_u[U0] * u0 + at_u[RP] * push + at_u[RS] * drag + at_u[RZ] * z0 + at_u[ONE]
         start_u += at_u[RM] * change
         h = one[PLACE, SCALE]
         table = tables[int(one[PLACE, TABLE])]
         for j in range(NODES):
             a[j] = (
-                one[LOCAL, j] * start_w + one[LOCAL + 1, j] * start_u + one[LOCAL + 2, j] * push
-                + one[LOCAL + 3, j] * drag + one[LOCAL + 4, j] * z0 + one[LOCAL + 5, j]
+                one[LOCAL + W0, j] * start_w + one[LOCAL + U0, j] * start_u + one[LOCAL + RP, j] * push
+                + one[LOCAL + RS, j] * drag + one[LOCAL + RZ, j] * z0 + one[LOCAL + ONE, j]
                 + one[LOCAL + RM, j] * change
             )  # fmt: skip
         for j in range(NODES):

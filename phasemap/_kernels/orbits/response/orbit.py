@@ -39,6 +39,7 @@ CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exac
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 STEP = 1e-3  # of the amplitude, for dz0/dA
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
+AT, MISMATCH, BEND = 0, 1, 2  # of a fit: gap of the maximum, mismatch there, its curvature
 
 
 class Room(NamedTuple):

@@ -37,7 +37,7 @@ def recovery_of(p: Any, lever: np.ndarray) -> float:
     """Rate [1/tau] at which a dent that nothing touches comes back."""
     if p[col.RELAXATION] > 0.0:
         return (1 - p[col.RELAXING]) / p[col.RELAXATION]
-    return 0.75 * p[0] / (p[col.DAMPING] * lever[col.STIFFNESS])
+    return 0.75 * p[col.CONTACT] / (p[col.DAMPING] * lever[col.STIFFNESS])
 
 
 @kernel

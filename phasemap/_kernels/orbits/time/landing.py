@@ -10,6 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.tip import COS, GIVEN, MEAN, SIN
 
 ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
 CLOSE = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
@@ -31,14 +32,14 @@ def land_on(
     close : float
         Distance [m] in that plane at which an orbit counts as reached.
     """
-    acc = np.zeros(8)
+    acc = np.zeros(GIVEN)
     streak, last = 0, -1
     for period in range(most):
         if march_period(law, p, lever, z0, ETA, y, acc) < 0:
             return -1, period
         near, best = -1, math.inf
         for i in range(len(targets)):
-            apart = math.hypot(acc[0] - targets[i, 0], acc[1] - targets[i, 1])
+            apart = math.hypot(acc[COS] - targets[i, 0], acc[SIN] - targets[i, 1])
             if apart < best:
                 near, best = i, apart
         streak = streak + 1 if best < close and near == last else 0
@@ -56,7 +57,7 @@ def land_free(
 
     It has settled when the lock-in's outputs change by less than `close` [m] from one ring-down time to the next.
     """
-    acc = np.zeros(8)
+    acc = np.zeros(GIVEN)
     ring, streak = int(1.0 / (2.0 * math.pi * lever[col.ALPHA0])) + 1, 0
     cosine, sine = math.inf, math.inf
     for period in range(most):
@@ -64,15 +65,15 @@ def land_free(
             return False
         if period % ring != ring - 1:
             continue
-        streak = streak + 1 if math.hypot(acc[0] - cosine, acc[1] - sine) < close else 0
-        cosine, sine = acc[0], acc[1]
+        streak = streak + 1 if math.hypot(acc[COS] - cosine, acc[SIN] - sine) < close else 0
+        cosine, sine = acc[COS], acc[SIN]
         if streak >= IN_A_ROW:
             break
     if streak < IN_A_ROW:
         return False
     omega, amplitude, phase = lever[col.OMEGA], math.hypot(cosine, sine), math.atan2(cosine, sine)
     row[:] = math.nan
-    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc[2], amplitude, phase
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc[MEAN], amplitude, phase
     push = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
     row[col.STIFFENING] = push / amplitude
     drag = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)

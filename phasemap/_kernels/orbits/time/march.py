@@ -26,11 +26,12 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope, parameters
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
 from phasemap._kernels.orbits.time.elements import INNER, MODE, OUTER
-from phasemap._kernels.orbits.time.runge_kutta import fly, press, turn
+from phasemap._kernels.orbits.time.runge_kutta import BOTTOM, COMPLIANCE, DRIVE, PASSED, SPEED, X, fly, press, turn
+from phasemap._kernels.orbits.time.tip import AIR, COS, DEEPEST, LOST, MEAN, SIN, TOUCHES, VIRIAL, V, Z
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -48,19 +49,19 @@ def flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
     rate = 1.0
     if p[col.LONGRANGE] != 0.0:
-        force = longrange_force(law, d, p) * fixed[2]
-        slope = longrange_slope(law, d, p) * fixed[2]
+        force = longrange_force(law, d, p) * fixed[COMPLIANCE]
+        slope = longrange_slope(law, d, p) * fixed[COMPLIANCE]
         # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
-        rate += abs(slope) + (REACH * v * slope) ** 2 / (force**2 + (0.01 * slope * (abs(d) + fixed[3])) ** 2)
+        rate += abs(slope) + (REACH * v * slope) ** 2 / (force**2 + (0.01 * slope * (abs(d) + fixed[DRIVE])) ** 2)
     return math.sqrt(rate)
 
 
 @kernel
 def contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
-    d = fixed[7] + q * q
-    rate = 4 * q * q * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[2])
-    if p[col.DAMPING] != 0.0 and fixed[7] == 0.0:
+    d = fixed[BOTTOM] + q * q
+    rate = 4 * q * q * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[COMPLIANCE])
+    if p[col.DAMPING] != 0.0 and fixed[BOTTOM] == 0.0:
         rate += (4 * q * damping(law, d, p)) ** 2
     return rate
 
@@ -121,21 +122,21 @@ def _to_edge(
     law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float, end: Numbers, edge: float
 ) -> tuple[float, Numbers]:
     """Shorten a step across an edge to end on it: Newton on x(h) = edge, x' = v, kept between a side and the other."""
-    x, v = start[0] - edge, start[1]
+    x, v = start[X] - edge, start[SPEED]
     # Of q, whose square is a length where it is 0, and of d.
     tolerance = (abs(x) + abs(v) * h) * (1e-8 if touching and edge == 0.0 else 1e-14)
     low, high = 0.0, h
-    h = _root(x, v, end[0] - edge, end[1], h)
-    above = end[0] <= edge
+    h = _root(x, v, end[X] - edge, end[SPEED], h)
+    above = end[X] <= edge
     for _ in range(50):
         end = _advance(law, p, fixed, touching, start, h)
-        if abs(end[0] - edge) <= tolerance:
+        if abs(end[X] - edge) <= tolerance:
             break
-        if (end[0] > edge) == above:
+        if (end[X] > edge) == above:
             low = h
         else:
             high = h
-        h -= (end[0] - edge) / end[1]
+        h -= (end[X] - edge) / end[SPEED]
         if not low <= h <= high:
             h = 0.5 * (low + high)
     return h, end
@@ -148,13 +149,13 @@ def _to_instant(
     """Shorten a step in contact or neck to last `time`: Newton on tau(h) = time, tau' = 2 q."""
     low, high = 0.0, h
     for _ in range(50):
-        h -= (end[2] - time) / (2 * end[0])
+        h -= (end[PASSED] - time) / (2 * end[X])
         if not low <= h <= high:
             h = 0.5 * (low + high)
         end = press(law, p, fixed, start, h)
-        if abs(end[2] - time) <= 4e-16:
+        if abs(end[PASSED] - time) <= 4e-16:
             break
-        if end[2] < time:
+        if end[PASSED] < time:
             low = h
         else:
             high = h
@@ -188,19 +189,18 @@ def march_elastic(
         Size of the steps. The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at 0.5, 0.3, 0.15 in nine of
         ten orbits with Q <= 1000. The error is of order 8 in eta and proportional to Q.
     y : ndarray, shape (3,)
-        z, z' [m], and whether the tip is in contact or in the neck (1 or 0), advanced in place. The last is left out
+        State at drive phase 0, as `tip` names it, advanced in place. Whether the tip is in contact or neck is left out
         and not asked for where the law has no neck: depth says it.
     acc : ndarray, shape (6,) or longer
-        Filled with cosine and sine part of the first harmonic and mean of z [m], energy into the surface [J]: by
-        damping, and that of the loop at each release,
-        virial -<F z> of the whole surface force [J], largest d [m], and energy into the lever's own damping [J].
+        Filled with what `tip` names. The energy into the surface is by damping, and that of the loop at each release;
+        the virial is of the whole surface force.
 
     Returns
     -------
     int
         Steps taken, or minus a status.
     """
-    row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
+    row: Row = parameters(p)
     omega, compliance = lever[col.OMEGA], 1 / lever[col.STIFFNESS]
     edge_force = edge_slope = 0.0
     if p[col.LONGRANGE] != 0.0:
@@ -208,20 +208,20 @@ def march_elastic(
         edge_slope = longrange_slope(law, 0.0, row) * compliance
     alpha0, base = lever[col.ALPHA0], lever[col.BASE]
     aloft = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
-    drawn = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[10])
+    drawn = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[col.RELEASE])
     fixed = aloft
     snap = 2 * HARD * HARD * abs(contact_force(law, 0.0, row)) * compliance
-    neck = math.sqrt(-row[10])  # q of the surface in the neck
+    neck = math.sqrt(-row[col.RELEASE])  # q of the surface in the neck
 
-    x, v = y[0] - z0, y[1]
+    x, v = y[Z] - z0, y[V]
     highest = x
     touching = x > 0 or (x == 0 and v > 0)
     deep = 0.0
     if touching:
         x = math.sqrt(x)
-        deep = reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(y[0], v))
-    elif neck > 0 and y[2] != 0.0 and x > row[10]:
-        touching, x, deep = True, math.sqrt(x - row[10]), neck
+        deep = reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(y[Z], v))
+    elif neck > 0 and y[TOUCHES] != 0.0 and x > row[col.RELEASE]:
+        touching, x, deep = True, math.sqrt(x - row[col.RELEASE]), neck
         fixed = drawn
     cosine, sine = 1.0, 0.0
     cos_part = sin_part = mean = dissipated = virial = air = 0.0
@@ -231,56 +231,56 @@ def march_elastic(
         steps += 1
         if steps > MAX_STEPS:
             return -col.NOT_SETTLED
-        bottom = fixed[7]
-        hanging = bottom != 0.0
-        edge = neck if hanging else 0.0  # the x of d = 0
+        bottom = fixed[BOTTOM]
+        in_neck = bottom != 0.0
+        edge = neck if in_neck else 0.0  # the x of d = 0
         if touching:
             # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
             rate = contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + bottom + x * x, v)
             rate += (HARD * v / deep) ** 2
-            if neck > 0 and not hanging:
-                rate += (HARD * v) ** 2 / (x * x - row[10])  # the root at release, seen from contact
+            if neck > 0 and not in_neck:
+                rate += (HARD * v) ** 2 / (x * x - row[col.RELEASE])  # the root at release, seen from contact
             h = eta / math.sqrt(rate)
         else:
             h = min(left, eta / flight_rate(law, row, fixed, x, v))
         start = (x, v, cosine, sine)
         end = _advance(law, row, fixed, touching, start, h)
-        if v > 0 and end[1] < 0:
+        if v > 0 and end[SPEED] < 0:
             # The highest point lies inside: a step to where it should be, and half v^2 over the deceleration.
-            part = turning(x, v, end[0], end[1], h)
+            part = turning(x, v, end[X], end[SPEED], h)
             top = _advance(law, row, fixed, touching, start, part)
-            height = top[0] + 0.5 * h * top[1] ** 2 / (v - end[1])
+            height = top[X] + 0.5 * h * top[SPEED] ** 2 / (v - end[SPEED])
             highest = max(highest, bottom + height * height if touching else height)
-            if (hanging or not touching) and top[0] > edge:  # grazing: both ends may be below
+            if (in_neck or not touching) and top[X] > edge:  # grazing: both ends may be below
                 h, end = part, top
-        elif hanging and v < 0 and end[1] > 0:
-            part = turning(-x, -v, -end[0], -end[1], h)
+        elif in_neck and v < 0 and end[SPEED] > 0:
+            part = turning(-x, -v, -end[X], -end[SPEED], h)
             low = _advance(law, row, fixed, touching, start, part)
-            if low[0] <= 0:  # both ends may be in the neck, with a release between
+            if low[X] <= 0:  # both ends may be in the neck, with a release between
                 h, end = part, low
-        crosses = end[0] <= edge if touching and not hanging else end[0] > edge
-        if hanging and end[0] <= 0:
+        crosses = end[X] <= edge if touching and not in_neck else end[X] > edge
+        if in_neck and end[X] <= 0:
             crosses, edge = True, 0.0
         if crosses:
             h, end = _to_edge(law, row, fixed, touching, start, h, end, edge)
         if not touching:
             left -= h
-        elif end[2] < left:
-            left -= end[2]
+        elif end[PASSED] < left:
+            left -= end[PASSED]
         else:
             h, end = _to_instant(law, row, fixed, start, h, end, left)
             left = 0.0
             crosses = False
-        x, v = end[0], end[1]
-        cos_part += end[3]
-        sin_part += end[4]
-        mean += end[5]
-        dissipated += end[6]
-        virial += end[7]
-        air += end[8]
-        c, s = turn(omega * end[2])
+        x, v, passed, of_cos, of_sin, of_mean, of_loss, of_virial, of_air = end
+        cos_part += of_cos
+        sin_part += of_sin
+        mean += of_mean
+        dissipated += of_loss
+        virial += of_virial
+        air += of_air
+        c, s = turn(omega * passed)
         cosine, sine = cosine * c - sine * s, sine * c + cosine * s
-        if crosses and hanging and edge == 0.0:
+        if crosses and in_neck and edge == 0.0:
             releases += 1
             touching, fixed, x = False, aloft, bottom
         elif crosses and v <= 0 and touching and neck > 0:
@@ -294,18 +294,18 @@ def march_elastic(
     if not math.isfinite(x + v):
         return -col.NOT_SETTLED
 
-    d = fixed[7] + x * x if touching else x
-    y[0], y[1] = z0 + d, v
+    d = fixed[BOTTOM] + x * x if touching else x
+    y[Z], y[V] = z0 + d, v
     if neck > 0:
-        y[2] = 1.0 if touching else 0.0
-    acc[0] = cos_part * omega / math.pi
-    acc[1] = sin_part * omega / math.pi
-    acc[2] = mean * omega / (2 * math.pi)
-    acc[3] = dissipated * lever[col.STIFFNESS]
+        y[TOUCHES] = 1.0 if touching else 0.0
+    acc[COS] = cos_part * omega / math.pi
+    acc[SIN] = sin_part * omega / math.pi
+    acc[MEAN] = mean * omega / (2 * math.pi)
+    acc[LOST] = dissipated * lever[col.STIFFNESS]
     if releases > 0:
-        acc[3] += releases * loop_energy(law, row)
-    acc[4] = virial * lever[col.STIFFNESS] * omega / (2 * math.pi)
-    acc[5] = max(highest, d)
-    if len(acc) > 6:
-        acc[6] = air * 2 * lever[col.ALPHA0] * lever[col.STIFFNESS]
+        acc[LOST] += releases * loop_energy(law, row)
+    acc[VIRIAL] = virial * lever[col.STIFFNESS] * omega / (2 * math.pi)
+    acc[DEEPEST] = max(highest, d)
+    if len(acc) > AIR:
+        acc[AIR] = air * 2 * lever[col.ALPHA0] * lever[col.STIFFNESS]
     return steps

@@ -57,7 +57,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     t0 = 1 / recovery if kelvin else 0.0
     kappa = 1.0 if kelvin else kappa
     rate = 0.0 if kelvin else 1 / time
-    stiff = 1.5 * p[0] * compliance
+    stiff = 1.5 * p[col.CONTACT] * compliance
     relaxes = 0.0 if kelvin else rate * (AT_ONCE * rate + RELAXES / (1 - kappa))
     finer, beyond = (FINER, KINK) if kelvin else (1.0, BEYOND)
     plain = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)

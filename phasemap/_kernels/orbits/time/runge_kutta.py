@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 Row = Any  # a tuple where formulas are typed for an array: all they do is index it
+# Of what `fly` calls fixed, and of the state where a step starts or ends.
+COMPLIANCE, DRIVE, BOTTOM = 2, 3, 7
+X, SPEED, PASSED = 0, 1, 2
 
 # fmt: off
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -35,10 +38,21 @@ def _compiled() -> tuple[Any, Any]:
     return _KEPT[0], _KEPT[1]
 
 
+def _part(name: str) -> ModuleType:
+    """A part of numbalsoda alone: its package, when imported, compiles a third integrator for six seconds."""
+    package = importlib.util.find_spec("numbalsoda")
+    assert package is not None and package.origin is not None
+    spec = importlib.util.spec_from_file_location(name, Path(package.origin).with_name(f"{name}.py"))
+    assert spec is not None and spec.loader is not None
+    part = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(part)
+    return part
+
+
 def _compile() -> tuple[Any, ...]:
     import numba
-    from numbalsoda import dop853, lsoda_sig
 
+    dop853, lsoda_sig = _part("driver_dop853").dop853, _part("driver").lsoda_sig
     njit: Any = numba.njit
     carray: Any = vars(numba)["carray"]  # not among the names that numba's types export
 
@@ -57,13 +71,15 @@ def _compile() -> tuple[Any, ...]:
 
     @njit
     def period(x, p, tolerance):  # type: ignore[no-untyped-def]
-        data = np.empty(10)
-        data[:9] = p
+        data, y, times = np.empty(10), np.empty(4), np.empty(2)
+        for i in range(9):
+            data[i] = p[i]
         data[9] = x[2]
-        y = np.zeros(4)
-        y[:2] = x[:2]
-        times = np.array([p[BEGIN], p[BEGIN] + 2 * math.pi / p[OMEGA]])
+        y[0], y[1], y[2], y[3] = x[0], x[1], 0.0, 0.0
+        times[0], times[1] = p[BEGIN], p[BEGIN] + 2 * math.pi / p[OMEGA]
         course, success = dop853(address, y, times, data, tolerance, tolerance, 100_000)
-        return course[1] if success else np.full(4, math.nan)
+        for i in range(4):
+            y[i] = course[1, i] if success else math.nan
+        return y
 
     return period, njit(shooting.shoot), rate

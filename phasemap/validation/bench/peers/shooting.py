@@ -1,6 +1,8 @@
 """Shooting with Newton's method around any integrator; plain enough for numba to compile it for those who can call it.
 
 The unknowns are z, z' and the tip offset z0 where the tip is farthest away; all lengths over the setpoint amplitude.
+Arrays are filled element by element, and three equations are solved by Cramer's rule: numba compiles that in a second,
+and what whole arrays and LAPACK need in five.
 """
 
 from __future__ import annotations
@@ -64,37 +66,54 @@ def shoot(period: Period, p: Array, start: Array, tolerance: float) -> Array:
     `start` (shape (3,)): (z, z', z0) at time p[BEGIN].
     Returns an array of shape (3,): tip offset, phase [rad], and 1 where it converged, 0 where not.
     """
+
+    def volume(a: Array, b: Array, c: Array) -> float:
+        first, second = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2]
+        return float(a[0] * first + a[1] * second + a[2] * (b[0] * c[1] - b[1] * c[0]))
+
     x = start.copy()
     if p[ALPHA0] > 0.02:  # where the lever forgets quickly, a few periods bring the higher harmonics
         for _ in range(4):
-            x[:2] = period(x, p, max(tolerance, 1e-6))[:2]
+            end = period(x, p, max(tolerance, 1e-6))
+            x[0], x[1] = end[0], end[1]
     width = max(1e-3 * abs(x[2] + x[0]) + (1e-3 / p[INVERSE] if p[INVERSE] > 0 else 0.0), 100 * tolerance, 1e-6)
     end = period(x, p, tolerance)
-    columns, residual, system = np.zeros((4, 3)), np.zeros(3), np.zeros((3, 3))
+    columns, system = np.empty((3, 4)), np.empty((3, 3))  # a row for each unknown
+    residual, step = np.empty(3), np.empty(3)
     fresh, known = False, False
     for _ in range(MOST_ITERATIONS):
         amplitude = math.hypot(end[2], end[3])
         residual[0], residual[1], residual[2] = end[0] - x[0], end[1] - x[1], amplitude - 1
-        size = math.sqrt(np.sum(residual * residual))
+        size = math.sqrt(residual[0] ** 2 + residual[1] ** 2 + residual[2] ** 2)
         if not size < 1e3:
             break
         if not known:
             for i in range(3):
                 beside = x.copy()
                 beside[i] += width
-                columns[:, i] = (period(beside, p, tolerance) - end) / width
+                after = period(beside, p, tolerance)
+                for j in range(4):
+                    columns[i, j] = (after[j] - end[j]) / width
             fresh, known = True, True
-        system[:2] = columns[:2]
+        for i in range(3):
+            system[i, 0], system[i, 1] = columns[i, 0], columns[i, 1]
+            system[i, 2] = (end[2] * columns[i, 2] + end[3] * columns[i, 3]) / amplitude
         system[0, 0] -= 1
         system[1, 1] -= 1
-        system[2] = (end[2] * columns[2] + end[3] * columns[3]) / amplitude
-        step = -np.linalg.solve(system, residual)
+        whole = -volume(system[0], system[1], system[2])
+        step[0] = volume(residual, system[1], system[2]) / whole
+        step[1] = volume(system[0], residual, system[2]) / whole
+        step[2] = volume(system[0], system[1], residual) / whole
         if size < 30 * tolerance:
-            end = end + columns @ step
+            for i in range(3):
+                end[2] += columns[i, 2] * step[i]
+                end[3] += columns[i, 3] * step[i]
             return np.array([x[2] + step[2], 0.5 * math.pi - math.atan2(end[3], end[2]), 1.0])
-        taken = min(1.0, 0.2 / np.max(np.abs(step)))
+        taken = min(1.0, 0.2 / max(abs(step[0]), abs(step[1]), abs(step[2])))
         while True:
-            new = x + taken * step
+            new = x.copy()
+            for i in range(3):
+                new[i] += taken * step[i]
             after = period(new, p, tolerance)
             left = math.sqrt((after[0] - new[0]) ** 2 + (after[1] - new[1]) ** 2
                              + (math.hypot(after[2], after[3]) - 1) ** 2)  # fmt: skip
