@@ -45,8 +45,14 @@ class March:
 
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
+        from phasemap._kernels.engagement.resonance import near_resonance
         from phasemap.solvers.averaging import engage_averaged
+        from phasemap.solvers.orbit import LENGTH, PHASE, solve_from_far
 
+        if not near_resonance(work.lever):
+            on_curves = solve_from_far(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers, self)
+            self.settle(work, on_curves, answers, accuracy.periods)
+            return
         engage_averaged(work, accuracy.periods, first, last, answers)
         _, status, solver = answers
         decided = np.isin(status[first:last], (col.GOOD, col.NO_STABLE_ORBIT))
@@ -55,6 +61,11 @@ class March:
         if self.eta == ETA:
             again = again[~in_time[again - first]]
         self.settle(work, again, answers, accuracy.periods)
+
+    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
+        """March the chosen rows, an array of numbers, from far."""
+        answers.status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
+        self.settle(work, chosen, answers, periods)
 
     def settle(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int = MOST_PERIODS) -> None:
         """March the chosen rows, an array of numbers: from the orbits there, or from far where none is GOOD."""
@@ -82,11 +93,6 @@ class FromFar(March):
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         self.engage(work, np.arange(first, last), answers, accuracy.periods)
-
-    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
-        """March the chosen rows, an array of numbers, from far."""
-        answers.status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
-        self.settle(work, chosen, answers, periods)
 
 
 class Remembering(FromFar):

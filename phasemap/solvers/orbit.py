@@ -43,10 +43,11 @@ class Orbit:
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
-        solve_on_curves(work, limits, False, first, last, answers)
         if self.in_time:
-            settle_in_time(work, accuracy.periods, first, last, answers)
+            solve_exactly(work, limits, False, accuracy.periods, first, last, answers)
             polish(work, first, last, answers)
+        else:
+            solve_on_curves(work, limits, False, first, last, answers)
 
 
 def solve_exactly(
@@ -61,9 +62,41 @@ def solve_exactly(
     """Take the cheap path where its error is below `limits` [degree, m], else collocation, else time.
 
     With `average` an averaged orbit may stand. Collocation and the march are compiled when the first pixel needs them.
+    Far from the resonance all is left to time: the orbit from far may end before the setpoint, at a doubled period or
+    where a harmonic is at resonance, and no curve says where the tip lands.
     """
-    solve_on_curves(work, limits, average, first, last, answers)
-    settle_in_time(work, periods, first, last, answers)
+    from phasemap._kernels.engagement.resonance import near_resonance
+
+    if near_resonance(work.lever):
+        solve_on_curves(work, limits, average, first, last, answers)
+        settle_in_time(work, periods, first, last, answers)
+        return
+    solve_from_far(work, limits, average, periods, first, last, answers, March())
+
+
+def solve_from_far(
+    work: Work, limits: tuple[float, float], average: bool, periods: int, first: int, last: int, answers: Answers,
+    march: March,
+) -> np.ndarray:  # fmt: skip
+    """Engage every pixel in time; returns the numbers of those that are on curves instead.
+
+    They are pressed in deeper than time lowers a tip, or need more periods than are allowed.
+    """
+    from phasemap._kernels.engagement.lowering import deepest
+
+    march.engage(work, np.arange(first, last), answers, periods)
+    found = answers.status[first:last]
+    lost = first + np.flatnonzero((found == col.NO_STABLE_ORBIT) | (found == col.NOT_SETTLED))
+    if not len(lost):
+        return lost
+    some = answers.of(lost)
+    solve_on_curves(work.part(lost), limits, average, 0, len(lost), some)
+    held, nothing = some.status == col.GOOD, some.status == col.NO_STABLE_ORBIT
+    pressed = held & (some.rows[:, col.TIP_OFFSET] < deepest(work.lever))
+    known = pressed | ((held | nothing) & (answers.status[lost] == col.NOT_SETTLED))
+    answers.put(lost[known], some.of(known))
+    on_curves: np.ndarray = lost[known & held]
+    return on_curves
 
 
 def solve_on_curves(

@@ -52,6 +52,7 @@ from phasemap._kernels.engagement.lowering import (
     STILL,
     TRAIL,
     WHOLE,
+    deepest,
     fall,
     follow_down,
     pace_of_leap,
@@ -81,6 +82,7 @@ STICKY_GROUP, STICKY_GROUPS = 2, 6  # the same of a contact with hysteresis, who
 CALM = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
 HASTE, CLOSER = 4.0, 0.25  # times faster than that z0 of such a contact falls, at most, and of what is left to go
 ROUGH = 1.6  # longer steps on that way
+FELL = 0.05  # of the amplitude, by which it changes in that time only where the motion jumps
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
 EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
 PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
@@ -125,7 +127,7 @@ def move_slowly(
     taps. AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
     block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[Z0]
-    lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
+    lowest = deepest(lever)
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH * tolerance.eta if hasty else tolerance.eta
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
@@ -148,6 +150,16 @@ def move_slowly(
             copy(acc, tip.acc)
             sums, haste = begin_sums(lever, acc), 1.0
             continue
+        if not hasty and (now <= amplitude) == down and abs(now - before) > FELL * amplitude:
+            # Swings after a jump may pass it: what they come to counts.
+            wait = int(DISTURBED) * block
+            if tip.periods[0] + wait + block > most:
+                return SPENT
+            if not average(law, p, lever, eta, wait, (0.0, 0.0, 0.0), tip, sums):
+                return SPENT
+            if not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
+                return SPENT
+            now = seen(lever, sums)
         if (now <= amplitude) == down:
             return SEEN
         if not abs(tip.u[Z0]) < -lowest:
@@ -314,9 +326,8 @@ def approach(
     tip = new_tip(law, free.real, -omega * free.imag, z0)
     tolerance = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
     least, pace, loose, fell = AWAY * abs(free), pace_of_leap(law, p, lever), False, tip.u.copy()
+    short = WHOLE * ring_down(lever) > most  # for more than to see that the surface catches the tip
     row[:] = math.nan
-    if pace > 0.0 and WHOLE * ring_down(lever) > most:
-        return col.NOT_SETTLED
     while True:
         if loose and pace > 0.0:
             ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, tolerance, most, tip), False
@@ -326,6 +337,8 @@ def approach(
         if ends == LEFT and pace > 0.0:
             ends = fall(law, p, lever, amplitude, pace, least, tolerance, most, tip)
             least *= 2.0
+            if short and not (ends == HELD and sticks(p, lever, amplitude, tip)):
+                return col.NOT_SETTLED
         elif ends == LEFT:
             ends = move_slowly(law, p, lever, amplitude, least, tolerance, most, tip)
             least *= 2.0

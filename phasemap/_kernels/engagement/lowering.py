@@ -16,8 +16,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import leaps
+from phasemap._kernels.engagement.resonance import leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
+from phasemap._kernels.law import longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, relaxed, rest, skip, slope_of
 from phasemap._kernels.orbits.time.tip import BY_Z0, COS, SIN, Z0, Tip, V, Z, amplitude_of, ring_down
@@ -37,22 +38,36 @@ FEWEST = 4  # periods, or a ring-down time, behind which its amplitude is seen
 GAIN = 0.1  # of the amplitude's error, by which the feedback moves it in a ring-down time, at first
 SLOWER = 50.0  # ring-down times in which that halves; after so many more it is a third, and so on
 PATIENCE = 400.0  # ring-down times in which the feedback has to come to rest
-SHARE = 0.5  # of the periods allowed, after which the mean of a motion that does not is taken
+SHARE = 0.3  # of the periods allowed, after which the mean of a motion that does not is taken
 LAST_GAIN = GAIN / (1.0 + PATIENCE / SLOWER)
 SEEN, LEFT, SPENT, LOWEST, AGAIN, HELD, KEPT = 0, 1, 2, 3, 4, 5, 6
 """How lowering ends: amplitude reached, no periodic orbit, no time left, pressed in without end, periodic again; and
 held on the amplitude, by a periodic orbit or a motion that is none."""
 EVEN, LONG = 0.01, 40  # of the amplitude, by which what is seen may miss it for so many ring-down times to be KEPT
-WHOLE = 64.0  # ring-down times that a fall takes with what comes before and after; with fewer periods none is begun
+WHOLE = 64.0  # ring-down times that a fall takes with what comes before and after, unless the tip sticks
+
+
+@kernel(light=True)
+def deepest(lever: np.ndarray) -> float:
+    """Tip offset [m] down to which a tip is lowered: -30 free amplitudes, near resonance of those at it."""
+    if not near_resonance(lever):
+        return -30.0 * free_amplitude(lever)
+    return -15.0 * lever[col.BASE] / lever[col.ALPHA0]
 
 
 @kernel
 def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
-    """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not."""
+    """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not.
+
+    Forces no more attractive than f0 have an in-phase force P >= -2/pi f0/k. Where that leaves A (1 - omega^2) + P
+    above zero from the free amplitude on, no orbit comes to the resonance.
+    """
     free = free_amplitude(lever)
     # A contact with hysteresis leaves its orbits by sticking, at any frequency.
     smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
     if not (smooth and leaps(lever, reach_of(law, p), free)):
+        return 0.0
+    if -longrange_force(law, 0.0, p) < lever[col.STIFFNESS] * free * (1.0 - lever[col.OMEGA] ** 2):
         return 0.0
     return PACE * free / max(FEWEST, ring_down(lever))
 
@@ -68,7 +83,7 @@ def follow_down(
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
     u, linear, before = tip.u, tip.linear, np.empty(4)
-    lowest = -15.0 * lever[col.BASE] / lever[col.ALPHA0]
+    lowest = deepest(lever)
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
     stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
     while tip.periods[0] < most:
@@ -131,7 +146,7 @@ def fall(
     if not pass_period(law, p, lever, tolerance.eta, tip):
         return SPENT
     x, y = acc[COS] - lever[col.SHAKER], acc[SIN]
-    from_z0, lowest, steady = u[Z0], -15.0 * lever[col.BASE] / lever[col.ALPHA0], 0
+    from_z0, lowest, steady = u[Z0], deepest(lever), 0
     seen = 0 if pace > 0.0 else 1
     while tip.periods[0] + ring <= most:
         change = missed = 0.0

@@ -78,7 +78,7 @@ def narrowest(lever: np.ndarray) -> float:
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
 
 
-@kernel
+@kernel(light=True)
 def near_resonance(lever: np.ndarray) -> bool:
     """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
     return abs(1.0 - lever[col.OMEGA] ** 2) < NEAREST
