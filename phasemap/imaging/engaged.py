@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import ADHESION_LOSS, WIDE
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
@@ -54,8 +55,10 @@ class Interpolants:
         functions = functions_of(job.needs)
         wanted = np.array([functions.index(column) for column in _columns_of(names)], np.int64)
         piece, values = self.atlas(self.axes.points(*job.properties(materials)), wanted)
-        rows = np.full((max(*functions, col.COLUMNS - 1) + 1, len(materials)), np.nan)
+        rows = np.full((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)), np.nan)
         rows[np.array(functions)[wanted]] = values
+        if "adhesion_loss" in names:
+            rows[ADHESION_LOSS] = np.where(piece >= 0, 0.0, np.nan)
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, self.atlas.errors.T[:, piece], np.nan)
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
@@ -138,8 +141,7 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int,
 
     def put(start: int, stop: int) -> None:
         part = slice(first + start, first + stop)
-        at = numbers(part)
-        canvas.put(part, {name: value[at] for name, value in values.items()})
+        canvas.take(part, values, numbers(part))
 
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
 
@@ -197,7 +199,7 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
         **OF_ORBITS,
     }  # fmt: skip
-    return sorted({column for name in names for column in needed.get(name, ())})
+    return sorted({column for name in names for column in needed.get(name, ())} - {ADHESION_LOSS})
 
 
 def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:

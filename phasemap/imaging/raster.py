@@ -155,7 +155,7 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -
         tip = TipState(*walk(materials, orbits, anew, tip.branch, tip.z0, slots))
         for direction in range(len(LINES)):
             at = (slots[direction] * np.int64(count) + materials).reshape(-1)
-            canvas.put(part, {name: value[at] for name, value in values.items()}, direction)
+            canvas.take(part, values, at, direction)
     return tip
 
 
