@@ -55,8 +55,7 @@ class Interpolants:
         functions = functions_of(job.needs)
         wanted = np.array([functions.index(column) for column in _columns_of(names)], np.int64)
         piece, values = self.atlas(self.axes.points(*job.properties(materials)), wanted)
-        rows = np.empty((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)))
-        rows[: col.COLUMNS] = np.nan
+        rows = np.full((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)), np.nan)
         rows[np.array(functions)[wanted]] = values
         if "adhesion_loss" in names:
             rows[ADHESION_LOSS] = np.where(piece >= 0, 0.0, np.nan)
