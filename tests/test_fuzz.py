@@ -589,10 +589,14 @@ def nodes() -> tuple[tuple[Path, ast.AST], ...]:
     return tuple((path, node) for path, tree in trees for node in ast.walk(tree) if isinstance(node, kinds))
 
 
-def calls() -> Iterator[tuple[Path, str, ast.Call]]:
-    for path, node in nodes():
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
-            yield path, ast.unparse(node.func), node
+@cache
+def calls() -> tuple[tuple[Path, str, ast.Call], ...]:
+    """Every call of something with a name, and this name."""
+    return tuple(
+        (path, ast.unparse(node.func), node)
+        for path, node in nodes()
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute)
+    )
 
 
 def test_nothing_in_the_package_can_execute_data() -> None:

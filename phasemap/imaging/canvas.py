@@ -106,6 +106,15 @@ class Canvas:
                 value = value + self._surface.topography.reshape(-1)[pixels]
             self._arrays[name][direction, pixels] = value
 
+    def take(self, pixels: slice, values: dict[str, Array], at: NDArray[np.integer], direction: int = 0) -> None:
+        """Fill in what `values` gave for materials, `at` being the number of that of each pixel."""
+        numbers = at.astype(np.intp, copy=False)
+        for name, value in values.items():
+            room = self._arrays[name][direction, pixels]
+            np.take(value, numbers, out=room, mode="clip")  # other modes would fill a copy first
+            if name == "height" and self._surface.topography is not None:
+                room += self._surface.topography.reshape(-1)[pixels]
+
     def note(self, notes: Mapping[str, float]) -> None:
         """Add what the control found out in a part of the image."""
         self.notes = joined_notes(self.notes, notes)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import ADHESION_LOSS, WIDE
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
@@ -39,21 +40,47 @@ REST = 1 << 16  # pixels without an interpolant that are solved together
 
 
 @dataclass(frozen=True, eq=False)
+class Interpolants:
+    """Orbits after engagement, interpolated between materials."""
+
+    # axes, atlas: coordinates of materials, and interpolants in them
+    axes: Axes
+    atlas: Atlas
+
+    def rows(self, job: Job, materials: Array, names: tuple[str, ...]) -> Array:
+        """Result rows of materials, shape (n, COLUMNS or more), with what these variables need.
+
+        NaN where nothing is interpolated, where the amplitude is NaN too.
+        """
+        functions = functions_of(job.needs)
+        wanted = np.array([functions.index(column) for column in _columns_of(names)], np.int64)
+        piece, values = self.atlas(self.axes.points(*job.properties(materials)), wanted)
+        rows = np.empty((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)))
+        rows[: col.COLUMNS] = np.nan
+        rows[np.array(functions)[wanted]] = values
+        if "adhesion_loss" in names:
+            rows[ADHESION_LOSS] = np.where(piece >= 0, 0.0, np.nan)
+        rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
+        rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, self.atlas.errors.T[:, piece], np.nan)
+        rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
+        close(rows.T, lever_of(job.scope))
+        return rows.T
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """What all pixels of an image share: a table of its materials, or an atlas of more, or neither."""
 
     materials: Array | None = None  # shape (n, 4) or (n, 5), or None; all that the image has
     values: Values | None = None  # their variables
-    # axes, atlas: coordinates of materials, and interpolants in them
-    axes: Axes | None = None
-    atlas: Atlas | None = None
+    interpolants: Interpolants | None = None
 
 
 def _check(_job: Job) -> None:
     """Every solver engages."""
 
 
-def _interpolates(job: Job) -> bool:
+def interpolates(job: Job) -> bool:
     """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks, films or memories."""
     direct = job.scope.drive.excitation == "direct"
     plain = not job.scope.interaction.law.hysteretic and job.surface.thickness is None
@@ -61,25 +88,24 @@ def _interpolates(job: Job) -> bool:
 
 
 def _most(job: Job) -> int:
-    return FEW if _interpolates(job) else MOST
+    return FEW if interpolates(job) else MOST
 
 
 def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
     """Solve what materials an image has if they are few, or make an atlas of them."""
     if survey.materials is not None:
         return Plan(survey.materials, job.solve(survey.materials, job.progress))
-    if not _interpolates(job):
+    if not interpolates(job):
         return Plan()
-    axes, atlas = _make_atlas(job, survey)
-    return Plan(axes=axes, atlas=atlas)
+    return Plan(interpolants=make_atlas(job, survey))
 
 
 def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
     """Fill the canvas."""
     if plan.materials is not None and plan.values is not None:
         _put(job, canvas, plan.values, numbers_of(job, plan.materials), 0, job.pixels)
-    elif plan.axes is not None and plan.atlas is not None:
-        _fill_from_atlas(job, canvas, plan.axes, plan.atlas)
+    elif plan.interpolants is not None:
+        _fill_from_atlas(job, canvas, plan.interpolants)
         _fill_rest(job, canvas)
     else:
         _fill_segments(job, canvas)
@@ -116,8 +142,7 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int,
 
     def put(start: int, stop: int) -> None:
         part = slice(first + start, first + stop)
-        at = numbers(part)
-        canvas.put(part, {name: value[at] for name, value in values.items()})
+        canvas.take(part, values, numbers(part))
 
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
 
@@ -134,38 +159,28 @@ def _fill_segments(job: Job, canvas: Canvas) -> None:
         first = taken
 
 
-def _fill_from_atlas(job: Job, canvas: Canvas, axes: Axes, atlas: Atlas) -> None:
+def _fill_from_atlas(job: Job, canvas: Canvas, interpolants: Interpolants) -> None:
     """Interpolate what can be; the other pixels stay pending."""
-    functions = functions_of(job.needs)
-    wanted = np.array([functions.index(column) for column in _columns_of(job.needs)], np.int64)
-    to = np.array(functions)[wanted]
     filled: list[int] = []
-    lever = lever_of(job.scope)
 
     def fill(first: int, last: int) -> None:
         part = slice(first, last)
         materials = job.surface.materials(part)
-        points = axes.points(*job.properties(materials))
-        piece, values = atlas(points, wanted)
-        rows = np.full((max(*functions, col.COLUMNS - 1) + 1, last - first), np.nan)
-        rows[to] = values
-        rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
-        rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, atlas.errors.T[:, piece], np.nan)
-        rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
-        close(rows.T, lever)
-        status = np.where(piece >= 0, col.GOOD, PENDING).astype(np.int8)
+        rows = interpolants.rows(job, materials, job.needs)
+        held = ~np.isnan(rows[:, col.AMPLITUDE])
+        status = np.where(held, col.GOOD, PENDING).astype(np.int8)
         used = np.full(last - first, col.INTERPOLATED, np.int8)
-        canvas.put(part, values_of(job.names, rows.T, status, used, job.scope))
-        filled.append(int(np.count_nonzero(piece >= 0)))
+        canvas.put(part, values_of(job.names, rows, status, used, job.scope))
+        filled.append(int(np.count_nonzero(held)))
 
     def report(_done: int, _total: int) -> None:
         job.report(sum(filled))
 
-    if atlas.pieces:
+    if interpolants.atlas.pieces:
         spread(fill, bounds_of(job.pixels, BLOCK), job.workers, report)
 
 
-def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
+def make_atlas(job: Job, survey: Survey) -> Interpolants:
     """An atlas for the materials of an image."""
     stiffness, adhesion, damping = job.properties(survey.sample)
     valid = np.isfinite(stiffness + adhesion + damping)
@@ -174,7 +189,7 @@ def _make_atlas(job: Job, survey: Survey) -> tuple[Axes, Atlas]:
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
     exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs)
     shuffled = np.ascontiguousarray(sample[np.random.default_rng(1).permutation(len(sample))])
-    return axes, build(exact, shuffled, survey.count, tolerances_of(job, exact, shuffled))
+    return Interpolants(axes, build(exact, shuffled, survey.count, tolerances_of(job, exact, shuffled)))
 
 
 def _columns_of(names: tuple[str, ...]) -> list[int]:
@@ -185,7 +200,7 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         "virial": (col.VIRIAL,), "branch": (col.PHASE,), "energy_closure": (col.PHASE, col.DISSIPATION),
         **OF_ORBITS,
     }  # fmt: skip
-    return sorted({column for name in names for column in needed.get(name, ())})
+    return sorted({column for name in names for column in needed.get(name, ())} - {ADHESION_LOSS})
 
 
 def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:

@@ -1,4 +1,8 @@
-"""Images of a quasi-static scan: from pixel to pixel the tip stays on its branch, as long as there is one."""
+"""Images of a quasi-static scan: from pixel to pixel the tip stays on its branch, as long as there is one.
+
+Where almost every pixel is another material, what engagement finds is interpolated as in `engaged`. On most pixels that
+is where the tip is; the other branch is solved only of pixels to which the tip comes on it.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +12,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.columns import NOWHERE
-from phasemap._kernels.scanning.slots import Orbits
-from phasemap._shared.threads import Progress
+from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS
+from phasemap._kernels.scanning.slots import UNKNOWN, Orbits
+from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, values_of
-from phasemap.imaging.engaged import Numbers, numbers_in, numbers_of
+from phasemap.imaging.engaged import (
+    FEW,
+    Interpolants,
+    Numbers,
+    interpolates,
+    make_atlas,
+    numbers_in,
+    numbers_of,
+)
 from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
-from phasemap.solvers.both_branches import stable_branches
+from phasemap.results.variables import OF_ORBITS
+from phasemap.solvers.both_branches import Branches, stable_branches
 
 Array = NDArray[np.float64]
 
 MOST = 1 << 17  # distinct materials that are kept at a time
-STABLE, BEGINS, OFFSETS, REACH = ".stable", ".engaged", ".offsets", ".reach"  # what `walk` reads of a material
+WALKED = (".stable", ".engaged", ".offsets", ".reach")  # what `walk` reads of a material
 
 
 class Table(NamedTuple):
@@ -55,13 +69,20 @@ def _check(_job: Job) -> None:
     """Every solver has branches."""
 
 
-def _most(_job: Job) -> int:
-    return MOST
+def _interpolates(job: Job) -> bool:
+    """Integrals over orbits are not interpolated beside what is solved."""
+    return interpolates(job) and not set(OF_ORBITS) & set(job.needs)
 
 
-def _plan(job: Job, survey: Survey, _before: Table | None) -> Table | None:
-    """The branches of all materials, if these are few enough to be kept."""
-    return None if survey.materials is None else _table(job, survey.materials, job.progress)
+def _most(job: Job) -> int:
+    return FEW if _interpolates(job) else MOST
+
+
+def _plan(job: Job, survey: Survey, _before: Table | Interpolants | None) -> Table | Interpolants | None:
+    """The branches of all materials if these are few, or an atlas of more, or neither."""
+    if survey.materials is not None:
+        return _table(job, survey.materials, job.progress)
+    return make_atlas(job, survey) if _interpolates(job) else None
 
 
 def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
@@ -71,7 +92,7 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
         work = job.work(some)
         found = stable_branches(work, job.solver, job.accuracy, job.workers, later)
         rows = job.widened(found.rows, found.solver, work, some)
-        orbits = dict(zip((STABLE, BEGINS, OFFSETS, REACH), found.orbits, strict=True))
+        orbits = dict(zip(WALKED, found.orbits, strict=True))
         return {
             **values_of(job.names, rows, found.status, found.solver, job.scope),
             **orbits,
@@ -80,9 +101,11 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
     return Table(materials, job.in_chunks(materials, solve, progress))
 
 
-def _fill(job: Job, plan: Table | None, canvas: Canvas, state: TipState | None) -> TipState:
+def _fill(job: Job, plan: Table | Interpolants | None, canvas: Canvas, state: TipState | None) -> TipState:
     """Fill the canvas, trace and retrace, from how the tip comes to how it leaves."""
     tip = TipState() if state is None else state
+    if isinstance(plan, Interpolants):
+        return _fill_interpolated(job, plan, canvas, tip)
     if plan is not None:
         whole = Block(0, job.surface.shape[0], plan.materials, numbers_of(job, plan.materials))
         return _walk(job, canvas, whole, plan, tip)
@@ -122,7 +145,7 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -
 
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
-    orbits = Orbits(*(np.ascontiguousarray(table.values[name]) for name in (STABLE, BEGINS, OFFSETS, REACH)))
+    orbits = Orbits(*(np.ascontiguousarray(table.values[name]) for name in WALKED))
     values = {name: table.values[name].reshape(-1) for name in job.names}
     step = max(1, BLOCK // pixels)
     for first in range(block.first, block.last, step):
@@ -132,8 +155,93 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -
         tip = TipState(*walk(materials, orbits, anew, tip.branch, tip.z0, slots))
         for direction in range(len(LINES)):
             at = (slots[direction] * np.int64(count) + materials).reshape(-1)
-            canvas.put(part, {name: value[at] for name, value in values.items()}, direction)
+            canvas.take(part, values, at, direction)
     return tip
+
+
+def _fill_interpolated(job: Job, plan: Interpolants, canvas: Canvas, tip: TipState) -> TipState:
+    """`_fill` from an atlas, some lines at a time."""
+    lines, pixels = job.surface.shape
+    step = max(1, BLOCK // pixels)
+    for first in range(0, lines, step):
+        last = min(first + step, lines)
+        materials = job.surface.materials(slice(first * pixels, last * pixels))
+        known = Distinct(len(materials))
+        known.add(materials)
+        numbers = known.numbers(materials).reshape(-1, pixels)
+        table = _passed(job, plan, known.materials, numbers, tip)
+        tip = _walk(job, canvas, Block(first, last, known.materials, numbers_in(job, known)), table, tip)
+        job.report(last * pixels)
+    return tip
+
+
+def _passed(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.int32], tip: TipState) -> Table:
+    """A table of materials that has what a tip meets on its way over lines of them, shape (lines, pixels).
+
+    How far it stays on a branch of which is not known whether it is there shows step by step: it is asked of twice as
+    many pixels ahead each time.
+    """
+    from phasemap._kernels.scanning.quasi_static import walk
+
+    assert isinstance(job.control, Raster)
+    branches, orbits = _interpolated(job, plan, materials)
+    slots, ahead = np.empty((len(LINES), *numbers.shape), np.int8), 1
+    farthest = numbers.shape[1] if job.control.engage == "line" else numbers.size
+    while True:
+        walk(numbers, orbits, job.control.engage == "line", tip.branch, tip.z0, slots)
+        asked = _asked(slots, numbers, orbits, ahead)
+        if not len(asked):
+            break
+        known = branches.rows[ENGAGED, asked], branches.status[ENGAGED, asked], branches.solver[ENGAGED, asked]
+        found = stable_branches(job.work(materials[asked]), job.solver, job.accuracy, job.workers, engaged=known)
+        branches.put(asked, found)
+        orbits.stable[:, asked], orbits.offsets[:, asked] = found.stable, found.orbits.offsets
+        ahead = min(2 * ahead, farthest)
+    values = values_of(job.names, branches.rows, branches.status, branches.solver, job.scope)
+    return Table(materials, {**values, **dict(zip(WALKED, orbits, strict=True))})
+
+
+def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branches, Orbits]:
+    """What holds the setpoint on each material, of the interpolated ones as far as engagement finds it."""
+    count = len(materials)
+    names = (*job.needs, "tip_offset", "phase")
+    engaged = np.empty((count, col.COLUMNS))
+
+    def interpolate(first: int, last: int) -> None:
+        engaged[first:last] = plan.rows(job, materials[first:last], names)
+
+    spread(interpolate, bounds_of(count, chunk_of(count, job.workers, BLOCK)), job.workers, None)
+    held = ~np.isnan(engaged[:, col.AMPLITUDE])
+    rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
+    side = (engaged[:, col.STIFFENING] > 0).astype(np.intp)
+    rows[side, np.arange(count)], rows[ENGAGED] = engaged, engaged
+    status, solver = np.full((SLOTS, count), col.GOOD, np.int8), np.full((SLOTS, count), col.INTERPOLATED, np.int8)
+    branches = Branches(rows, status, solver, np.full((ENGAGED, count), np.inf))
+    rest = np.flatnonzero(~held)
+    if len(rest):
+        branches.put(rest, stable_branches(job.work(materials[rest]), job.solver, job.accuracy, job.workers))
+    orbits = branches.orbits
+    orbits.stable[1 - side[held], np.flatnonzero(held)] = UNKNOWN
+    return branches, orbits
+
+
+def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: Orbits, ahead: int) -> NDArray[np.intp]:
+    """Materials of which is to be known whether they have the other branch: of pixels that were guessed, and ahead.
+
+    Beyond the end of the line that is so much of the lines below, where the tip comes if it is not engaged anew.
+    """
+    asked = np.zeros(orbits.stable.shape[1], np.bool_)
+    lines, pixels = numbers.shape
+    for way, onwards in ((0, 1), (1, -1)):
+        line, place = np.nonzero(slots[way] < 0)
+        side = orbits.engaged[numbers[line, place]]
+        for step in range(min(ahead, pixels)):
+            there = numbers[line, np.clip(place + onwards * step, 0, pixels - 1)]
+            asked[there[orbits.engaged[there] == side]] = True
+        for below in range(1, 1 + ahead // pixels):
+            there = numbers[np.minimum(line + below, lines - 1)]
+            asked[there[orbits.engaged[there] == side[:, np.newaxis]]] = True
+    return np.flatnonzero(asked & (orbits.stable == UNKNOWN).any(axis=0))
 
 
 def _freeze(tip: TipState) -> Values:

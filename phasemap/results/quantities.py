@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,9 @@ from phasemap.experiment.microscope import Microscope, Mode
 from phasemap.results.variables import FLOATS
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
-FAINT = 1e-3  # of the virial: a contact that stores less is none to divide by
+FAINT = 1e-3  # of the largest virial that the drive holds: a contact that stores less is none to divide by
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,7 @@ class Motion:
     phase: Array
     # Variables of an image, of the same pixels, that were integrated over the orbit; may be empty
     orbit: Mapping[str, Array] = field(default_factory=dict)
+    kept: dict[Callable[..., Any], Any] = field(default_factory=dict)  # what several channels take
 
     @property
     def frequency(self) -> float:
@@ -108,6 +111,18 @@ def channel_attributes(channel: Channel, from_orbit: bool) -> dict[str, str]:
     }  # fmt: skip
 
 
+def _once(value: Callable[[Motion], T]) -> Callable[[Motion], T]:
+    """The function, called once for a motion."""
+
+    def kept(motion: Motion) -> T:
+        if value not in motion.kept:
+            motion.kept[value] = value(motion)
+        found: T = motion.kept[value]
+        return found
+
+    return kept
+
+
 def _dissipation(motion: Motion) -> Array:
     known = motion.orbit.get("dissipation")
     return motion.dissipation if known is None else known
@@ -126,10 +141,12 @@ def _loss_tangent(motion: Motion) -> Array:
 
 def _corrected(motion: Motion) -> Array:
     loss, storage = _dissipation(motion) - motion.orbit["adhesion_loss"], motion.orbit["contact_storage"]
+    most = 0.5 * motion.lever[col.STIFFNESS] * motion.lever[col.BASE] * motion.amplitude
     with np.errstate(all="ignore"):
-        return np.where(storage > FAINT * np.abs(motion.virial), loss / (2 * np.pi * storage), np.nan)
+        return np.where(storage > FAINT * most, loss / (2 * np.pi * storage), np.nan)
 
 
+@_once
 def _second(motion: Motion) -> tuple[Mode, Array, Array]:
     """The second mode, and what the surface adds to its stiffness over k2, and to its 1/Q2."""
     mode, lever = motion.scope.drive.second, motion.lever
@@ -145,18 +162,21 @@ def _second(motion: Motion) -> tuple[Mode, Array, Array]:
     return mode, felt.real / mode.stiffness, lossy
 
 
+@_once
 def _mode2_shift(motion: Motion) -> Array:
     mode, stiffer, _ = _second(motion)
     shift: Array = mode.frequency * (np.sqrt(1 + stiffer) - 1)
     return shift
 
 
+@_once
 def _mode2_answer(motion: Motion) -> Array:
     """Drive over answer of the second mode at its free resonance, 1/Q2 without a surface (complex)."""
     mode, stiffer, lossy = _second(motion)
     return np.asarray(stiffer + 1j * (1 / mode.quality_factor + lossy))
 
 
+@_once
 def _mode2_amplitude(motion: Motion) -> Array:
     mode, _, lossy = _second(motion)
     if mode.detection == "fm":  # a loop holds it
@@ -171,6 +191,7 @@ def _mode2_phase(motion: Motion) -> Array:
     return np.degrees(np.pi / 2 - np.angle(_mode2_answer(motion)))
 
 
+@_once
 def _stiffness_2(motion: Motion) -> Array:
     """<k>2 [N/m] as the instrument has it of what the second mode shows."""
     mode, stiffer, _ = _second(motion)
@@ -179,6 +200,7 @@ def _stiffness_2(motion: Motion) -> Array:
     return mode.stiffness * stiffer  # (k2/Q2)(A02/A2) sin(phase), the real part of the answer
 
 
+@_once
 def _stiffness_1(motion: Motion) -> Array:
     return -2 * motion.virial / motion.amplitude**2
 
@@ -196,6 +218,7 @@ def _depth(motion: Motion) -> Array:
     return np.where((_stiffness_1(motion) > 0) & (_stiffness_2(motion) > 0), found, np.nan)
 
 
+@_once
 def _too_large(motion: Motion) -> Array:
     with np.errstate(all="ignore"):
         share: Array = _mode2_amplitude(motion) / np.maximum(motion.orbit["indentation"], 0.0)

@@ -42,7 +42,8 @@ class Branches(NamedTuple):
     @property
     def orbits(self) -> Orbits:
         """The same as kernels want it."""
-        return Orbits(self.stable, self.engaged, np.ascontiguousarray(self.rows[:, :, col.TIP_OFFSET]), self.reach)
+        offsets = np.ascontiguousarray(self.rows[:, :, col.TIP_OFFSET])
+        return Orbits(self.stable.astype(np.int8), self.engaged, offsets, self.reach)
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -56,9 +57,18 @@ class Branches(NamedTuple):
         side = self.rows[ENGAGED, :, col.STIFFENING] > 0
         return np.where(self.status[ENGAGED] == col.GOOD, side, NOWHERE).astype(np.int8)
 
+    def put(self, at: NDArray[np.intp], found: Branches) -> None:
+        """Take over what was found of some materials."""
+        self.rows[:, at], self.status[:, at], self.solver[:, at], self.reach[:, at] = found
+
 
 def stable_branches(
-    work: Work, solver: Solver, accuracy: Accuracy, workers: int = 1, progress: Progress | None = None
+    work: Work,
+    solver: Solver,
+    accuracy: Accuracy,
+    workers: int = 1,
+    progress: Progress | None = None,
+    engaged: Found | None = None,
 ) -> Branches:
     """Find the stable orbits that hold the setpoint on the attractive and on the repulsive branch.
 
@@ -69,6 +79,7 @@ def stable_branches(
         "averaging", or where its estimated error is within `accuracy` with "auto"; an exact orbit; or, with
         "march", what time makes of that.
     `workers`: threads; the numbers do not depend on it.
+    `engaged`: what engagement finds, rows, status and solver, where that is known and good everywhere.
 
     Examples
     --------
@@ -94,9 +105,12 @@ def stable_branches(
         return Branches(rows, status, used, reach)
 
     answers = Answers(rows, status, used)
+    if engaged is not None:
+        rows[ENGAGED], status[ENGAGED], used[ENGAGED] = engaged
 
     def solve(first: int, last: int) -> None:
-        solver.solve(work, accuracy, first, last, answers.of(ENGAGED))
+        if engaged is None:
+            solver.solve(work, accuracy, first, last, answers.of(ENGAGED))
         _others(work, solver, accuracy, first, last, answers)
         _limit(work, accuracy.periods, first, last, rows, status, reach)
 

@@ -28,7 +28,7 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
 
 
-def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array) -> Array:
+def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, virial: bool = True) -> Array:
     """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
 
     The attraction is the force less that of the same contact without adhesion and bias. All are good to 0.1 %: the tip
@@ -37,13 +37,14 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array) 
     `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
     `used` (shape (..., n)): codes of the solvers that made the rows.
     `bare` (shape (n, 12)): see `bare_rows`.
+    `virial`: whether that is wanted; without it the taps alone are followed.
     Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit, or one that taps twice.
     """
     from phasemap._kernels.rows.adhesion import adhesion_rows
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        adhesion_rows(work.law, work.rows, bare, work.lever, codes == col.AVERAGING, some)
+        adhesion_rows(work.law, work.rows, bare, work.lever, codes == col.AVERAGING, virial, some)
     return _as_seen(wide, rows)
 
 
@@ -77,7 +78,7 @@ def widened(
     `bare`: makes what `bare_rows` returns.
     """
     if not set(OF_ADHESION).isdisjoint(names):
-        rows = with_adhesion(rows, work, used, bare())
+        rows = with_adhesion(rows, work, used, bare(), virial="adhesion_virial" in names)
     if not set(OF_FORCES).isdisjoint(names):
         rows = with_forces(rows, work, used, scope)
     return rows

@@ -118,19 +118,15 @@ KINDS: dict[str, Callable[[], object]] = {
     "bias": lambda: _pixel("dmt", 1.0),
     "one's own law": lambda: _pixel(_Own()),
 }
-_IN_TIME = (
-    "march",
-    "feedback, full equation",
-    "raster",
-    "feedback, slow flow",
-    "JKR pixel",
-    "JKR sweep",
-    "Maugis pixel",
-)
-USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("raster", "feedback, slow flow"))
-"""What `phasemap warm` compiles, in processes side by side: kinds that share kernels stand together."""
+_IN_TIME = ("march", "feedback, full equation", "feedback, slow flow", "check", "raster")
+USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("feedback, slow flow", "raster"))
+"""What `phasemap warm` compiles, in processes side by side.
+
+Kinds that share kernels stand together, and last what needs most of those that the other process compiles meanwhile.
+"""
+_STICKY = ("JKR pixel", "JKR sweep", "Maugis pixel")
 ALL = (
-    tuple(kind for kind in KINDS if kind not in _IN_TIME),
+    (*(kind for kind in KINDS if kind not in _IN_TIME + _STICKY), *_STICKY),
     _IN_TIME,
 )
 

@@ -1,6 +1,7 @@
 """The cheap path to exact orbits, against collocation, which shares only the force law with it."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -58,19 +59,26 @@ def drawn(regime: dict[str, tuple[float, float]], scopes: int, pixels: int, seed
     return works
 
 
+@cache
+def both(name: str, thorough: bool) -> list[tuple[np.ndarray, ...]]:
+    """Of each microscope: rows, statuses, solvers used; rows and statuses of collocation. Two tests ask for them."""
+    return [
+        (*run(Orbit(), work, pm.Accuracy()), *run(Orbit(complete=True), work, pm.Accuracy())[:2])
+        for work in drawn(REGIMES[name], 8, 50, seed=7, every=1 if thorough else 2)
+    ]
+
+
 @pytest.mark.parametrize("name", REGIMES)
 def test_the_estimated_error_bounds_the_error(name: str, thorough: bool) -> None:
     # Against collocation, whose own stated error is the allowance.
     inside, seen, left, count = 0, 0, 0, 0
-    for work in drawn(REGIMES[name], 8, 50, seed=7, every=1 if thorough else 2):
-        rows, status, used = run(Orbit(), work, pm.Accuracy())
-        exact, exactly, _ = run(Orbit(complete=True), work, pm.Accuracy())
+    for rows, status, used, exact, exactly in both(name, thorough):
         assert np.array_equal(status, exactly)
         cheap = (used == col.CORRECTED) & (status == col.GOOD)
         off = abs(rows - exact)[cheap][:, [col.PHASE, col.TIP_OFFSET]]
         bounded = np.all(off <= (rows + exact)[cheap][:, [col.ERROR_PHASE, col.ERROR_HEIGHT]], axis=1)
         inside, seen = inside + int(bounded.sum()), seen + int(cheap.sum())
-        left, count = left + int((used == col.ORBIT).sum()), count + len(work)
+        left, count = left + int((used == col.ORBIT).sum()), count + len(rows)
         assert np.all(rows[cheap, col.ERROR_PHASE] < np.radians(1e-3))
         assert np.all(rows[cheap, col.ERROR_HEIGHT] < 1e-12)
     assert seen > 100
@@ -79,12 +87,10 @@ def test_the_estimated_error_bounds_the_error(name: str, thorough: bool) -> None
 
 
 @pytest.mark.parametrize("name", REGIMES)
-def test_every_observable_is_that_of_the_exact_orbit(name: str) -> None:
+def test_every_observable_is_that_of_the_exact_orbit(name: str, thorough: bool) -> None:
     # Lengths to the 1 pm that was asked for, the indentation also to what cubics between nodes leave of it; energies
     # and the stiffening to what that means at the depth of a contact.
-    for work in drawn(REGIMES[name], 4, 30, seed=21):
-        rows, _, used = run(Orbit(), work, pm.Accuracy())
-        exact, _, _ = run(Orbit(complete=True), work, pm.Accuracy())
+    for rows, _, used, exact, _ in both(name, thorough):
         cheap = used == col.CORRECTED
         for column, share in ((col.TIP_OFFSET, 0.0), (col.MEAN, 0.0), (col.AMPLITUDE, 0.0), (col.INDENTATION, 2e-4)):
             assert np.allclose(rows[cheap, column], exact[cheap, column], rtol=share, atol=1e-12)

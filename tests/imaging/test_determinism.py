@@ -32,6 +32,7 @@ CASES: dict[str, tuple[pm.Surface, dict[str, Any]]] = {
     "exact": (SOME, {"solver": "orbit"}),
     "marched": (SOME.rows(slice(0, 1)), {"solver": "march"}),
     "raster": (SOME, {"control": pm.Raster("image")}),
+    "interpolated raster": (MANY, {"control": pm.Raster("image")}),
     "feedback": (SOME, {"control": pm.Feedback(line_rate=8.0), "realism": NOISY}),
 }
 

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
+from phasemap._kernels.columns import INTERPOLATED
 from phasemap._kernels.scanning.slots import Orbits
 from phasemap.imaging import raster
 from phasemap.solvers.both_branches import stable_branches
@@ -244,6 +245,24 @@ def test_an_image_of_too_many_materials_is_worked_in_blocks_of_lines(
     assert len(seen) > 1 and seen[-1] == (54, 54) and seen == sorted(seen)
 
 
+@pytest.mark.parametrize("engage", ["line", "image"])
+def test_where_every_pixel_differs_what_engagement_finds_is_interpolated_and_no_branch_changes(
+    engage: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    y, x = np.mgrid[:96, :96] / 96
+    adhesion = 0.07 + 0.05 * np.sin(7 * x) * np.cos(5 * y)
+    surface = pm.Surface(1e9 * 3**y, adhesion, damping=0.06, pixel_size=2e-9)
+    image = scan(surface, engage, "auto")
+    monkeypatch.setattr(raster, "interpolates", lambda job: False)
+    solved = scan(surface, engage, "auto")
+    assert image.branch.equals(solved.branch) and (image.status == solved.status).all()
+    assert 0.05 < float((image.branch == ATTRACTIVE).mean()) < 0.95 and (image.branch[0] != image.branch[1]).any()
+    assert float((image.solver == INTERPOLATED).mean()) > 0.5
+    for name in ("phase", "height"):  # two stated errors between them
+        apart = abs(image[name] - solved[name])
+        assert (apart <= image[f"error_{name}"] + solved[f"error_{name}"]).all()
+
+
 def test_progress_counts_distinct_materials_to_the_end() -> None:
     surface = pm.Surface(np.geomspace(1e9, 4e9, 60).reshape(6, 10), adhesion=0.1, pixel_size=2e-9)
     seen: list[tuple[int, int]] = []
@@ -265,7 +284,7 @@ def test_any_scan_over_any_materials_obeys_the_rule(
     engaged = [data.draw(st.sampled_from([*branches, NONE])) for branches in table]
     known = [dict.fromkeys(branches, 0.0) for branches in table]
     labels, slots = np.array(lines, np.int32), np.empty((2, len(lines), 5), np.int8)
-    stable = np.array([[branch in phases for phases in known] for branch in (0, 1)])
+    stable = np.array([[branch in phases for phases in known] for branch in (0, 1)], np.int8)
     everywhere = np.zeros((3, len(table))), np.full((2, len(table)), np.inf)
     compiled(labels, Orbits(stable, np.array(engaged, np.int8), *everywhere), engage == "line", NONE, 0.0, slots)
     seen = np.where(slots == 2, NONE, slots)

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,9 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
+from phasemap.inference.images.images import PRIOR
+from phasemap.inference.images.model import make_model
+from phasemap.inference.images.stack import make_stack
 from phasemap.inference.images.verdict import FLAGS
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -38,6 +42,12 @@ def measure(surface, seed=0, setpoints=SETPOINTS, scope=SCOPE, noise=1.0):
     return stack
 
 
+def measure_nothing():
+    """Four images of one pixel."""
+    pixel = np.zeros((1, 1))
+    return [xr.Dataset({"phase": (("y", "x"), pixel), "height": (("y", "x"), pixel)}) for _ in SETPOINTS]
+
+
 def invert(stack, scope=SCOPE, **changed):
     """What the instrument's noise and zeros make of it."""
     known = {"phase_zero": 0.0, "phase_error": PHASE_NOISE, "height_error": HEIGHT_NOISE}
@@ -55,11 +65,12 @@ def deviations(found, surface, name):
 
 
 def test_maps_are_found_within_their_errors():
-    inside = {name: [] for name in NAMES}
+    inside, lost = {name: [] for name in NAMES}, []
     for seed in range(3):
         surface = blend(seed)
         stack = measure(surface, seed)
         found = invert(stack)
+        lost.append(is_set(found, "no_orbit").mean())
         for name in NAMES:
             inside[name].append(abs(deviations(found, surface, name)) < 1.96)
     for name in NAMES:
@@ -67,6 +78,7 @@ def test_maps_are_found_within_their_errors():
         assert len(hits) > 400, name
         # Nominal 0.95; the standard error of a share of 400 or more pixels is 0.011.
         assert 0.90 < hits.mean() < 0.985, (name, hits.mean(), len(hits))
+    assert np.mean(lost) < 0.005, lost
 
 
 def test_without_noise_the_exact_material_comes_back():
@@ -77,6 +89,36 @@ def test_without_noise_the_exact_material_comes_back():
     check("Variables of an inversion", found)
     for name, apart in zip(NAMES, (0.003, 0.01, 0.003), strict=True):
         np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
+
+
+class Softening(pm.ContactLaw):
+    """A law that is not affine in the stiffness."""
+
+    @staticmethod
+    def force(d, p):
+        return p[0] * d * np.sqrt(p[2] * d) / (1.0 + p[0] / 1e9)
+
+
+def test_tables_give_the_integrals_and_only_affine_laws_have_them():
+    q = np.random.default_rng(1).normal(0.0, (1.5, 0.5, 1.0), (300, 3))
+    for contact, decay_length in (("dmt", 0.3e-9), ("hertz", None), (Softening(), None)):
+        scope = pm.Microscope(LEVER, TIP, pm.Drive(40e-9), pm.Interaction(contact, decay_length))
+        stack = make_stack(measure_nothing(), scope, SETPOINTS, (0.4, 0.0, 0.0), (1e-10, 0.0, 0.0))
+        model = make_model(stack, PRIOR, 10.0)
+        if isinstance(contact, Softening):
+            assert model.tables is None
+            continue
+        sides, places = np.ones((300, 4), np.int8), np.full((300, 4), np.nan)
+        integrated = replace(model, tables=None).averaged(q, sides, places, search=True)
+        found = model.averaged(q, sides, places)
+        assert integrated.good.sum() > 200
+        assert (found.good == integrated.good).all()
+        np.testing.assert_allclose(found.values[found.good], integrated.values[found.good], rtol=1e-6)
+        for k, step in enumerate(1e-4 * np.eye(3)):
+            ahead, behind = (model.averaged(q + sign * step, sides, places.copy()) for sign in (1, -1))
+            good = found.good & ahead.good & behind.good
+            slopes, central = found.slopes[good][..., k], (ahead.values - behind.values)[good] / 2e-4
+            assert (np.abs(slopes - central) < 1e-4 * np.abs(central).max(axis=0) + 1e-15).all(), (contact, k)
 
 
 def test_uncertain_zeros_make_errors_larger():

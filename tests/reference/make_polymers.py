@@ -66,13 +66,14 @@ WILD = [
     },
 ]  # fmt: skip
 """Held in 6 periods of 19 after each approach and kick; a tip that is moved faster while it is held takes to another."""
-REAL = "omega alpha0 drive pull reach force depth damping tolerance z0 z v theta step touched zc zs x"
+REAL = "omega alpha0 drive pull reach force depth damping tolerance release lam first fold z0 z v theta step touched zc zs x"
+JKR, MAUGIS, DMT = range(3)
 
 
 class Tip(ctypes.Structure):
     """As in polymers.c, lengths in nm."""
 
-    _fields_ = [(name, ctypes.c_double) for name in REAL.split()] + [("state", ctypes.c_int)]
+    _fields_ = [(name, ctypes.c_double) for name in REAL.split()] + [("state", ctypes.c_int), ("law", ctypes.c_int)]
 
 
 def compiled():
@@ -97,6 +98,9 @@ def compiled():
     numbers = ctypes.POINTER(real)
     library.follow.argtypes = [ctypes.POINTER(Tip), numbers, real, real, real, real, ctypes.c_long, numbers]
     library.follow.restype = ctypes.c_long
+    library.dugdale.argtypes = [real, real, numbers, numbers, numbers]
+    library.contact.argtypes = library.away.argtypes = [ctypes.POINTER(Tip), real]
+    library.contact.restype = library.away.restype = real
     return library
 
 
@@ -132,14 +136,24 @@ def draw(count, detuned=False):
     return cases
 
 
+def jkr(case):
+    """What `Tip` has of the contact, in nm."""
+    stiff, radius = 4 / 3 * case["modulus"] / (1 - POISSON**2), case["tip_radius"]
+    s_c6 = 2 * math.pi * case["adhesion"] * radius**2 / (12 * stiff)
+    depth = s_c6 ** (2 / 3) / radius * 1e9
+    return {
+        "law": JKR, "force": stiff / radius * s_c6 / case["stiffness"] * 1e9, "depth": depth, "release": -3.0 * depth,
+        "first": 4 ** (1 / 3),
+    }  # fmt: skip
+
+
 class Run:
     """A tip in time, and the phasors behind the low-passes of `follow`."""
 
     def __init__(self, library, case, speed=SPEED, start=0.0):
-        stiff = 4 / 3 * case["modulus"] / (1 - POISSON**2)
         radius, k, reach = case["tip_radius"], case["stiffness"], (case["decay_length"] or 0.0) * 1e9
         pull = 2 * math.pi * case["adhesion"] * radius
-        s_c6 = pull * radius / (12 * stiff)
+        contact = case.get("tip") or jkr(case)
         omega, alpha0 = case.get("frequency_ratio", 1.0), 0.5 / case["quality_factor"]
         drive = case["free_amplitude"] * 1e9 / case["quality_factor"]
         free = drive / complex(1 - omega**2, 2 * alpha0 * omega)  # z = Re(free exp(i theta)), z' = Re(i omega free ...)
@@ -147,10 +161,10 @@ class Run:
         self.ring = case["quality_factor"] * omega / math.pi
         self.tip = Tip(
             omega=omega, alpha0=alpha0, drive=drive,
-            pull=pull / k * 1e9 if reach else 0.0, reach=reach, force=stiff / radius * s_c6 / k * 1e9,
-            depth=s_c6 ** (2 / 3) / radius * 1e9, damping=case["damping"] / math.sqrt(radius * 1e9),
-            tolerance=TOLERANCE * self.amplitude, z=free.real, v=-omega * free.imag, step=0.01, x=1.6,
-            z0=self.amplitude + 12 * reach + 0.5 + start,
+            pull=pull / k * 1e9 if reach else 0.0, reach=reach,
+            damping=case["damping"] / math.sqrt(radius * 1e9), tolerance=TOLERANCE * self.amplitude,
+            z=free.real, v=-omega * free.imag, step=0.01, x=contact["first"],
+            z0=self.amplitude + 12 * reach + 0.5 + start, **contact,
         )  # fmt: skip
         self.slow = np.array([free.real, free.imag] * 2)
 
@@ -174,8 +188,8 @@ class Run:
         while self.pass_periods(100_000, -1e9, GAIN, target + self.speed / GAIN, record=False) == 100_000:
             pass
 
-    def hold(self, target):
-        """What is held at this amplitude [nm]."""
+    def hold(self, target, again=True):
+        """What is held at this amplitude [nm]; `again` where it turns out periodic while its mean is taken."""
         size, block, passed, gain = self.amplitude, int(4 * self.ring) // 12 * 12 + 12, 0, GAIN
         apart, on_its_way = 0.0, True
         while passed < 130 or ((apart < 1e-6 or on_its_way) and passed < SLOWEST):
@@ -190,7 +204,8 @@ class Run:
                 break
             if passed > 130:
                 gain = FASTER * GAIN
-        return self.mean(target)
+        found = self.mean(target)
+        return self.hold(target, again=False) if again and found["period"] == 1 else found
 
     def mean(self, target):
         """The mean of groups of periods, and the standard errors."""

@@ -1,8 +1,11 @@
-/* Engagement of a tapping tip with a JKR surface, in time.
+/* Engagement of a tapping tip with a surface that it sticks to, in time.
 
    z'' + 2 (alpha0 + alpha_s) z' + z + F(d)/k = u0 cos(omega tau), d = z - z0, lengths in nm, F/k in nm.
    Three states: OUT (no contact), IN (contact, d > 0), NECK (contact, d < 0). Contact forms at d = 0 and breaks at
-   d = -3 D, where D = s_c^4 / R. In contact d = D (x^4 - 4 x), F/k = f (x^6 - 6 x^3), x >= 1.
+   `release`, which is 0 where there is no neck. In contact
+   JKR     d = D (x^4 - 4 x), F/k = f (x^6 - 6 x^3), x >= 1, with D = s_c^4 / R; release at -3 D;
+   MAUGIS  d = D delta(x), F/k = f phi(x), 0 < x <= fold: `dugdale`;
+   DMT     F/k = f d^3/2 - D (d > 0), -D (d < 0).
 
    Method: Dormand and Prince's pair of order 8 with steps of adapted length. A step that passes a change of state, or
    a turning point beside one, is taken again with the length that ends on it. */
@@ -10,14 +13,56 @@
 #include "tableau.h" /* STAGES, a[][], b[], c[], e3[], e5[] of the pair */
 
 enum { OUT, IN, NECK };
+enum { JKR, MAUGIS, DMT };
 #define PI 3.14159265358979323846
 
 typedef struct {
     double omega, alpha0, drive, pull, reach; /* pull: f0/k [nm]; 0, with a reach of 0: no long-range force */
     double force, depth, damping, tolerance;  /* of the contact: f, D, alpha1 / R^1/2; and of a step [nm] */
+    double release, lambda, first, fold;      /* depth of release [nm]; Maugis' lambda; x at first contact and at most */
     double z0, z, v, theta, step, touched, zc, zs, x;
-    int state;
+    int state, law;
 } Tip;
+
+/* Maugis (1992) as in theory, Eq. (model-9), with cos x = a / c. In C = (c/a) A his first equation is quadratic,
+       lambda/2 C^2 p + 4/3 lambda^2 C q = 1,   p = sin(2x)/2 - x cos(2x),   q = x sin x + cos x - 1,
+   and delta = C^2 cos^2 x - 4/3 lambda C sin x, phi = C^3 cos^3 x - lambda C^2 (sin x cos x + x). Also d delta / dx. */
+void dugdale(double lambda, double x, double *delta, double *phi, double *slope) {
+    double s = sin(x), c = cos(x), half = sin(0.5 * x), q = x * s - 2 * half * half;
+    double p = s * c - x * (1 - 2 * s * s), y = 4 * x * x;
+    if (x < 0.3) /* (sin y - y cos y) / 2 of 2x */
+        p = x * y * (1. / 3 - y * (1. / 30 - y * (1. / 840 - y * (1. / 45360 - y * (1. / 3991680 - y / 518918400.)))));
+    double b = 4. / 3 * lambda * lambda * q, root = sqrt(b * b + 2 * lambda * p), C = 2 / (b + root);
+    double change = -C * (lambda * C * x * s * c * 2 + 4. / 3 * lambda * lambda * x * c) / (lambda * C * p + b);
+    /* p' = 2 x sin 2x = 4 x s c and q' = x c */
+    *delta = C * C * c * c - 4. / 3 * lambda * C * s;
+    *phi = C * C * (C * c * c * c - lambda * (s * c + x));
+    *slope = 2 * C * c * (c * change - C * s) - 4. / 3 * lambda * (change * s + C * c);
+}
+
+/* phi of the contact at depth d. delta falls with x up to the fold: Newton's method, within the brackets that it finds */
+static double maugis(Tip *t, double d) {
+    double goal = d / t->depth, low = 0, high = t->fold, x = t->x, delta, phi, slope;
+    if (d <= t->release) x = high;
+    else if (d == 0) x = t->first;
+    if (!(x > low && x <= high)) x = 0.5 * high;
+    for (int i = 0; i < 100; i++) {
+        dugdale(t->lambda, x, &delta, &phi, &slope);
+        if (d <= t->release || d == 0) break;
+        if (delta > goal) low = x; else high = x;
+        double change = (goal - delta) / slope;
+        if (fabs(change) < 1e-8 * x && x + change <= t->fold) { /* quadratic: the next change would be 1e-16 */
+            dugdale(t->lambda, x += change, &delta, &phi, &slope);
+            break;
+        }
+        double next = x + change;
+        if (!(next > low && next < high)) next = 0.5 * (low + high);
+        if (next == x) break;
+        x = next;
+    }
+    t->x = x;
+    return phi;
+}
 
 /* x of the JKR contact at depth d: x^4 - 4 x = d / D */
 static double root(Tip *t, double d) {
@@ -39,21 +84,25 @@ static double root(Tip *t, double d) {
     return t->x = x;
 }
 
+/* F/k in contact [nm] */
+double contact(Tip *t, double d) {
+    if (t->law == DMT) return (d > 0 ? t->force * d * sqrt(d) : 0.0) - t->depth;
+    if (t->law == MAUGIS) return t->force * maugis(t, d);
+    double x = root(t, d), cube = x * x * x;
+    return t->force * cube * (cube - 6.0);
+}
+
+/* F/k out of contact [nm] */
+double away(Tip *t, double d) {
+    if (!(t->reach > 0)) return 0.0;
+    double s = 1.0 - (d < 0.4 * t->reach ? d : 0.4 * t->reach) / t->reach; /* also a little beyond d = 0, for steps taken again */
+    return -t->pull / (s * s);
+}
+
 static double acceleration(Tip *t, double theta, double z, double v, double *cosine, double *sine) {
-    double d = z - t->z0, alpha = t->alpha0, f;
+    double d = z - t->z0, alpha = t->alpha0, f = t->state == OUT ? away(t, d) : contact(t, d);
     sincos(theta, sine, cosine);
-    if (t->state == OUT) {
-        f = 0.0;
-        if (t->reach > 0) { /* also a little beyond d = 0, for steps that are taken again */
-            double s = 1.0 - (d < 0.4 * t->reach ? d : 0.4 * t->reach) / t->reach;
-            f = -t->pull / (s * s);
-        }
-    } else {
-        double x = root(t, d), cube = x * x * x;
-        f = t->force * cube * (cube - 6.0);
-        if (t->state == IN && d > 0)
-            alpha += t->damping * sqrt(d);
-    }
+    if (t->state == IN && d > 0) alpha += t->damping * sqrt(d);
     return t->drive * *cosine - 2.0 * alpha * v - z - f;
 }
 
@@ -126,7 +175,8 @@ static double located(Tip *t, double h, double level, int turn, double *to) {
 static void period(Tip *t) {
     double end = 2 * PI / t->omega, now = 0, to[4];
     t->theta = 0; t->zc = t->zs = 0;
-    double release = -3.0 * t->depth;
+    double release = t->release;
+    int below = release < 0 ? NECK : OUT; /* after IN */
     int touched = t->state != OUT, fresh = 0;
     while (now < end - 1e-14) {
         double h = t->step, here = t->z - t->z0;
@@ -134,7 +184,7 @@ static void period(Tip *t) {
         /* straight to the change of state that lies ahead, or away from the one just passed */
         int ahead = -1; double goal = 0;
         if (t->state == OUT && t->v > 0) ahead = IN;
-        else if (t->state == IN && t->v < 0) ahead = NECK;
+        else if (t->state == IN && t->v < 0) ahead = below;
         else if (t->state == NECK && t->v > 0) ahead = IN;
         else if (t->state == NECK && t->v < 0) { ahead = OUT; goal = release; }
         double sign = here > goal || (here == goal && t->v > 0) ? 1 : -1;
@@ -144,7 +194,7 @@ static void period(Tip *t) {
                 t->z = t->z0 + goal; t->v = to[1]; t->zc += to[2]; t->zs += to[3];
                 now += to[0]; t->theta = t->omega * now;
                 t->state = ahead; fresh = 1;
-                if (ahead == NECK || ahead == IN) t->x = 1.5874010519681994;
+                if (ahead == NECK || ahead == IN) t->x = t->first;
                 if (ahead != OUT) touched = 1;
                 continue;
             }
@@ -176,7 +226,7 @@ static void period(Tip *t) {
             t->step = h * (f < 6.0 ? f : 6.0);
             if (t->step > 0.25) t->step = 0.25;
         }
-        double d = t->z - t->z0, e = to[0] - t->z0, near = 0.5 * (2 * t->depth + t->reach) + 1.0;
+        double d = t->z - t->z0, e = to[0] - t->z0, near = 0.5 * (t->reach - 2. / 3 * release) + 1.0;
         int next = t->state;
         double taken = h;
         /* turning beside a change of state: end the step there first */
@@ -189,7 +239,7 @@ static void period(Tip *t) {
         }
         double level = 0;
         if (t->state == OUT && e >= 0) next = IN;
-        else if (t->state == IN && e < 0) next = NECK;
+        else if (t->state == IN && e < 0) next = below;
         else if (t->state == NECK && e >= 0) next = IN;
         else if (t->state == NECK && e < release) { next = OUT; level = release; }
         if (next != t->state && d != e) {
@@ -200,7 +250,7 @@ static void period(Tip *t) {
         now += taken; t->theta = t->omega * now;
         if (next != t->state) {
             t->state = next; fresh = 1;
-            if (next != OUT) t->x = next == IN ? 1.5874010519681994 : t->x;
+            if (next != OUT) t->x = next == IN ? t->first : t->x;
         }
         if (t->state != OUT) touched = 1;
     }

@@ -1,4 +1,4 @@
-"""Polymers that nobody had chosen, under JKR contact, as an independent code engages them in time."""
+"""Materials that nobody had chosen, under the laws with hysteresis, as an independent code engages them in time."""
 
 from __future__ import annotations
 
@@ -12,9 +12,18 @@ import phasemap as pm
 # resonance, there irregularly too; and one that a hasty controller led to another pattern than all ways.
 CHOSEN = [load("polymers")[i] for i in (2, 3, 15, 24, 69)]
 CHOSEN += [load("polymers_detuned")[i] for i in (2, 8)] + load("polymers_wild")
+# tests/reference/make_necks.py: of Maugis a contact that taps in every period (21), one that does not (64) and one
+# without neck (80); of necks irregular ones (14, 65), and one in which the pattern of taps goes with the way (61).
+CHOSEN += [case for case in load("necks") if case["number"] in (14, 21, 61, 64, 65, 80)]
 # Steps of the reference are good to 1e-4 degree and 0.1 pm here. Means of irregular motion have standard errors of
 # 0.01 degree and 2 pm in phasemap, of 0.003 degree and 0.5 pm in the reference: five of both together.
 PERIODIC, MEAN = (1e-4, 1e-13), (0.05, 1.1e-11)
+
+
+def law_of(case: Case) -> str | pm.ContactLaw:
+    if "neck_length" in case:
+        return pm.interaction.Neck(case["neck_length"])
+    return pm.interaction.MaugisDugdale(case["range"]) if case.get("range") else str(case["contact"])
 
 
 @pytest.mark.parametrize("case", CHOSEN, ids=lambda case: f"{case['modulus'] / 1e6:.0f} MPa")
@@ -23,7 +32,7 @@ def test_the_tip_is_held_as_by_engagement_in_time(case: Case) -> None:
         pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
         pm.Tip(case["tip_radius"]),
         pm.Drive(case["free_amplitude"], case.get("frequency_ratio", 1.0) * case["resonance_frequency"]),
-        pm.Interaction(case["contact"], case["decay_length"], case["damping_exponent"]),
+        pm.Interaction(law_of(case), case["decay_length"], case["damping_exponent"]),
     )
     for held in case["setpoints"]:
         pixel = pm.solve_pixel(material_of(case), scope, held["setpoint"], "orbit")

@@ -81,8 +81,11 @@ def _neck(amplitude: float, c: float, release: float, first: int, at: np.ndarray
 
 
 @kernel
-def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, at: np.ndarray) -> int:
-    """Fill the nodes of a harmonic orbit, shape (ROWS, 6 N or more); returns how many there are."""
+def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, whole: bool, at: np.ndarray) -> int:
+    """Fill the nodes of a harmonic orbit, shape (ROWS, 6 N or more), or of its contact if not `whole`.
+
+    Returns how many there are.
+    """
     c, release = 1.0 - depth / amplitude, p[col.RELEASE]
     if c <= -1.0 or (release < 0.0 and c < 1.0 and amplitude * (c + 1.0) <= -release):
         for i in range(ROUND):  # always in contact
@@ -96,7 +99,7 @@ def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, at: np.nda
         count, begin = _contact(amplitude, c, at), math.sqrt((1.0 - c) / (1.0 + c))
         if release < 0.0:
             count, last = _neck(amplitude, c, release, count, at), c + release / amplitude
-    if p[col.LONGRANGE] != 0.0:
+    if whole and p[col.LONGRANGE] != 0.0:
         end = math.sqrt((1.0 - last) / (1.0 + last)) if last < 1.0 else 0.0
         count = _outside(reach, amplitude, c, begin, -1.0, count, at)
         count = _outside(reach, amplitude, c, end, 1.0, count, at)

@@ -25,15 +25,16 @@ from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIG
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-STEPS = 8  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
+STEPS = 5  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
 ROUND = 32  # of half a period pressed in
-FLIGHT = 0.5  # a step outside, over that in which the distance to the pole grows e-fold
+FLIGHT = 0.7  # a step outside, over that in which the distance to the pole grows e-fold
 NECK = 0.2  # a step in the neck, over that in which it is left behind
 MOST_STEPS = 80
 MOST = 5 * (2 * MOST_STEPS + 1)
 TURNS = 8
 ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
 CLOSE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
+FAINT = 0.01  # of the amplitude: a drive so small does not care when the tap is
 MOST_MOVE = 0.5  # [rad] that the tap moves from turn to turn
 
 
@@ -41,6 +42,17 @@ MOST_MOVE = 0.5  # [rad] that the tap moves from turn to turn
 def _depth(end: float, x: float) -> float:
     """Depth [m]: in contact; in flight, `end` being above 0; pressed in, `end` being infinite."""
     return x if end == math.inf else min(x, 0.0) if end > 0.0 else end + max(x, 0.0) ** 2
+
+
+@kernel(inline=True)
+def _turn(z0: float, end: float, y: Numbers) -> float:
+    """Change of tau with s."""
+    if end == math.inf:
+        return 1.0
+    if end <= 0.0:
+        return 2.0 * y[0]
+    gap = end - min(y[0], 0.0)
+    return gap / math.sqrt(y[1] * y[1] + 2.0 * max(z0, gap) * gap)
 
 
 @kernel
@@ -53,13 +65,8 @@ def _rates(law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: floa
     if d > 0.0:
         f += 2.0 * damping(law, d, p) * v
     a = lever[col.BASE] * math.cos(lever[col.OMEGA] * time + lag) - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
-    if end == math.inf:
-        return v, a, 1.0
-    if not free:
-        return v, 2.0 * x * a, 2.0 * x
-    gap = end - d
-    turn = gap / math.sqrt(v * v + 2.0 * max(z0, gap) * gap)
-    return turn * v, turn * a, turn
+    turn = _turn(z0, end, y)
+    return turn * v if free else v, turn * a, turn
 
 
 @kernel(inline=True)
@@ -103,9 +110,8 @@ def _way(
             0.5 * (y[1] + new[1]) + 0.125 * size * (r[1] - after[1]),
             0.5 * (y[2] + new[2]) + 0.125 * size * (r[2] - after[2]),
         )
-        middle = _rates(law, p, lever, z0, lag, end, between)
         at[WEIGHT, j] += abs(share * size * r[2])
-        _put(lever, end, between, 4.0 * share * size * middle[2], at, j + 1)
+        _put(lever, end, between, 4.0 * share * size * _turn(z0, end, between), at, j + 1)
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
         if last:
@@ -117,7 +123,8 @@ def _way(
 
 @kernel
 def _out(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, lag: float, side: float, at: np.ndarray, first: int
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, lag: float, side: float, whole: bool, at: np.ndarray,
+    first: int,
 ) -> int:  # fmt: skip
     """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
     z0, deepest, release = row[col.TIP_OFFSET], row[col.INDENTATION], p[col.RELEASE]
@@ -135,46 +142,58 @@ def _out(
     if count == 0 and deepest > 0.0:
         h = side * math.pi / (ROUND * lever[col.OMEGA])
         return _way(law, p, lever, z0, lag, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
+    if not whole:
+        return count
     reach = reach_of(law, p)
     return _way(law, p, lever, z0, lag, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
 
 
 @kernel
 def _followed(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, late: float, at: np.ndarray
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, late: float, whole: bool, at: np.ndarray
 ) -> tuple[int, float, float]:
-    """Nodes of a period, with angles from where the tip is deepest.
+    """Nodes of a period, or of its contact if not `whole`, with angles from where the tip is deepest.
 
     Returns how many, 0 for none, how late that is against the first harmonic, and that over the row's.
     """
     lag = 0.5 * math.pi - row[col.PHASE] + late
-    half = _out(law, p, lever, row, lag, -1.0, at, 0)
-    count = _out(law, p, lever, row, lag, 1.0, at, half) if half > 0 else 0
+    half = _out(law, p, lever, row, lag, -1.0, whole, at, 0)
+    count = _out(law, p, lever, row, lag, 1.0, whole, at, half) if half > 0 else 0
     amplitude = row[col.AMPLITUDE]
+    if not whole:
+        return count, 0.0, 0.0
     even, odd = 0.0, 0.0
     for j in range(count):
         x = at[WEIGHT, j] * (at[DEPTH, j] + amplitude)
-        even += x * math.cos(at[COS, j])
-        odd -= x * math.sin(at[COS, j])
+        at[COS, j], at[SIN, j] = math.cos(at[COS, j]), math.sin(at[COS, j])
+        even += x * at[COS, j]
+        odd -= x * at[SIN, j]
     return count, math.atan2(odd, even), math.hypot(odd, even) / (math.pi * amplitude)
 
 
 @kernel
-def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, at: np.ndarray) -> int:
-    """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed."""
+def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, whole: bool, at: np.ndarray) -> int:
+    """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed.
+
+    If not `whole`, those in contact will do, and where the drive is small their angles against the drive are not told.
+    """
+    if not whole and row[col.INDENTATION] > 0.0 and lever[col.BASE] < FAINT * row[col.AMPLITUDE]:
+        count, _, _ = _followed(law, p, lever, row, 0.0, False, at)
+        if count > 0:
+            return count
     for start in (0.0, 0.5, -0.5, 1.0, -1.0):
         late, last, last_off = start, 0.0, 0.0
         for turn in range(TURNS):
-            count, found, size = _followed(law, p, lever, row, late, at)
+            count, found, size = _followed(law, p, lever, row, late, True, at)
             off = found - late
             if count == 0:
                 break
             if lever[col.BASE] * abs(off) < ALIKE * row[col.AMPLITUDE]:
                 if abs(size - 1.0) > CLOSE:
                     break
+                c, s = math.cos(found), math.sin(found)
                 for j in range(count):
-                    angle = at[COS, j] + found
-                    at[COS, j], at[SIN, j] = math.cos(angle), math.sin(angle)
+                    at[COS, j], at[SIN, j] = c * at[COS, j] - s * at[SIN, j], s * at[COS, j] + c * at[SIN, j]
                 return count
             # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
             move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
@@ -185,16 +204,18 @@ def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, at: np.ndarray) ->
 
 @kernel
 def nodes_of(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, averaged: bool, at: np.ndarray
+    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, averaged: bool, whole: bool, at: np.ndarray
 ) -> tuple[int, float, float]:
     """Fill the nodes of a result row of the tip, shape (ROWS, MOST), of an orbit that may be `averaged` only.
+
+    If not `whole`, depths and rates in contact are what is wanted.
 
     Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
     0 where it does not. An orbit that is averaged is harmonic.
     """
     count, entry, release = 0, 0.0, 0.0
     if not averaged:
-        count = tap(law, p, lever, row, at)
+        count = tap(law, p, lever, row, whole, at)
         for j in range(count - 1):
             if at[TOUCHES, j] > at[TOUCHES, j + 1]:
                 entry, release = release, abs(at[RATE, j])  # the way in is first
@@ -203,4 +224,4 @@ def nodes_of(
     c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
     if c < 1.0 and last > -1.0:
         entry, release = amplitude * math.sqrt(1.0 - c * c), amplitude * math.sqrt(1.0 - last * last)
-    return harmonic(law, p, amplitude, depth, at), entry, release
+    return harmonic(law, p, amplitude, depth, whole, at), entry, release

@@ -9,19 +9,30 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, longrange_force, parameters
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, moves
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, WEIGHTS, X, moves
 from phasemap._kernels.orbits.tap import MOST, nodes_of
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 
 @kernel
+def _neck(law: Law, p: np.ndarray) -> float:
+    """Energy [J] that a neck takes which is drawn out to its release: none without one."""
+    taken = 0.0
+    for i in range(len(X)):
+        d = p[col.RELEASE] * (1.0 - X[i] * X[i])
+        pull = longrange_force(law, d, p) - contact_force(law, d, p)
+        taken -= WEIGHTS[i] * 2.0 * p[col.RELEASE] * X[i] * pull
+    return taken
+
+
+@kernel
 def adhesion_rows(
-    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, out: np.ndarray
+    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, whole: bool, out: np.ndarray
 ) -> None:
     """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of wide rows of the tip, shape (n, WIDE), of periodic orbits.
 
     `bare` are the rows of the same contacts without adhesion and bias. Rows that are `averaged` have the harmonic orbit
-    only.
+    only. The virial is filled in only if orbits are followed as a `whole`.
     """
     at = np.zeros((ROWS, MOST))
     for i in range(len(rows)):
@@ -29,22 +40,25 @@ def adhesion_rows(
         if not moves(row):
             continue
         p, without = parameters(rows[i]), parameters(bare[i])
-        virial, loss, storage = 0.0, 0.0, 0.0
-        count, _, _ = nodes_of(law, p, lever, row, averaged[i], at)
+        virial, storage = 0.0, 0.0
+        follow = whole or p[col.RELEASE] < 0.0
+        count, _, release = nodes_of(law, p, lever, row, averaged[i], follow, at)
         if count == 0:
             continue
         for j in range(count):
             d, weight = at[DEPTH, j], at[WEIGHT, j]
+            if d > 0.0:
+                storage += weight * contact_slope(law, d, without) * at[RATE, j] ** 2
+            if not follow:
+                continue
             if at[TOUCHES, j] == 0.0:
                 f = longrange_force(law, min(d, 0.0), p)
             else:
                 f = contact_force(law, d, p)
                 if d > 0.0:
                     f -= contact_force(law, d, without)
-                    storage += weight * contact_slope(law, d, without) * at[RATE, j] ** 2
             virial -= weight * f * at[COS, j]
-            loss += weight * f * at[RATE, j]
-        loss = loss if p[col.RELEASE] < 0.0 else 0.0
-        row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-        row[ADHESION_LOSS] = loss
+        if whole:
+            row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
+        row[ADHESION_LOSS] = _neck(law, p) if release > 0.0 else 0.0
         row[STORAGE] = storage / (2.0 * math.pi)

@@ -101,7 +101,7 @@ def force_rows(
         row, p = out[i], parameters(rows[i])
         if not moves(row):
             continue
-        count, entry, release = nodes_of(law, p, lever, row, averaged[i], at)
+        count, entry, release = nodes_of(law, p, lever, row, averaged[i], True, at)
         if count == 0:
             continue
         gradient, drag = _jumps(law, p, entry, release), 0.0

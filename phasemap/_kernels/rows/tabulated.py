@@ -2,7 +2,7 @@
 
 P, S and A0 of a harmonic orbit are affine in what materials change of most laws: contact stiffness, adhesion, damping.
 At a given amplitude their parts are then functions of c alone, which polynomials on short intervals give: theory,
-Eq. (inversion-7). Either side of touching, c = 1, the intervals are eighths of octaves of |1 - c|, so that functions of
+Eq. (inversion-2). Either side of touching, c = 1, the intervals are eighths of octaves of |1 - c|, so that functions of
 its root are as smooth in each of them; contact without an end, c = -1, is the end of one.
 """
 

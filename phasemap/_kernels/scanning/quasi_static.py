@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels.columns import ENGAGED, NOWHERE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.scanning.slots import Orbits
+from phasemap._kernels.scanning.slots import UNKNOWN, Orbits
 
 
 @kernel
@@ -18,9 +18,9 @@ def step(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, in
     if branch == NOWHERE:
         branch = orbits.engaged[material]
         return branch, ENGAGED if branch == NOWHERE else branch
-    if orbits.stable[branch, material] and not z0 > orbits.reach[branch, material]:
+    if orbits.stable[branch, material] > 0 and not z0 > orbits.reach[branch, material]:
         return branch, branch
-    if orbits.stable[1 - branch, material]:
+    if orbits.stable[1 - branch, material] > 0:
         return 1 - branch, 1 - branch
     return branch, ENGAGED
 
@@ -43,7 +43,8 @@ def walk(
     z0 : float
         Tip offset at which it comes [m].
     slots : ndarray of int, shape (2, lines, pixels)
-        Receives the number of the orbit, by direction.
+        Receives the number of the orbit, by direction; its complement ~ if the tip came on a branch of which it is
+        unknown whether the material has it, and went on as if it had not.
     """
     lines, pixels = materials.shape
     for y in range(lines):
@@ -53,8 +54,9 @@ def walk(
             way = i // pixels
             x = i if way == 0 else 2 * pixels - 1 - i
             material = materials[y, x]
+            guessed = branch != NOWHERE and orbits.stable[branch, material] == UNKNOWN
             branch, slot = step(orbits, material, branch, z0)
             if not np.isnan(orbits.offsets[slot, material]):
                 z0 = orbits.offsets[slot, material]
-            slots[way, y, x] = slot
+            slots[way, y, x] = ~slot if guessed else slot
     return branch, z0

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import ADHESION_LOSS
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
@@ -108,4 +109,5 @@ class ExactOrbits:
 
 def functions_of(names: tuple[str, ...]) -> tuple[int, ...]:
     """Columns to interpolate for an image with these variables."""
-    return *FUNCTIONS, *sorted({column for name in names for column in OF_ORBITS.get(name, ())})
+    more = {column for name in names for column in OF_ORBITS.get(name, ())}
+    return *FUNCTIONS, *sorted(more - {ADHESION_LOSS})  # no neck is interpolated

@@ -73,7 +73,7 @@ def fit_frequency(
     --------
     >>> import numpy as np, phasemap as pm
     >>> scope = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))
-    >>> frequencies = np.linspace(147.8e3, 148.8e3, 26)
+    >>> frequencies = np.linspace(147.8e3, 148.8e3, 11)
     >>> film = pm.Material(modulus=0.89e9, adhesion=0.37, damping=0.014)
     >>> sweep = pm.sweep_frequency(film, scope, frequencies, tip_offset=140e-9).sel(direction="up")
     >>> fit = pm.fit_frequency(

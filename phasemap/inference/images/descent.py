@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for many least squares at once, each with few unknowns: theory, Eq. (inversion-4)."""
+"""Levenberg-Marquardt for many least squares at once, each with few unknowns: theory, Eq. (inversion-5)."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from phasemap.results.variables import describe, provenance
 if TYPE_CHECKING:
     import xarray as xr
 
-BLOCKS = (512, 2048)  # least and most pixels that are solved together: small parts cost time, but threads want some
+BLOCKS = (512, 8192)  # least and most pixels that are solved together: small parts cost time, but threads want some
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 
 

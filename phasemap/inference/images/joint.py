@@ -2,7 +2,7 @@
 
 Zeros are unknowns like the materials (`zeros`). Materials make up for zeros along valleys of chi2, so that the least
 squares alone would say too little: its errors come from solving it again for data and priors that are drawn within
-their errors (randomised maximum likelihood, theory, Eq. (inversion-6); Oliver, He and Reynolds 1996), which follows
+their errors (randomised maximum likelihood, theory, Eq. (inversion-7); Oliver, He and Reynolds 1996), which follows
 valleys however they bend.
 """
 

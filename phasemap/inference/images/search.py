@@ -2,7 +2,7 @@
 
 Phase and height are those of averaged orbits and of a defect, the difference of exact and averaged orbits at the
 material found before: repeated, that leads to the least squares of the exact model, at the price of the averaged one
-(theory, Eq. (inversion-2)). The pixel's own topography is an unknown of its own, which a projection takes out of its
+(theory, Eq. (inversion-3)). The pixel's own topography is an unknown of its own, which a projection takes out of its
 heights.
 """
 
@@ -26,6 +26,7 @@ GRID = (7, 4, 7)  # materials among which the search starts, over SHARE_OF_GRID
 SHARE_OF_GRID = 0.43  # of the largest logarithm that is tried
 DEFECTS = 2  # times that the difference of exact and averaged orbits is taken, if not
 ENOUGH = 0.01  # of a standard error: by as much, at most, that difference is then expected to change
+BESIDE = 1e-3  # of a logarithm, where exact orbits are asked for if those of a material itself are not found
 STARTS, ASTRAY = 3, 50.0  # materials of the grid that are tried, and chi2 above which the next one is
 ONE_THREAD = 200_000  # products of a matrix product that linear algebra does not share out to threads
 
@@ -101,15 +102,19 @@ class Block:
         todo = np.arange(len(q))
         for _ in range(DEFECTS):
             part, there, near, taken = self.part(todo), q[todo], places[todo], defect[todo]
-            exact, known = self.model.exact(there, part.sides, near)
-            corrected[todo] = known = (known | (part.sides == 0)).all(axis=1)
-            fresh = np.where(np.isnan(exact), 0.0, exact - found.values[todo])
+            fresh, known = part._defect(there, near, found.values[todo])
+            lost = np.flatnonzero(~known)
+            beside, others = there[lost] + BESIDE, near[lost]
+            averaged = part.part(lost).orbits(beside, others)
+            fresh[lost], known[lost] = part.part(lost)._defect(beside, others, averaged.values)
+            corrected[todo] = known
             taken = np.where(known[:, None, None], fresh, taken)
             again, _ = descend(part, active[todo], there, near, taken)
             moved = np.abs(there - q[todo]).max(axis=1)  # the defect changes by less than its share of that
             for whole, some in zip((q, places, defect, *found), (there, near, taken, *again), strict=True):
                 whole[todo] = some
-            todo = todo[~(moved * np.abs(taken * part.weights).max(axis=(1, 2)) < ENOUGH)]
+            done = moved * np.abs(taken * part.weights).max(axis=(1, 2)) < ENOUGH
+            todo = todo[~(known & done)]
         slopes = self.weigh(found.slopes)
         rest = self.rest(found.values, defect)
         information, _ = normal_equations(self.prior, slopes, rest, self.apart(q))
@@ -117,6 +122,12 @@ class Block:
             q, information, slopes, rest,
             found.values + defect, places, defect, found.good, corrected,
         )  # fmt: skip
+
+    def _defect(self, q: Array, places: Array, averaged: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """How much exact orbits differ from these averaged ones, and of which pixels all are known."""
+        exact, good = self.model.exact(q, self.sides, places)
+        known: NDArray[np.bool_] = (good | (self.sides == 0)).all(axis=1)
+        return np.where(np.isnan(exact), 0.0, exact - averaged), known
 
     def _descend_from_grid(self, active: NDArray[np.bool_]) -> tuple[Array, Array, Array, Found]:
         """Best material with the defect of the grid, from where the grid is nearest to the data or else next to that.

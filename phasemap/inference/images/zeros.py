@@ -1,7 +1,7 @@
 """Zeros of phase and height as unknowns of the least squares, beside the materials.
 
 Data depend on them linearly. So a projection takes out of the weighted residuals what zeros can explain, which is the
-least squares over both (theory, Eq. (inversion-5)); what zeros are then follows from the materials.
+least squares over both (theory, Eq. (inversion-6)); what zeros are then follows from the materials.
 """
 
 from __future__ import annotations

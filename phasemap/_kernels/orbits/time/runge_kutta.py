@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from phasemap._kernels.columns import DAMPING, LONGRANGE
-from phasemap._kernels.compilation import kernel
+from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import contact_force, damping, longrange_force
 
 if TYPE_CHECKING:
@@ -27,32 +27,32 @@ X, SPEED, PASSED = 0, 1, 2
 
 # fmt: off
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row2(y: float, h: float, k1: float) -> float:
     return y + h * 0.05260015195876773 * k1
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row3(y: float, h: float, k1: float, k2: float) -> float:
     return y + h * 0.0197250569845379 * k1 + h * 0.0591751709536137 * k2
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row4(y: float, h: float, k1: float, k3: float) -> float:
     return y + h * 0.02958758547680685 * k1 + h * 0.08876275643042054 * k3
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row5(y: float, h: float, k1: float, k3: float, k4: float) -> float:
     return y + h * 0.2413651341592667 * k1 - h * 0.8845494793282861 * k3 + h * 0.924834003261792 * k4
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row6(y: float, h: float, k1: float, k4: float, k5: float) -> float:
     return y + h * 0.037037037037037035 * k1 + h * 0.17082860872947386 * k4 + h * 0.12546768756682242 * k5
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row7(y: float, h: float, k1: float, k4: float, k5: float, k6: float) -> float:
     return (
         y + h * 0.037109375 * k1 + h * 0.17025221101954405 * k4 + h * 0.06021653898045596 * k5
@@ -60,7 +60,7 @@ def row7(y: float, h: float, k1: float, k4: float, k5: float, k6: float) -> floa
     )
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row8(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float) -> float:
     return (
         y + h * 0.03709200011850479 * k1 + h * 0.17038392571223998 * k4 + h * 0.10726203044637328 * k5
@@ -68,7 +68,7 @@ def row8(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: flo
     )
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row9(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float) -> float:
     return (
         y + h * 0.6241109587160757 * k1 - h * 3.3608926294469414 * k4 - h * 0.868219346841726 * k5
@@ -76,7 +76,7 @@ def row9(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: flo
     )
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row10(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float) -> float:
     return (
         y + h * 0.47766253643826434 * k1 - h * 2.4881146199716677 * k4 - h * 0.590290826836843 * k5
@@ -85,7 +85,7 @@ def row10(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: fl
     )
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row11(
     y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float, k10: float
 ) -> float:
@@ -96,7 +96,7 @@ def row11(
     )
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def row12(
     y: float, h: float,
     k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float, k10: float, k11: float,
@@ -108,7 +108,7 @@ def row12(
     )
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def total(
     y: float, h: float, k1: float, k6: float, k7: float, k8: float, k9: float, k10: float, k11: float, k12: float
 ) -> float:
@@ -120,7 +120,7 @@ def total(
 # fmt: on
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def turn(angle: float) -> tuple[float, float]:
     """Return cosine and sine of the small angle of one step by Taylor's series, to 1e-16 at 0.6 and 1e-12 at 1."""
     x = angle * angle
@@ -131,7 +131,7 @@ def turn(angle: float) -> tuple[float, float]:
     return cosine, angle * sine
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: float, v: float, time: float) -> Numbers:
     """Slopes w of tau and w z'' of v, and the integrands that `fly` names, at (x, v), `time` after the step's start."""
     omega, alpha0, compliance, base, z0, edge_force, edge_slope, bottom = fixed
@@ -158,7 +158,7 @@ def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: f
     return w, w * a, w * z * c, w * z * s, w * z, w * drag * v * v, -w * (force + drag * v) * z, w * v * v
 
 
-@kernel(inline=True)
+@kernel(inline=True, fastmath=ANY_ORDER)
 def _step(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float) -> Numbers:
     x1, v1, _, _ = start
     w1, a1, c1, s1, m1, e1, f1, o1 = stage(law, p, fixed, touching, start, x1, v1, 0.0)
