@@ -56,9 +56,12 @@ def _turn(z0: float, end: float, y: Numbers) -> float:
 
 
 @kernel
-def _rates(law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: float, y: Numbers) -> Numbers:
-    """Changes of x, v, tau with s; in flight `end` is the distance from the edge of the contact to the pole."""
-    x, v, time = y
+def _rates(law: Law, p: Any, lever: np.ndarray, held: Numbers, end: float, y: Numbers) -> Numbers:
+    """Changes of x, v, tau with s, `held` at a tip offset z0 and a lag behind the drive.
+
+    In flight `end` is the distance from the edge of the contact to the pole.
+    """
+    (x, v, time), (z0, lag) = y, held
     d, free = _depth(end, x), 0.0 < end < math.inf
     f = longrange_force(law, d, p) if free else contact_force(law, d, p)
     f /= lever[col.STIFFNESS]
@@ -84,9 +87,8 @@ def _put(lever: np.ndarray, end: float, y: Numbers, weight: float, at: np.ndarra
 
 @kernel
 def _way(
-    law: Law, p: Any, lever: np.ndarray, z0: float, lag: float, end: float, y: Numbers, h: float, at: np.ndarray,
-    first: int,
-) -> tuple[Numbers, int]:  # fmt: skip
+    law: Law, p: Any, lever: np.ndarray, held: Numbers, end: float, y: Numbers, h: float, at: np.ndarray, first: int
+) -> tuple[Numbers, int]:
     """Follow the tip with steps `h`, back in time where negative, up to the end of contact or half a period away.
 
     Returns where it is then, and up to where nodes are filled; 0 where it does not leave the contact, or does and comes
@@ -94,24 +96,24 @@ def _way(
     """
     timed, j, half = end > 0.0, first, math.copysign(math.pi / lever[col.OMEGA], h)
     least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if 0.0 < end < math.inf else math.inf
-    share, r = lever[col.OMEGA] / 6.0, _rates(law, p, lever, z0, lag, end, y)
+    share, r = lever[col.OMEGA] / 6.0, _rates(law, p, lever, held, end, y)
     _put(lever, end, y, 0.0, at, j)
     for _ in range(MOST_STEPS):
         last = abs(half - y[2]) <= abs(h) * r[2] if timed else y[0] <= -h * r[0]
         size = h if not last else (half - y[2]) / r[2] if timed else -y[0] / r[0]
-        second = _rates(law, p, lever, z0, lag, end, _moved(y, 0.5 * size, r))
-        third = _rates(law, p, lever, z0, lag, end, _moved(y, 0.5 * size, second))
-        fourth = _rates(law, p, lever, z0, lag, end, _moved(y, size, third))
+        second = _rates(law, p, lever, held, end, _moved(y, 0.5 * size, r))
+        third = _rates(law, p, lever, held, end, _moved(y, 0.5 * size, second))
+        fourth = _rates(law, p, lever, held, end, _moved(y, size, third))
         new = _moved(_moved(y, size / 6.0, r), size / 3.0, second)
         new = _moved(_moved(new, size / 3.0, third), size / 6.0, fourth)
-        after = _rates(law, p, lever, z0, lag, end, new)
+        after = _rates(law, p, lever, held, end, new)
         between = (
             0.5 * (y[0] + new[0]) + 0.125 * size * (r[0] - after[0]),
             0.5 * (y[1] + new[1]) + 0.125 * size * (r[1] - after[1]),
             0.5 * (y[2] + new[2]) + 0.125 * size * (r[2] - after[2]),
         )
         at[WEIGHT, j] += abs(share * size * r[2])
-        _put(lever, end, between, 4.0 * share * size * _turn(z0, end, between), at, j + 1)
+        _put(lever, end, between, 4.0 * share * size * _turn(held[0], end, between), at, j + 1)
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
         if last:
@@ -127,25 +129,25 @@ def _out(
     first: int,
 ) -> int:  # fmt: skip
     """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
-    z0, deepest, release = row[col.TIP_OFFSET], row[col.INDENTATION], p[col.RELEASE]
+    held, deepest, release = (row[col.TIP_OFFSET], lag), row[col.INDENTATION], p[col.RELEASE]
     y, count, edge = (deepest, 0.0, 0.0), first, 0.0
     if deepest > 0.0:
         y = (math.sqrt(deepest), 0.0, 0.0)
         slows = 4.0 * y[0] * damping(law, deepest, p)
-        falls = -_rates(law, p, lever, z0, lag, 0.0, y)[1] / (2.0 * y[0])
+        falls = -_rates(law, p, lever, held, 0.0, y)[1] / (2.0 * y[0])
         h = side / (STEPS * (4.0 / math.pi) * math.sqrt(0.5 * max(falls, 0.0)) + slows)
-        y, count = _way(law, p, lever, z0, lag, 0.0, y, h, at, first)
+        y, count = _way(law, p, lever, held, 0.0, y, h, at, first)
         if side > 0.0 and release < 0.0 and count > 0:
             y, edge = (math.sqrt(-release), y[1], y[2]), release
-            y, count = _way(law, p, lever, z0, lag, release, y, NECK * y[0] / abs(y[1]), at, count)
+            y, count = _way(law, p, lever, held, release, y, NECK * y[0] / abs(y[1]), at, count)
         y = (edge, y[1], y[2])
     if count == 0 and deepest > 0.0:
         h = side * math.pi / (ROUND * lever[col.OMEGA])
-        return _way(law, p, lever, z0, lag, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
+        return _way(law, p, lever, held, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
     if not whole:
         return count
     reach = reach_of(law, p)
-    return _way(law, p, lever, z0, lag, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
+    return _way(law, p, lever, held, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
 
 
 @kernel
