@@ -23,6 +23,7 @@ import numpy as np
 
 from phasemap._kernels.columns import OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.resonance import near_resonance
 from phasemap._kernels.law import contact_force
 from phasemap._kernels.orbits.response.passes import beside_resonance
 
@@ -38,9 +39,10 @@ def rebounds(law: Law, p: np.ndarray, lever: np.ndarray, push: float) -> bool:
     """Whether a contact with in-phase force P [m] is shorter than what T differs from the free lever's period.
 
     A short contact turns the velocity v = pi P/(2 omega) round. It is so short if the depth at which it would last as
-    long takes more energy than v^2/2. Within a linewidth of the resonance a lever keeps no time of its own.
+    long takes more energy than v^2/2. Within a linewidth of the resonance a lever keeps no time of its own, and
+    far from it time has been asked already.
     """
-    if not (push > 0.0 and beside_resonance(lever)):
+    if not (push > 0.0 and beside_resonance(lever) and near_resonance(lever)):
         return False
     omega = lever[OMEGA]
     velocity = 0.5 * math.pi * push / omega
