@@ -130,11 +130,21 @@ def solve_on_curves(
 
 
 def settle_in_time(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
-    """Ask time where no periodic orbit was found."""
+    """Ask time where no periodic orbit was found, and beside resonance where the curve leads to none that is held."""
+    from phasemap._kernels.orbits.response.passes import beside_resonance
+
     if (answers.status[first:last] == col.GOOD).all():
         return
     lost = first + np.flatnonzero(np.isin(answers.status[first:last], NO_ORBIT))
     March().settle(work, lost, answers, periods)
+    if not beside_resonance(work.lever):
+        return
+    ended = first + np.flatnonzero(answers.status[first:last] == col.NO_STABLE_ORBIT)
+    ended = ended[answers.solver[ended] != col.MARCH]
+    some = answers.of(ended)
+    March().engage(work.part(ended), np.arange(len(ended)), some, periods)
+    held = some.status == col.GOOD
+    answers.put(ended[held], some.of(np.flatnonzero(held)))
 
 
 def polish(work: Work, first: int, last: int, answers: Answers) -> None:

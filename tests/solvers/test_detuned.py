@@ -152,6 +152,35 @@ def test_falls_that_mislead_end_where_time_leads(case: Case) -> None:
     assert pixel.phase == pytest.approx(case["phase"], abs=0.1)  # `engage` of tests/reference/make_leaps.py
 
 
+# Many linewidths off the resonance: a tip that rebounds from a stiff sample doubles its period, and stays so where a
+# periodic orbit is stable, too; and a surface that pulls a tip by more than it swings lets it tap on.
+REBOUNDS = [
+    case | {"contact": "dmt", "poisson_ratio": 0.35}
+    for case in (
+        {"name": "doubled period", "stiffness": 51.6, "quality_factor": 116.0, "frequency_ratio": 0.887,
+         "tip_radius": 60.2e-9, "decay_length": 0.183e-9, "free_amplitude": 4.45e-9, "modulus": 946e9,
+         "adhesion": 0.0294, "damping": 0.000618, "setpoint": 0.148, "phase": 86.72, "tip_offset": 1.231e-9},
+        {"name": "strong pull", "stiffness": 1.8, "quality_factor": 327.0, "frequency_ratio": 0.88,
+         "tip_radius": 81.7e-9, "decay_length": None, "free_amplitude": 12.5e-9, "modulus": 50.7e6,
+         "adhesion": 0.0727, "damping": 0.000554, "setpoint": 0.902, "phase": 88.863, "tip_offset": -1.145e-9},
+    )
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REBOUNDS, ids=label)
+def test_hard_taps_off_the_resonance_end_where_time_leads(case: Case) -> None:
+    free = case["free_amplitude"]  # at the drive frequency
+    scale = case["quality_factor"] * math.hypot(
+        1 - case["frequency_ratio"] ** 2, case["frequency_ratio"] / case["quality_factor"]
+    )
+    scope = scope_of(case | {"free_amplitude": free * scale})
+    pixel = pm.solve_pixel(material_of(case), scope, case["setpoint"], solver="orbit")
+    # Lowered slowly and held by a feedback, with tests/reference/hard_map.py; the mean of two periods in the first.
+    assert pixel.phase == pytest.approx(case["phase"], abs=0.01)
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=2e-12)
+    assert (pixel.motion == "irregular") == (case["name"] == "doubled period")
+
+
 @pytest.mark.parametrize("ratio", [0.5, 0.9, 0.999, 1.0, 1.001, 1.1, 2.0])
 @pytest.mark.parametrize("quality", [3.0, 400.0])
 def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(ratio: float, quality: float) -> None:

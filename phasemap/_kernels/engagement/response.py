@@ -10,11 +10,12 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, G_P, G_Z0, GOOD, LONGRANGE, OMEGA, PENDING, RELEASE, STIFF
+from phasemap._kernels.columns import ALPHA0, G_P, G_Z0, GOOD, LONGRANGE, NOT_CONVERGED, OMEGA, PENDING, RELEASE, STIFF
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import DOUBTFUL, OPEN, SURE, question, settle_side, worst_amplitude
+from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
 from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_exactly, highest_at
+from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, leaps, narrowest
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, reach_of
@@ -31,7 +32,9 @@ def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: 
     if lever[ALPHA0] > 0.5 / LOWEST_Q:
         return question(law, p, lever, amplitude, top)
     status, surety = engage_averaged(law, p, lever, amplitude, guess, top)
-    return surety if status == GOOD else DOUBTFUL
+    if status != GOOD:
+        return DOUBTFUL
+    return LEAP if surety == SURE and rebounds(law, p, lever, guess[G_P]) else surety
 
 
 @kernel
@@ -39,7 +42,10 @@ def cheap_orbit(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray,
     room: Room,
 ) -> int:  # fmt: skip
-    """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold."""
+    """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold.
+
+    NOT_CONVERGED where only time tells.
+    """
     reach = reach_of(law, p)
     if surety == SURE:
         if refine(law, p, lever, reach, guess, limits, room):
@@ -65,6 +71,8 @@ def cheap_orbit(
     known, outside = settle_side(law, p, lever, reach, amplitude, side, room.top, guess), False
     if side == REPULSIVE and not known:
         return PENDING
+    if side == REPULSIVE and rebounds(law, p, lever, guess[G_P]):
+        return NOT_CONVERGED
     while True:
         if known and refine(law, p, lever, reach, guess, limits, room):
             if side == REPULSIVE or steep(law, p, lever, limits, room):

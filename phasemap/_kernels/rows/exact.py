@@ -16,6 +16,7 @@ from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.engagement.averaged import LEAP, SURE
 from phasemap._kernels.engagement.exact import engage as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
+from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import MAXIMUM
 from phasemap._kernels.engagement.response import LOWEST_Q, engage
 from phasemap._kernels.engagement.rest import LINGERING
@@ -37,7 +38,7 @@ def exact_orbit(
 ) -> tuple[int, Orbits]:  # fmt: skip
     """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve.
 
-    Where a tip leaps and lands no curve tells: NOT_CONVERGED.
+    Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
     """
     if surety == LEAP:
         row[:] = math.nan
@@ -80,6 +81,8 @@ def exact_orbit(
         done, found, spare = polish(law, p, lever, tables, found, spare, row)
     if done == col.GOOD:
         done = judge(row)
+    if done == col.GOOD and rebounds(law, p, lever, row[col.STIFFENING] * amplitude):
+        done = col.NOT_CONVERGED
     if done == col.GOOD:
         state_errors(law, p, lever, tables, found, spare, row)
     else:

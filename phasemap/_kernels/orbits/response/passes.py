@@ -71,7 +71,7 @@ def evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: n
     return mismatch(lever, amplitude, push, drag)
 
 
-@kernel
+@kernel(light=True)
 def beside_resonance(lever: np.ndarray) -> bool:
     """Whether the drive is more than a linewidth off."""
     return abs(1.0 - lever[OMEGA] ** 2) > 2.0 * lever[ALPHA0] * lever[OMEGA]
