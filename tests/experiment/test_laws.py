@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import in_time
+from phasemap._kernels.engagement import holding
 from phasemap._kernels.law import (
     contact_force,
     contact_slope,
@@ -531,7 +531,7 @@ def test_energy_closes_with_a_neck(name: str) -> None:
     token, p = interaction.token(), row_of(interaction, damping=damping)
     row, amplitude = np.empty(col.COLUMNS), 12e-9
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = amplitude, 0.0, math.radians(35)
-    assert in_time.settle(token, p, LEVER, amplitude, 0.2, 200_000, row) == col.GOOD
+    assert holding.settle(token, p, LEVER, amplitude, 0.2, 200_000, row) == col.GOOD
     assert row[col.INDENTATION] > 0
     assert abs(row[col.CLOSURE]) < 1e-8
     lost = loop_energies(token, p[None])[0]
@@ -619,7 +619,7 @@ def test_the_phase_with_a_neck_is_that_of_another_integrator() -> None:
 
     row = np.empty(col.COLUMNS)
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = z0, 0.0, math.pi / 2 - other_lag
-    assert in_time.settle(interaction.token(), p, lever, other_amplitude, 0.2, 100_000, row) == col.GOOD
+    assert holding.settle(interaction.token(), p, lever, other_amplitude, 0.2, 100_000, row) == col.GOOD
     assert row[col.TIP_OFFSET] == pytest.approx(z0, abs=2e-14)
     assert math.degrees(row[col.PHASE]) == pytest.approx(90 - math.degrees(other_lag), abs=1e-4)
     assert row[col.DISSIPATION] > loop_energies(interaction.token(), p[None])[0]

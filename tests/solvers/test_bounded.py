@@ -9,7 +9,7 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import in_time, lowering
+from phasemap._kernels.engagement import holding, in_time, lowering
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import Tip, new_tip
@@ -44,8 +44,8 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
     tip, row = tip_at(work.law, scope, 24e-9), np.empty(col.COLUMNS)
     tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
     {
-        "hold": lambda: in_time.hold(*problem, amplitude, 0.25, most, tip, row),
-        "hold_mean": lambda: in_time.hold_mean(*problem, amplitude, in_time.EAGER, 0.25, most, tip, row),
+        "hold": lambda: holding.hold(*problem, amplitude, 0.25, most, tip, row),
+        "hold_mean": lambda: holding.hold_mean(*problem, amplitude, holding.EAGER, 0.25, most, tip, row),
         "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, tolerance, most, tip),
         "follow_down": lambda: lowering.follow_down(*problem, amplitude, 1e-10, 0.0, tolerance, most, tip),
         "fall": lambda: lowering.fall(*problem, amplitude, 1e-12, 0.0, tolerance, most, tip),

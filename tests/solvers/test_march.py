@@ -10,7 +10,7 @@ import pytest
 from cases import Case, label, load
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import in_time
+from phasemap._kernels.engagement import holding, in_time
 from phasemap._kernels.orbits.time import march, period_map, runge_kutta
 from phasemap._kernels.orbits.time.tip import BY_V, BY_Z
 from phasemap.experiment.interaction import Interaction
@@ -56,7 +56,7 @@ def state_of(orbit: dict[str, float], omega: float = 1.0) -> np.ndarray:
 
 def settled(problem: Problem, orbit: dict[str, float], eta: float, most: int = 1_000_000) -> tuple[int, np.ndarray]:
     row = row_of(orbit)
-    return in_time.settle(*problem, orbit["amplitude"], eta, most, row), row
+    return holding.settle(*problem, orbit["amplitude"], eta, most, row), row
 
 
 def marched(problem: Problem, z0: float, y: np.ndarray, eta: float, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -314,7 +314,7 @@ def test_a_poor_start_settles_on_the_only_orbit_there_is(number: int) -> None:
     case = load("orbits")[number]
     orbit = case["orbits"][0]
     row = row_of(orbit | {"tip_offset": orbit["amplitude"] + 1e-9, "mean_deflection": 0.0, "phase": 0.0})
-    assert in_time.settle(*problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
+    assert holding.settle(*problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
     assert abs(row[col.TIP_OFFSET] - orbit["tip_offset"]) < 1e-14
 
 

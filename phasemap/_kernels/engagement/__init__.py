@@ -4,6 +4,6 @@
 meant, `leap` where a lever lands that is carried over it, and `response` decides by exact orbits where the averaged
 ones leave it open, if need be by those at the `end` of the attractive branch. Where this is not sure either, `exact`
 follows the curve of exact orbits from far, `rest` says what becomes of a tip that loses its orbit, and where no
-periodic orbit is left `in_time` marches: `lowering` is how the tip comes to the setpoint then, `averages` what a
-lock-in shows there, and `stuck` recognises one that sticks.
+periodic orbit is left `in_time` marches: `lowering` is how the tip comes to the setpoint then, `holding` how it stays
+there, `averages` what a lock-in shows, and `stuck` recognises a tip that sticks.
 """

@@ -4,9 +4,8 @@ A lever that swings freely is lowered from far while the equation of motion is m
 itself every period, the periodic orbit is followed by Newton's method on the map of one period (`period_map`). A
 contact with hysteresis that is just touched, a period that doubles, or a tip that sticks for some periods leaves no
 such orbit. There the tip offset falls slowly, from period to period, and what counts is what a lock-in shows: the mean
-phasor of the first harmonic. Where its modulus comes to the setpoint an integral controller holds it there, as an
-instrument does, and averages over time are the result, with their spread behind a lock-in of stated bandwidth: theory,
-Eqs. (irregular-2), (irregular-3) and (irregular-4).
+phasor of the first harmonic. Where its modulus comes to the setpoint, `holding` goes on. Theory, Eqs. (irregular-2) to
+(irregular-4).
 """
 
 from __future__ import annotations
@@ -19,25 +18,17 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averages import (
-    ADDED,
-    ANGLE,
-    ANGLE2,
-    CHANGE,
-    COUNT,
-    FEWEST,
-    FROM_COS,
-    FROM_SIN,
-    OFFSET,
-    SIZE,
-    SIZE2,
-    alike,
-    average,
-    begin_sums,
-    block_of,
-    errors_of_mean,
-    noted,
-    seen,
+from phasemap._kernels.engagement.averages import CHANGE, FEWEST, alike, average, begin_sums, block_of, seen
+from phasemap._kernels.engagement.holding import (
+    COARSE,
+    EAGER,
+    OFFSET_ERROR,
+    SLOW,
+    STATE_ERROR,
+    WIDE,
+    fine,
+    hold,
+    hold_mean,
 )
 from phasemap._kernels.engagement.lowering import (
     AGAIN,
@@ -59,48 +50,20 @@ from phasemap._kernels.engagement.lowering import (
 )
 from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.time.period_map import (
-    Tolerance,
-    fill,
-    fill_orbit,
-    hold_periodic,
-    pass_period,
-    rest,
-    skip,
-)
-from phasemap._kernels.orbits.time.tip import COS, DEEPEST, SIN, Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
+from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, pass_period, rest, skip
+from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
-STATE_ERROR, OFFSET_ERROR = math.radians(1e-5), 1e-14  # of a periodic orbit, of its amplitude in (z, z'), and [m]
-COARSE, WIDE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
-NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
-GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
-STICKY_GROUP, STICKY_GROUPS = 2, 6  # the same of a contact with hysteresis, whose motion forgets sooner
-CALM = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
 HASTE, CLOSER = 4.0, 0.25  # times faster than that z0 of such a contact falls, at most, and of what is left to go
 ROUGH = 1.6  # longer steps on that way
 FELL = 0.05  # of the amplitude, by which it changes in that time only where the motion jumps
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
-EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
-PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
-ASTRAY = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
-WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
-SERIES = 64  # averages that are kept, before room is made for more
-HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
-HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
 LEAD = 2.0  # of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
-WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
-
-
-@kernel
-def fine(p: np.ndarray, eta: float) -> float:
-    """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
-    return eta if p[col.RELEASE] == 0.0 else NECK * eta
 
 
 @kernel
@@ -173,134 +136,6 @@ def move_slowly(
         else:
             haste = 1.0
     return SPENT
-
-
-@kernel
-def hold_mean(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, gain: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
-    """Hold the mean amplitude by an integral controller and fill the row with averages over time.
-
-    The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
-    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, and what is stated
-    is wider: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if it is still large when `most` periods
-    were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
-    nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
-    `gain` is that of the controller at first, but at most SLOW past a contact with hysteresis: a tip that is moved
-    faster takes to another pattern of taps than the one that it lands on.
-    """
-    held = amplitude > 0.0
-    tolerance = Tolerance(fine(p, eta), STATE_ERROR * (amplitude if held else free_amplitude(lever)), OFFSET_ERROR)
-    block, sums, total = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED)
-    sticky = p[col.RELEASE] != 0.0
-    size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
-    if tip.periods[0] + 3 * GROUP * block > most:
-        return col.NOT_SETTLED
-    # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
-    follows = 1.0 / block if sticky else 0.0
-    gain, count, series = min(gain, SLOW) if sticky else gain, 0, np.zeros((SERIES, 3))
-    for j in range(3 * GROUP):
-        if not average(law, p, lever, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
-            return col.NOT_SETTLED
-        series, count = noted(lever, sums, series, count), count + 1
-        tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
-        if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
-            break
-    gain, first = min(gain, SLOW), count
-    slow = (0.0, follows * gain, amplitude)
-    sums[FROM_COS], sums[FROM_SIN] = sums[COS] / sums[COUNT] - lever[col.SHAKER], sums[SIN] / sums[COUNT]
-    # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
-    groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    z_error, a_error, astray = math.inf, math.inf, True
-    while tip.periods[0] + size * block <= most:
-        z0 = cosine = sine = 0.0
-        for _ in range(size):
-            if not average(law, p, lever, COARSE * eta, block, slow, tip, sums):
-                return col.NOT_SETTLED
-            for j in range(ADDED):
-                total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
-            z0 += sums[OFFSET] / (size * block)
-            cosine += sums[COS]
-            sine += sums[SIN]
-            series, count = noted(lever, sums, series, count), count + 1
-            missed += (seen(lever, sums) - amplitude) ** 2
-            tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
-        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, tolerance, amplitude, tip):
-            fill_orbit(lever, tip, row)  # it repeats itself by now
-            return col.GOOD
-        x, y = cosine / (size * block) - lever[col.SHAKER], sine / (size * block)
-        from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
-        z = z0 + amplitude - math.hypot(x, y)
-        short += amplitude - math.hypot(x, y)
-        a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
-        groups += 1
-        off = z - z_mean
-        z_mean += off / groups
-        z_square += off * (z - z_mean)
-        off = a - a_mean
-        a_mean += off / groups
-        a_square += off * (a - a_mean)
-        if groups >= fewest:
-            z_error = math.sqrt(z_square / (groups - 1) / groups)
-            a_error = math.sqrt(a_square / (groups - 1) / groups)
-            astray = held and abs(short) > ASTRAY * amplitude * groups
-            if z_error < LENGTH and a_error < PHASE and not astray:
-                errors = errors_of_mean(series, first, count, amplitude)
-                if errors.lag < 2.0 * WORST_PHASE and errors.offset < 2.0 * WORST_LENGTH:
-                    break
-            needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
-            if groups >= 4 * fewest and needed > HOPE * most:
-                return col.NOT_SETTLED
-        if held and groups % fewest == 0:
-            if groups > fewest and missed > size * fewest * (HUNTED * amplitude) ** 2:
-                return col.NO_STABLE_ORBIT
-            missed = 0.0
-    errors = errors_of_mean(series, first, count, amplitude)
-    if astray or not (errors.lag < 2.0 * WORST_PHASE and errors.offset < 2.0 * WORST_LENGTH):
-        return col.NOT_SETTLED
-    periods = total[COUNT]
-    for j in range(ADDED):
-        if j != DEEPEST:
-            total[j] /= periods
-    fill(lever, z_mean if held else tip.u[Z0], total, row)
-    if held and lever[col.SHAKER] == 0.0:
-        row[col.AMPLITUDE] = amplitude
-    row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
-    row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
-    if sticky:
-        row[col.PHASE] += errors.lag_off
-    else:
-        row[col.ERROR_PHASE] += abs(errors.lag_off)
-    # Energy that is missing says that steps or rounding are too coarse for so small a motion.
-    return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
-
-
-@kernel
-def hold(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
-    """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row."""
-    tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
-    if status != col.NOT_SETTLED:
-        return status
-    return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
-
-
-@kernel
-def settle(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
-    """Hold an amplitude [m] in time, starting from the orbit in the result row, which is filled anew.
-
-    The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
-    """
-    lag = 0.5 * math.pi - row[col.PHASE]
-    z = row[col.MEAN] + amplitude * math.cos(lag)
-    tip = new_tip(law, z, lever[col.OMEGA] * amplitude * math.sin(lag), row[col.TIP_OFFSET])
-    row[:] = math.nan
-    return hold(law, p, lever, amplitude, eta, most, tip, row)
 
 
 @kernel

@@ -8,7 +8,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.in_time import approach, settle
+from phasemap._kernels.engagement.holding import settle
+from phasemap._kernels.engagement.in_time import approach
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start

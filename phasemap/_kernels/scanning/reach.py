@@ -9,7 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import average, begin_sums, block_of
-from phasemap._kernels.engagement.in_time import COARSE, pace_of
+from phasemap._kernels.engagement.holding import COARSE
+from phasemap._kernels.engagement.in_time import pace_of
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.time.tip import COS, Z0, new_tip
 
