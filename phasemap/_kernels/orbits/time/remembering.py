@@ -68,7 +68,7 @@ def relaxation_rate(mode: float, u: np.ndarray, rate: float, kappa: float, since
 def strays(m: np.ndarray, mode: float, u: np.ndarray, end: np.ndarray, h: float) -> bool:
     """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
 
-    Then the edge or the speed moves otherwise than the slopes at both ends say, or the edge passes many nodes of a dent.
+    Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
     """
     for i in range(V + 1):
         first, last = u[SLOPES + i], end[SLOPES + i]
