@@ -183,6 +183,11 @@ def test_a_contrast_map_has_the_phases_of_its_pixels() -> None:
         (lambda m, s: image_of(m, s, control=pm.Raster()), "control is 'Raster'.*Engage or Feedback"),
         (lambda m, s: image_of(m, s, solver="orbit"), "solver is 'orbit'"),
         (lambda m, s: image_of(m, s, variables=["adhesion_virial"]), "variables is 'adhesion_virial'"),
+        (lambda m, s: image_of(m, s, variables=["loss_tangent_corrected"]), "variables is 'loss_tangent_corrected'"),
+        (
+            lambda m, s: image_of(m, replace(s, drive=replace(s.drive, second=pm.Mode(1600.0, 1.88e6, 600.0, 1e-9)))),
+            "second is given; allowed: None where a surface remembers",
+        ),
         (lambda m, s: pm.solve_pixel(m, replace(s, interaction=pm.Interaction("jkr")), 0.6), "contact is 'jkr'"),
         (
             lambda m, s: pm.solve_pixel(m, replace(s, drive=pm.Drive(4e-8, excitation="base")), 0.6),
