@@ -19,6 +19,7 @@ from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, bounds_of, found_in, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Raster
+from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism, check_realism
@@ -267,10 +268,10 @@ def _filled(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
 
 def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool = False) -> list[str]:
     """What acts in this work, in words."""
-    rows = work.rows
-    names = [f"{scope.interaction.law.name} contact"]
+    rows, law = work.rows, scope.interaction.law
+    names = [next((name for name, one in LAWS.items() if one == law), law.name) + " contact"]
     if np.any(rows[:, col.LONGRANGE] > rows[:, col.BIAS]):
-        names.append(f"{scope.interaction.law.attraction.name.replace(' ', '-')} attraction")
+        names.append(f"{law.attraction.name.replace(' ', '-')} attraction")
     if np.any(rows[:, col.BIAS] != 0):
         names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):

@@ -103,7 +103,7 @@ def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
         return 1.2 - 1.8 * t - 0.6 * t * t
 
     assert v(march.turning.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
-    assert x(march._root.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert x(march.root_of.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
 
 
 def test_a_measured_decay_is_summed_and_its_multipliers_found() -> None:

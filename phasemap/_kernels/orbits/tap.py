@@ -3,7 +3,7 @@
 From its deepest point the tip is followed by the equation of motion for half a period, and back in time for another.
 In contact and neck the variables are x = sqrt(d - end) and v, with dtau = 2 x ds, as in `time.march`: in these all is
 smooth up to the end, and what is summed vanishes there, so that it need not be located exactly. Outside steps grow with
-the distance to the pole of the long-range force. Each step gives the nodes of Simpson's rule.
+the distance to the pole of the long-range force, and faster than it. Each step gives the nodes of Simpson's rule.
 
 What a result row does not tell is when the tip is deepest: at theta = 0 if it moves as a sine, and else where the first
 harmonic of its motion says so.
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 STEPS = 5  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
 ROUND = 32  # of half a period pressed in
-FLIGHT = 0.7  # a step outside, over that in which the distance to the pole grows e-fold
+FLIGHT = 0.5  # the first step outside, over that in which the distance to the pole grows e-fold
+MOST_FLIGHT, MOST_DRIVEN = 0.8, 0.6  # any step there; where the drive is not faint, as in liquid
+GROWS = 1.2  # from step to step there, for the force has its slope near the pole
 NECK = 0.2  # a step in the neck, over that in which it is left behind
 MOST_STEPS = 80
 MOST = 5 * (2 * MOST_STEPS + 1)
@@ -36,6 +38,21 @@ ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
 CLOSE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
 FAINT = 0.01  # of the amplitude: a drive so small does not care when the tap is
 MOST_MOVE = 0.5  # [rad] that the tap moves from turn to turn
+
+
+@kernel(inline=True)
+def _circle(angle: float) -> Numbers:
+    """Cosine and sine of an angle of at most half a turn, to 1e-10, by the series of half of it."""
+    half = 0.5 * angle
+    x = half * half
+    c, s = 1.0 / 87178291200.0 - x * (1.0 / 20922789888000.0), 1.0 / 6227020800.0 - x * (1.0 / 1307674368000.0)
+    c, s = 1.0 / 479001600.0 - x * c, 1.0 / 39916800.0 - x * s
+    c, s = 1.0 / 3628800.0 - x * c, 1.0 / 362880.0 - x * s
+    c, s = 1.0 / 40320.0 - x * c, 1.0 / 5040.0 - x * s
+    c, s = 1.0 / 720.0 - x * c, 1.0 / 120.0 - x * s
+    c, s = 1.0 / 24.0 - x * c, 1.0 / 6.0 - x * s
+    c, s = 1.0 - x * (0.5 - x * c), half * (1.0 - x * s)
+    return c * c - s * s, 2.0 * c * s
 
 
 @kernel(inline=True)
@@ -57,17 +74,18 @@ def _turn(z0: float, end: float, y: Numbers) -> float:
 
 @kernel
 def _rates(law: Law, p: Any, lever: np.ndarray, held: Numbers, end: float, y: Numbers) -> Numbers:
-    """Changes of x, v, tau with s, `held` at a tip offset z0 and a lag behind the drive.
+    """Changes of x, v, tau with s, `held` at a tip offset z0 and under a drive of so much cosine and less of sine.
 
     In flight `end` is the distance from the edge of the contact to the pole.
     """
-    (x, v, time), (z0, lag) = y, held
+    (x, v, time), (z0, even, odd) = y, held
     d, free = _depth(end, x), 0.0 < end < math.inf
     f = longrange_force(law, d, p) if free else contact_force(law, d, p)
     f /= lever[col.STIFFNESS]
     if d > 0.0:
         f += 2.0 * damping(law, d, p) * v
-    a = lever[col.BASE] * math.cos(lever[col.OMEGA] * time + lag) - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
+    c, s = _circle(lever[col.OMEGA] * time)
+    a = even * c - odd * s - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
     turn = _turn(z0, end, y)
     return turn * v if free else v, turn * a, turn
 
@@ -95,7 +113,8 @@ def _way(
     back within the period.
     """
     timed, j, half = end > 0.0, first, math.copysign(math.pi / lever[col.OMEGA], h)
-    least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if 0.0 < end < math.inf else math.inf
+    free, longest = 0.0 < end < math.inf, MOST_FLIGHT if lever[col.BASE] < FAINT * held[0] else MOST_DRIVEN
+    least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if free else math.inf
     share, r = lever[col.OMEGA] / 6.0, _rates(law, p, lever, held, end, y)
     _put(lever, end, y, 0.0, at, j)
     for _ in range(MOST_STEPS):
@@ -116,6 +135,8 @@ def _way(
         _put(lever, end, between, 4.0 * share * size * _turn(held[0], end, between), at, j + 1)
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
+        if free:
+            h = math.copysign(min(GROWS * abs(h), longest), h)
         if last:
             return y, j + 1
         if not (least < y[0] < most and (timed or y[1] * h < 0.0)):
@@ -129,7 +150,8 @@ def _out(
     first: int,
 ) -> int:  # fmt: skip
     """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
-    held, deepest, release = (row[col.TIP_OFFSET], lag), row[col.INDENTATION], p[col.RELEASE]
+    base, deepest, release = lever[col.BASE], row[col.INDENTATION], p[col.RELEASE]
+    held = (row[col.TIP_OFFSET], base * math.cos(lag), base * math.sin(lag))
     y, count, edge = (deepest, 0.0, 0.0), first, 0.0
     if deepest > 0.0:
         y = (math.sqrt(deepest), 0.0, 0.0)
@@ -167,7 +189,7 @@ def _followed(
     even, odd = 0.0, 0.0
     for j in range(count):
         x = at[WEIGHT, j] * (at[DEPTH, j] + amplitude)
-        at[COS, j], at[SIN, j] = math.cos(at[COS, j]), math.sin(at[COS, j])
+        at[COS, j], at[SIN, j] = _circle(at[COS, j])
         even += x * at[COS, j]
         odd -= x * at[SIN, j]
     return count, math.atan2(odd, even), math.hypot(odd, even) / (math.pi * amplitude)
@@ -187,18 +209,18 @@ def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, whole: bool, at: n
         late, last, last_off = start, 0.0, 0.0
         for turn in range(TURNS):
             count, found, size = _followed(law, p, lever, row, late, True, at)
-            off = found - late
             if count == 0:
                 break
+            # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
+            off = found - late
+            move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
             if lever[col.BASE] * abs(off) < ALIKE * row[col.AMPLITUDE]:
                 if abs(size - 1.0) > CLOSE:
                     break
-                c, s = math.cos(found), math.sin(found)
+                c, s = math.cos(late + move), math.sin(late + move)
                 for j in range(count):
                     at[COS, j], at[SIN, j] = c * at[COS, j] - s * at[SIN, j], s * at[COS, j] + c * at[SIN, j]
                 return count
-            # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
-            move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
             last, last_off = late, off
             late += min(max(move, -MOST_MOVE), MOST_MOVE)
     return 0

@@ -68,16 +68,17 @@ def _sidebands(lever: np.ndarray, second: np.ndarray, slopes: np.ndarray, row: n
     both modes yield, with the compliance chi, and what they do acts back: to second order in the slope.
     """
     drive, own = lever[col.OMEGA], lever[col.OMEGA] / second[col.OMEGA]  # over the first mode's resonance
+    inverse = 1.0 / own
     re, im = 0.0, 0.0
     for n in range(-TURNS, TURNS + 1):
         power = row[GRADIENT] ** 2 if n == 0 else slopes[0, abs(n) - 1] ** 2 + slopes[1, abs(n) - 1] ** 2
         for mode in range(2):
             if mode == 1 and n == 0:
                 continue  # the second mode itself
-            resonance, alpha0, stiffness = 1.0, lever[col.ALPHA0], lever[col.STIFFNESS]
+            turned, alpha0, stiffness = 1.0, lever[col.ALPHA0], lever[col.STIFFNESS]
             if mode == 1:
-                resonance, alpha0, stiffness = own, second[col.ALPHA0], second[col.STIFFNESS]
-            w = (own + n * drive) / resonance
+                turned, alpha0, stiffness = inverse, second[col.ALPHA0], second[col.STIFFNESS]
+            w = (own + n * drive) * turned
             x, y = 1.0 - w * w, 2.0 * alpha0 * w
             below = power / (stiffness * (x * x + y * y))
             re += below * x
