@@ -32,12 +32,13 @@ from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import fill_part, plan_image, simulator_of
 from phasemap.results.channels import inputs_of, split, with_channels
+from phasemap.results.quantities import needs_of
 from phasemap.results.status import Status
 from phasemap.results.validity import FORCES, describe_validity
 from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, describe, provenance
 from phasemap.results.words import describe_failures
 from phasemap.solvers.march import check_integrals, check_marches
-from phasemap.solvers.problem import Work, check_setpoint, make_work
+from phasemap.solvers.problem import Work, check_marched, check_setpoint, make_work
 from phasemap.solvers.solver import by_name
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ def simulate(
     place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(threads)
     job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
     simulator.check(job)
-    _check_memory(job)
+    _check_memory(job, (*stay, *derived))
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
         "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
@@ -231,8 +232,11 @@ def _at_each(
     return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
 
 
-def _check_memory(job: Job) -> None:
-    """Refuse what does not go together with contacts that remember: what is not marched in time."""
+def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
+    """Refuse what does not go together with contacts that remember: what is not marched in time.
+
+    `asked`: variables and channels asked for, as they were named.
+    """
     if job.surface.lazy and (job.surface.relaxation_time is not None or job.scope.interaction.withdrawal == "ting"):
         raise InputError("surface", Word("in Dask arrays"), "maps in memory where contacts remember")
     if job.surface.lazy or not job.remembers:
@@ -241,7 +245,8 @@ def _check_memory(job: Job) -> None:
     if isinstance(job.control, Raster):
         hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
         raise InputError("control", "Raster", "Engage or Feedback where contacts remember", hint)
-    check_integrals([name for name in job.needs if name in (*OF_ADHESION, *OF_FORCES)])
+    check_marched(True, job.scope)
+    check_integrals([name for name in asked if {*OF_ADHESION, *OF_FORCES}.intersection(needs_of((name,)))])
 
 
 def workspace(realism: Realism) -> int:

@@ -151,7 +151,9 @@ def check_integrals(names: list[str]) -> None:
     """
     if names:
         allowed = "variables that are no integral over a static force, where contacts remember"
-        hint = "loss_tangent, dissipation and virial are none; loss_tangent_corrected and those of a second mode are."
+        hint = (
+            "loss_tangent, dissipation and virial are none; harmonics, loss_tangent_corrected and a second mode's are."
+        )
         raise InputError("variables", ", ".join(names), allowed, hint)
 
 

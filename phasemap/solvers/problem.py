@@ -78,11 +78,11 @@ def work_of(
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     remembers = scope.interaction.remembering(rows, relaxation)
     if remembers:
-        _check_marched(marched, scope)
+        check_marched(marched, scope)
     return Work(scope.interaction.token(remembers), rows, lever_of(scope), amplitudes)
 
 
-def _check_marched(marched: bool, scope: Microscope) -> None:
+def check_marched(marched: bool, scope: Microscope) -> None:
     """Refuse what goes beyond the march in time, the only one that knows a memory."""
     if not marched:
         allowed = "materials without a relaxation time, and withdrawal 'linear', for what is not marched in time"

@@ -69,6 +69,18 @@ def test_the_contact_goes_on_from_whatever_was_before(case: dict[str, Any]) -> N
         assert acc[3] == pytest.approx(lost, rel=1e-4)
 
 
+@pytest.mark.parametrize(("ratio", "time"), [(15.0, 1.5e-6), (5.0, 1.9e-6)])
+def test_dents_that_nearly_fit_the_tip_do_not_stall_a_march(ratio: float, time: float) -> None:
+    relaxes = {"modulus": 2e9, "relaxed_modulus": 2e9 / ratio, "relaxation_time": time, "adhesion": 0.02}
+    scope = scope_of({"quality_factor": 60.0, "decay_length": 0.3e-9})
+    work = work_of_material(pm.Material(**relaxes), scope, 20e-9, marched=True)
+    y, acc = np.zeros(STATE), np.zeros(7)
+    y[:2] = 20e-9, 22e-9
+    for z0 in np.linspace(26e-9, 16e-9, 160):  # lowered far faster than dents recover
+        assert 0 < march_period(work.law, work.rows[0], work.lever, z0, 0.5, y, acc) < 500
+        assert abs(y[0]) < 60e-9
+
+
 def test_a_solid_that_has_no_time_to_relax_is_elastic() -> None:
     # What is lost goes with the time of contact over the relaxation time: 0.65 degree at 1 us is 7e-5 at 10 ms.
     slow = pixel_of(**{**SOLID, "relaxation_time": 1e-2})
@@ -183,6 +195,11 @@ def test_a_contrast_map_has_the_phases_of_its_pixels() -> None:
         (lambda m, s: image_of(m, s, control=pm.Raster()), "control is 'Raster'.*Engage or Feedback"),
         (lambda m, s: image_of(m, s, solver="orbit"), "solver is 'orbit'"),
         (lambda m, s: image_of(m, s, variables=["adhesion_virial"]), "variables is 'adhesion_virial'"),
+        (lambda m, s: image_of(m, s, variables=["loss_tangent_corrected"]), "variables is 'loss_tangent_corrected'"),
+        (
+            lambda m, s: image_of(m, replace(s, drive=replace(s.drive, second=pm.Mode(1600.0, 1.88e6, 600.0, 1e-9)))),
+            "second is given; allowed: None where a surface remembers",
+        ),
         (lambda m, s: pm.solve_pixel(m, replace(s, interaction=pm.Interaction("jkr")), 0.6), "contact is 'jkr'"),
         (
             lambda m, s: pm.solve_pixel(m, replace(s, drive=pm.Drive(4e-8, excitation="base")), 0.6),

@@ -11,7 +11,8 @@ xi = x^2, and the edge of the contact at x = q:
 Both are kept as stacks of nodes, in order of x, that have their tops at the edge: a contact that grows takes nodes from
 the outer stack and lays nodes on the inner one, and the other way round. Between two nodes y is a polynomial of degree
 5 in sqrt(peak - xi), in which it is smooth: peak is the xi at which the contact turned that made them. Its coefficients
-are kept with one of the two nodes, for one moment: all of it decays alike.
+are kept with one of the two nodes, for one moment: all of it decays alike. The slopes of y lie between that of the tip
+and 0, those of b likewise, whatever happened before: polynomials are held to that, or an edge would turn without cause.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ FREE, GROWING, SHRINKING = 0.0, 1.0, 2.0
 XI, TIME, VALUE, SLOPE, CURVE, TURN, WHEN, NEAR, SCALE, SERIES, WIDTH = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15
 MOST = 128  # nodes of a stack
 STATE = NODES + 2 * MOST * WIDTH
+MOST_BENT = 4.0  # bound of second derivatives, see `join`
 OPEN = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
 
 
@@ -56,10 +58,11 @@ def join(m: np.ndarray, of: int, low: int, high: int, rate: float) -> None:
     h = far - near if far > near else 1.0
     f0, f1 = near_kept * m[high + VALUE], far_kept * m[low + VALUE]
     d0, d1 = -2 * h * near * near_kept * m[high + SLOPE], -2 * h * far * far_kept * m[low + SLOPE]
-    # The second derivative grows without bound at a turn, but less than 1 / (peak - xi).
-    bend = 2 * near * near * m[high + CURVE] if near > 0 else 0.0
-    s0 = 2 * h * h * near_kept * (bend - m[high + SLOPE])
-    s1 = 2 * h * h * far_kept * (2 * far * far * m[low + CURVE] - m[low + SLOPE])
+    # The second derivative grows without bound at a turn, where nothing is left of its digits. As slopes lie between -1
+    # and 0, it cannot be far more than 1 / (h sqrt(peak - xi)).
+    at_near, at_far = MOST_BENT * near / h, MOST_BENT * far / h
+    s0 = 2 * h * h * near_kept * (min(max(2 * near * near * m[high + CURVE], -at_near), at_near) - m[high + SLOPE])
+    s1 = 2 * h * h * far_kept * (min(max(2 * far * far * m[low + CURVE], -at_far), at_far) - m[low + SLOPE])
     if not far > near:
         f1, d1, s0, s1 = f0 + d0, d0, 0.0, 0.0
     rise = f1 - f0
@@ -120,10 +123,16 @@ def inner(m: np.ndarray, xi: float) -> int:
 
 @kernel
 def outside(m: np.ndarray, xi: float, t: float, rate: float) -> tuple[float, float]:
-    """Depth y that an element outside the contact remembers, and its slope by xi; 0 where nothing was."""
+    """Depth y that an element outside the contact remembers, and its slope by xi; 0 where nothing was.
+
+    A step that overshoots a turn looks for elements that the contact has grown over: there y goes on as a line.
+    """
     of = outer(m, xi)
     if of >= 0:
-        return between(m, of, xi, t, rate)
+        near = max(xi, m[of + XI])
+        value, slope = between(m, of, near, t, rate)
+        slope = min(max(slope, -1.0), 0.0)
+        return value + slope * (xi - near), slope
     if of == -1:
         return 0.0, 0.0
     of = node(m, True, 0)
@@ -142,7 +151,8 @@ def outside_curve(m: np.ndarray, xi: float, t: float, rate: float, slope: float)
 def inside(m: np.ndarray, xi: float, t: float, rate: float) -> tuple[float, float]:
     """What is left of b of an element in the contact, and its slope by xi."""
     of = inner(m, xi)
-    return between(m, of, min(xi, m[of + XI]), t, rate)
+    value, slope = between(m, of, min(xi, m[of + XI]), t, rate)
+    return value, min(max(slope, -1.0), 0.0)
 
 
 @kernel

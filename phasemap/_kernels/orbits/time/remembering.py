@@ -45,6 +45,8 @@ WITH_DENT = 3.0  # times the former, where the next tap meets what this one leav
 AFTER_TURN = 0.1
 FLIGHT, FARTHEST = 2.0, 0.5  # steps out of contact, over those of `march`; no longer than this, in 1/omega_c
 BEYOND, KINK, NUDGE = 3e-3, 1e-6, 1e-9  # of q: how far past an old turn an edge has to come to stop there; just past
+ASTRAY, SHORTEST = 0.3, 1e-4  # of a step: how far it may be off a line's; and the least of its length that is taken
+PASSED = 5  # nodes of a dent that a step may pass
 FORGOTTEN = 3e-8  # of the free amplitude: a dent that is gone
 
 
@@ -60,6 +62,22 @@ def relaxation_rate(mode: float, u: np.ndarray, rate: float, kappa: float, since
     if mode == on.SHRINKING:
         return q * q * rate * LITTLE / (1 - kappa) + BEHIND * fast * math.exp((kappa - 1) * rate * since)
     return BEFORE * fast * math.exp(2 * q * max(v, 0.0) * rate / slows) if slows < 0 else 0.0
+
+
+@kernel
+def strays(m: np.ndarray, mode: float, u: np.ndarray, end: np.ndarray, h: float) -> bool:
+    """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
+
+    Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
+    """
+    for i in range(V + 1):
+        first, last = u[SLOPES + i], end[SLOPES + i]
+        if not abs(end[i] - u[i] - 0.5 * h * (first + last)) <= ASTRAY * h * max(abs(first), abs(last)):
+            return True
+    j = int(m[on.OUTER]) - PASSED
+    if mode != on.GROWING or j < 0:
+        return False
+    return u[X] < math.sqrt(m[on.node(m, True, j) + on.XI]) < end[X]
 
 
 @kernel
@@ -141,6 +159,13 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         else:
             h = min(left, flight / flight_rate(law, p, plain, x - dent_at(c, gone), v))
         step(law, p, c, m, mode, start, u, h, end)
+        if touching:
+            speed = speed_of(law, p, c, m, mode, start, end)
+            while strays(m, mode, u, end, h) and grade > SHORTEST:
+                h *= 0.5
+                grade *= 0.5
+                step(law, p, c, m, mode, start, u, h, end)
+                speed = speed_of(law, p, c, m, mode, start, end)
         if not touching and v > 0 and end[V] < 0:
             # The highest point lies inside; the tip may touch there and be off again at the end.
             part = turning(x, v, end[X], end[V], h)
@@ -159,7 +184,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             if mode == on.SHRINKING and end[X] <= 0:
                 what = 2
                 to_edge(law, p, c, m, mode, start, u, h, end)
-            speed = speed_of(law, p, c, m, mode, start, end)
+                speed = speed_of(law, p, c, m, mode, start, end)
             if what == 0 and (speed < 0) == (mode == on.GROWING):
                 what = 3
                 h = to_turn(law, p, c, m, mode, start, u, h, end)
