@@ -11,8 +11,8 @@ shorter one the period doubles wherever the tip meets the surface slowly, as it 
 setpoint. Above resonance T is shorter, the trace is large where the tip begins to touch, and the tip leaves that orbit
 by a jump. Either way the tip comes to periodic taps, if it does, through motion that is not periodic and may outlive
 them: no curve of orbits tells. Of 300 materials drawn at 0.867 to 1.117 of the resonance, the four on another motion
-than that of engaging in time have tau/abs(T - 2 pi) from 0.15 to 0.45; samples of 50 to 300 GPa at 1.1 of the resonance,
-one in seven of which moves irregularly, from 0.68 to 0.99; of 100,000 ordinary pixels none is below 1.26.
+than that of engaging in time have tau/abs(T - 2 pi) from 0.15 to 0.45; samples of 50 to 300 GPa at 1.1 of the
+resonance that move irregularly, from 0.68 to 0.99; of 100,000 ordinary pixels none is below 1.26.
 """
 
 from __future__ import annotations
