@@ -42,14 +42,18 @@ if TYPE_CHECKING:
 
 # A point of the motion: what a step moves, d or q, z', D, Y and the time; six integrals; and the slopes of all these.
 X, V, SEEN, INSIDE, TAU, SLOPES = 0, 1, 2, 3, 4, 11
+OF_COS, OF_SIN, OF_MEAN, OF_LOSS, OF_VIRIAL, OF_AIR = 5, 6, 7, 8, 9, 10
 PLACES, SUMS, POINT = 5, 11, 22
 THIRD = 1 / 3
+# Of what is fixed over a period, after what `runge_kutta` has: kappa, 1/tau, the rate at which dents recover, t0 of a
+# Kelvin-Voigt surface, the pull in contact (12), and the dent [m] and when it was left.
+KAPPA, RATE, RECOVERY, T0, DENT, SINCE = 8, 9, 10, 11, 13, 14
 
 
 @kernel
 def dent_at(c: Numbers, t: float) -> float:
     """Depth [m] of the surface under a tip that does not touch it."""
-    return c[13] * math.exp((c[14] - t) * c[10]) if c[13] > 0 else 0.0
+    return c[DENT] * math.exp((c[SINCE] - t) * c[RECOVERY]) if c[DENT] > 0 else 0.0
 
 
 @kernel(inline=True)
@@ -69,9 +73,9 @@ def depth_of(m: np.ndarray, c: Numbers, mode: float, u: np.ndarray, t: float) ->
     """Depth d [m] of the tip."""
     if mode == on.FREE:
         return u[X]
-    if mode == on.SHRINKING and c[11] > 0:
-        return u[X] * u[X] - c[11] * u[V]
-    return u[X] * u[X] + c[8] * at_edge(m, c[9], c[10], mode, u[X], u[SEEN], t)[0]
+    if mode == on.SHRINKING and c[T0] > 0:
+        return u[X] * u[X] - c[T0] * u[V]
+    return u[X] * u[X] + c[KAPPA] * at_edge(m, c[RATE], c[RECOVERY], mode, u[X], u[SEEN], t)[0]
 
 
 @kernel(inline=True)
@@ -80,7 +84,7 @@ def slopes(
     inside: float, time: float,
 ) -> Numbers:  # fmt: skip
     """Slopes of what a step moves, and the integrands z cos, z sin, z, F z', -F z and z'^2, at a stage."""
-    omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull = c[:13]
+    omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull = c[:DENT]
     since, cosine, sine = start
     turned, turning_sine = turn(omega * time)
     turned, turning_sine = cosine * turned - sine * turning_sine, sine * turned + cosine * turning_sine
@@ -89,7 +93,7 @@ def slopes(
     y = seen_rate = inside_rate = 0.0
     if mode == on.FREE:
         w, d = 1.0, x
-        gap = d - (c[13] * math.exp((c[14] - t) * recovery) if c[13] > 0 else 0.0)
+        gap = d - (c[DENT] * math.exp((c[SINCE] - t) * recovery) if c[DENT] > 0 else 0.0)
         force = 0.0
         if p[col.LONGRANGE] != 0.0:
             force = longrange_force(law, gap, p) * compliance if gap <= 0 else edge_force + edge_slope * gap
@@ -131,9 +135,9 @@ def step(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray
 ) -> None:
     """Fill `end` with what u and the six integrals are after h; u[TAU] is 0, and in contact u has its slopes."""
-    if mode == on.FREE and (p[col.LONGRANGE] == 0.0 or c[13] == 0.0):
-        end[X], end[V], end[TAU], end[5], end[6], end[7], end[8], end[9], end[10] = fly(
-            law, p, c[:8], (u[X], u[V], start[1], start[2]), h
+    if mode == on.FREE and (p[col.LONGRANGE] == 0.0 or c[DENT] == 0.0):
+        end[X], end[V], end[TAU], end[OF_COS], end[OF_SIN], end[OF_MEAN], end[OF_LOSS], end[OF_VIRIAL], end[OF_AIR] = (
+            fly(law, p, c[:KAPPA], (u[X], u[V], start[1], start[2]), h)
         )
         return
     if mode == on.FREE:
@@ -211,9 +215,9 @@ def step(
     end[SEEN] = total(u[SEEN], h, d1, d6, d7, d8, d9, d10, d11, d12)
     end[INSIDE] = total(u[INSIDE], h, y1, y6, y7, y8, y9, y10, y11, y12)
     end[TAU] = total(0.0, h, t1, t6, t7, t8, t9, t10, t11, t12)
-    end[5] = total(0.0, h, c1, c6, c7, c8, c9, c10, c11, c12)
-    end[6] = total(0.0, h, s1, s6, s7, s8, s9, s10, s11, s12)
-    end[7] = total(0.0, h, m1, m6, m7, m8, m9, m10, m11, m12)
-    end[8] = total(0.0, h, e1, e6, e7, e8, e9, e10, e11, e12)
-    end[9] = total(0.0, h, f1, f6, f7, f8, f9, f10, f11, f12)
-    end[10] = total(0.0, h, o1, o6, o7, o8, o9, o10, o11, o12)
+    end[OF_COS] = total(0.0, h, c1, c6, c7, c8, c9, c10, c11, c12)
+    end[OF_SIN] = total(0.0, h, s1, s6, s7, s8, s9, s10, s11, s12)
+    end[OF_MEAN] = total(0.0, h, m1, m6, m7, m8, m9, m10, m11, m12)
+    end[OF_LOSS] = total(0.0, h, e1, e6, e7, e8, e9, e10, e11, e12)
+    end[OF_VIRIAL] = total(0.0, h, f1, f6, f7, f8, f9, f10, f11, f12)
+    end[OF_AIR] = total(0.0, h, o1, o6, o7, o8, o9, o10, o11, o12)

@@ -13,7 +13,21 @@ import numpy as np
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.time import elements as on
-from phasemap._kernels.orbits.time.edge import SEEN, SLOPES, TAU, V, X, at_edge, dent_at, speed_of, step
+from phasemap._kernels.orbits.time.edge import (
+    KAPPA,
+    RATE,
+    RECOVERY,
+    SEEN,
+    SLOPES,
+    T0,
+    TAU,
+    V,
+    X,
+    at_edge,
+    dent_at,
+    speed_of,
+    step,
+)
 from phasemap._kernels.orbits.time.march import root_of
 
 if TYPE_CHECKING:
@@ -36,7 +50,7 @@ def to_turn(
     share = -2 * first / (b - root) if first > 0 else -2 * first / (b + root)
     low, high, bend = 0.0, h, (b + 2 * a * share) / h
     old, old_speed = 0.0, 0.0
-    near = BROKEN if c[11] > 0 else TURNED
+    near = BROKEN if c[T0] > 0 else TURNED
     h = h * share if 0 < share < 1 else 0.5 * h
     for i in range(50):
         step(law, p, c, m, mode, start, u, h, end)
@@ -71,7 +85,7 @@ def to_edge(
     for i in range(50):
         if free:
             edge = dent_at(c, start[0] + end[TAU])
-            fades = edge * c[10]
+            fades = edge * c[RECOVERY]
         off = end[X] - edge
         if abs(off) <= (1e-14 if free else 1e-8) * (abs(u[X] - edge) + abs(u[V]) * whole):
             break
@@ -82,7 +96,7 @@ def to_edge(
         speed = end[V] if free else speed_of(law, p, c, m, mode, start, end)
         if i == 0:
             before = dent_at(c, start[0]) if free else edge
-            first, last = (u[V] + before * c[10], speed + fades) if free else (u[SLOPES], speed)
+            first, last = (u[V] + before * c[RECOVERY], speed + fades) if free else (u[SLOPES], speed)
             h = root_of(u[X] - before, first, off, last, h)
         else:
             h -= off / (speed + fades)
@@ -116,16 +130,16 @@ def record(m: np.ndarray, c: Numbers, mode: float, u: np.ndarray, t: float, spee
     """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
     q = u[X]
     xi = q * q
-    rate, recovery = c[9], c[10]
+    rate, recovery = c[RATE], c[RECOVERY]
     if mode == on.GROWING:
-        if c[11] == 0:
+        if c[T0] == 0:
             y, slope = on.outside(m, xi, t, recovery)
             curve = on.outside_curve(m, xi, t, recovery, slope)
             bent = ((1 + slope) * rate - slope * recovery) / speed if speed != 0 else 0.0
             on.lay(m, False, xi, t, (u[SEEN] - xi - y, -1 - slope, -curve - bent), on.OPEN, rate)
         on.take_outer(m, xi)
-    elif c[11] > 0:
-        on.lay(m, True, xi, t, (-c[11] * u[V], -1.0, -recovery / speed), m[on.PEAK], recovery)
+    elif c[T0] > 0:
+        on.lay(m, True, xi, t, (-c[T0] * u[V], -1.0, -recovery / speed), m[on.PEAK], recovery)
     else:
         left, slope = on.inside(m, xi, t, rate)
         curve = -on.inside_curve(m, xi, t, rate, slope)
@@ -148,7 +162,7 @@ def record_between(m: np.ndarray, c: Numbers, u: np.ndarray, end: np.ndarray, h:
     """
     q0, v0, d0, a0, b0 = u[X], u[V], u[SEEN], u[SLOPES + V], u[SLOPES + SEEN]
     q1, v1, d1, a1, b1 = end[X], end[V], end[SEEN], end[SLOPES + V], end[SLOPES + SEEN]
-    rate, w0, w1 = c[9], 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # of d - D, whose slopes are these
+    rate, w0, w1 = c[RATE], 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # of d - D, whose slopes are these
     c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
     e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
     e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
@@ -162,13 +176,13 @@ def record_between(m: np.ndarray, c: Numbers, u: np.ndarray, end: np.ndarray, h:
 @kernel
 def find_edge(m: np.ndarray, c: Numbers, mode: float, d: float, u: np.ndarray) -> float:
     """Edge q of a contact whose tip is at depth d at time 0: Newton from the one that it had, 0 if there is none."""
-    if mode == on.SHRINKING and c[11] > 0:
-        return math.sqrt(max(d + c[11] * u[V], 0.0))
+    if mode == on.SHRINKING and c[T0] > 0:
+        return math.sqrt(max(d + c[T0] * u[V], 0.0))
     q = u[X] if u[X] > 0 else math.sqrt(max(d, 0.0))
     for _ in range(50):
-        y, slope = at_edge(m, c[9], c[10], mode, q, u[SEEN], 0.0)
-        off = q * q + c[8] * y - d
+        y, slope = at_edge(m, c[RATE], c[RECOVERY], mode, q, u[SEEN], 0.0)
+        off = q * q + c[KAPPA] * y - d
         if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
             break
-        q = max(q - off / (2 * q * (1 + c[8] * slope)), 0.1 * q)
+        q = max(q - off / (2 * q * (1 + c[KAPPA] * slope)), 0.1 * q)
     return q

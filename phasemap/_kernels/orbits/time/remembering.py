@@ -18,8 +18,16 @@ from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.orbits.time.edge import (
     INSIDE,
+    OF_AIR,
+    OF_COS,
+    OF_LOSS,
+    OF_MEAN,
+    OF_SIN,
+    OF_VIRIAL,
     PLACES,
     POINT,
+    RATE,
+    RECOVERY,
     SEEN,
     SLOPES,
     SUMS,
@@ -35,6 +43,7 @@ from phasemap._kernels.orbits.time.edge import (
 from phasemap._kernels.orbits.time.edge_events import find_edge, record, record_between, to_edge, to_instant, to_turn
 from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, turning
 from phasemap._kernels.orbits.time.runge_kutta import turn
+from phasemap._kernels.orbits.time.tip import AIR, COS, DEEPEST, LOST, MEAN, SIN, TOUCHES, VIRIAL, Z
 
 FINER = 0.7  # steps of a Kelvin-Voigt contact, over others: its dents have kinks
 COARSER, FAINT = 1.4, 1e-5  # steps of the others where the dent met is less than that of the free amplitude
@@ -103,7 +112,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     snap, free = 2 * HARD * HARD * abs(pull), base / (2 * alpha0)
 
     m, u, end, trial = y, np.zeros(POINT), np.zeros(POINT), np.zeros(POINT)
-    mode, d, v = m[on.MODE], y[0] - z0, y[1]
+    mode, d, v = m[on.MODE], y[Z] - z0, y[V]
     dent = 0.0
     if mode == on.FREE and m[on.OUTER] > 0:
         dent = kappa * on.outside(m, 0.0, 0.0, recovery)[0]
@@ -120,7 +129,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     if mode != on.FREE:
         u[X], u[SEEN], u[INSIDE] = m[on.EDGE], m[on.SEEN], m[on.INSIDE]
         q = find_edge(m, c, mode, d, u)
-        u[INSIDE] += at_edge(m, c[9], c[10], mode, q, u[SEEN], 0.0)[0] * (q - u[X]) if t0 == 0 else 0.0
+        u[INSIDE] += at_edge(m, c[RATE], c[RECOVERY], mode, q, u[SEEN], 0.0)[0] * (q - u[X]) if t0 == 0 else 0.0
         u[X] = q
     elif d > dent:  # pushed in at once, and so all elements touched at the same time
         mode, u[X], u[SEEN] = on.GROWING, 0.0, d
@@ -130,7 +139,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             on.lay(m, False, 0.0, 0.0, (d - on.outside(m, 0.0, 0.0, recovery)[0], -1.0, 0.0), on.OPEN, rate)
         u[TAU] = 0.0
         record(m, c, mode, u, 0.0, speed_of(law, p, c, m, mode, (0.0, 1.0, 0.0), u))
-    deep = reach(law, p, plain, max(u[X], 0.0), v, snap + 2 * HARD * HARD * math.hypot(y[0], v)) if mode > 0 else 0.0
+    deep = reach(law, p, plain, max(u[X], 0.0), v, snap + 2 * HARD * HARD * math.hypot(y[Z], v)) if mode > 0 else 0.0
     highest, grade, gone, turned = d, 1.0, 0.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
     sums = np.zeros(SUMS)
@@ -240,12 +249,12 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     d = depth_of(m, c, mode, u, gone)
     m[on.MODE], m[on.EDGE], m[on.SEEN], m[on.INSIDE] = mode, u[X], u[SEEN], u[INSIDE]
     on.shift(m, gone)
-    y[0], y[1], y[2] = z0 + d, u[V], 1.0 if mode != on.FREE else 0.0
-    acc[0], acc[1] = sums[5] * omega / math.pi, sums[6] * omega / math.pi
-    acc[2] = sums[7] * omega / (2 * math.pi)
-    acc[3] = sums[8] * lever[col.STIFFNESS]
-    acc[4] = sums[9] * lever[col.STIFFNESS] * omega / (2 * math.pi)
-    acc[5] = max(highest, d)
-    if len(acc) > 6:
-        acc[6] = sums[10] * 2 * alpha0 * lever[col.STIFFNESS]
+    y[Z], y[V], y[TOUCHES] = z0 + d, u[V], 1.0 if mode != on.FREE else 0.0
+    acc[COS], acc[SIN] = sums[OF_COS] * omega / math.pi, sums[OF_SIN] * omega / math.pi
+    acc[MEAN] = sums[OF_MEAN] * omega / (2 * math.pi)
+    acc[LOST] = sums[OF_LOSS] * lever[col.STIFFNESS]
+    acc[VIRIAL] = sums[OF_VIRIAL] * lever[col.STIFFNESS] * omega / (2 * math.pi)
+    acc[DEEPEST] = max(highest, d)
+    if len(acc) > AIR:
+        acc[AIR] = sums[OF_AIR] * 2 * alpha0 * lever[col.STIFFNESS]
     return steps
