@@ -383,7 +383,7 @@ EAGER = "import sys, phasemap.imaging.checkpoint as c; c.EVERY = 0.0; from phase
 WAITING = """
 import sys, threading, phasemap.imaging.checkpoint as c
 from phasemap.cli import main
-c.EVERY, keep = 0.1, c.Checkpoint.keep
+c.EVERY, keep = 0.0, c.Checkpoint.keep
 def keep_and_wait(self, lines):
     keep(self, lines)
     threading.Event().wait()  # in the middle of the work, whatever else the machine does
