@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 STEP = 3e-3  # of a logarithm; the central difference is then wrong by some 1e-6 of it, more near the end of a branch
 LIMITS = np.array([1e-7, 1e-14])  # errors left in the orbits that are compared: phase [rad], tip offset [m]
+FINE = Accuracy(phase=float(np.degrees(LIMITS[0])), height=float(LIMITS[1]))
 CHUNK = 256  # materials that a thread solves at a time
 
 
@@ -152,9 +153,12 @@ def _on_branch(work: Work, sides: NDArray[np.int8], places: Array) -> Array:
         arrays = places[:, None].copy(), values, good
         exact_block(work.law, work.rows, levers, work.amplitudes[:1], sides[:, None], LIMITS, *arrays)
     left = np.flatnonzero(~good[:, 0])
-    if len(left):  # near where a branch ends, without a long-range force, or with a neck
-        part = work.part(left)
-        both = stable_branches(part, by_name("orbit"), Accuracy())
+    if len(left):  # near where a branch ends, without a long-range force, in liquid, or with a neck
+        found, status, _ = run(by_name("orbit"), work.part(left), FINE, threads=1)
+        values[left, 0] = found[:, [col.PHASE, col.TIP_OFFSET]]
+        left = left[(status != col.GOOD) | ((found[:, col.STIFFENING] > 0) != (sides[left] > 0))]
+    if len(left):  # the tip engages on the other branch
+        both = stable_branches(work.part(left), by_name("orbit"), FINE)
         slot = (sides[left] > 0).astype(int)
         chosen = both.rows[slot, np.arange(len(left))]
         values[left, 0] = chosen[:, [col.PHASE, col.TIP_OFFSET]]
