@@ -181,6 +181,39 @@ def test_hard_taps_off_the_resonance_end_where_time_leads(case: Case) -> None:
     assert (pixel.motion == "irregular") == (case["name"] == "doubled period")
 
 
+# On the curve of periodic orbits 89.69 degree and 8.61 nm are stable, too. Values by `hold` of
+# tests/reference/make_polymers.py with the contact of make_taps.py, lowered by 4e-3, 1e-3 and 2.5e-4 of the amplitude a
+# ring-down time.
+FAR: Case = {
+    "stiffness": 6.085, "quality_factor": 317.0, "frequency_ratio": 0.7988, "tip_radius": 1.004e-9,
+    "decay_length": 5.436e-10, "free_amplitude": 3.1964046661302425e-06, "modulus": 4.794e9, "adhesion": 0.0395,
+    "damping": 0.001078, "setpoint": 0.5045, "contact": "dmt", "poisson_ratio": 0.35,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("solver", ["orbit", "auto", "march", "averaging"])
+def test_far_from_resonance_no_curve_answers_for_time_that_is_not_allowed(solver: str) -> None:
+    short, enough = (
+        pm.solve_pixel(material_of(FAR), scope_of(FAR), FAR["setpoint"], solver, accuracy=pm.Accuracy(periods=periods))
+        for periods in (5000, 100_000)
+    )
+    assert short.status is pm.Status.not_settled
+    assert enough.motion == "irregular"  # every second period is alike
+    assert enough.phase == pytest.approx(89.280161, abs=2e-4)  # the error stated
+    assert enough.tip_offset == pytest.approx(11.237484e-9, abs=2e-14)
+
+
+def test_far_from_resonance_a_tip_that_is_pressed_in_stays_on_its_orbits() -> None:
+    # Deeper than time lowers a tip, -30 free amplitudes; it is held there in time all the same.
+    lever, drive = pm.Cantilever(0.5, 300e3, 13.0), pm.Drive(0.9e-9 * 13.0 * abs(1 - 0.565**2), 0.565 * 300e3)
+    scope = pm.Microscope(lever, pm.Tip(2.6e-9), drive, pm.Interaction(decay_length=0.15e-9))
+    orbit, march = (pm.solve_pixel(pm.Material(30.6e6, 0.0, 9e-4), scope, 0.31, name) for name in ("orbit", "march"))
+    assert orbit.status is march.status is pm.Status.good
+    assert orbit.tip_offset < -60 * scope.driven_amplitude
+    assert orbit.phase == pytest.approx(march.phase, abs=1e-4)
+    assert orbit.tip_offset == pytest.approx(march.tip_offset, rel=1e-6)
+
+
 @pytest.mark.parametrize("ratio", [0.5, 0.9, 0.999, 1.0, 1.001, 1.1, 2.0])
 @pytest.mark.parametrize("quality", [3.0, 400.0])
 def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(ratio: float, quality: float) -> None:
