@@ -31,7 +31,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from phasemap._kernels.calls import called
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.first_use import FirstUse
-from phasemap._kernels.linked_code import EntryCode, LinkedCode
+from phasemap._kernels.linked_code import EntryCode, LinkedCode, VectorCode
 
 try:
     from phasemap._kernels import lean
@@ -54,6 +54,7 @@ def kernel(
     fastmath: set[str] | None = None,
     inline: bool = False,
     shared: bool = False,
+    vectors: bool = False,
     light: bool = False,
 ) -> Any:
     """Compile a function of numbers and arrays when it is first called, from Python or from another kernel.
@@ -67,17 +68,19 @@ def kernel(
         Whether LLVM must inline every call.
     shared : bool
         Whether it is emitted once and called where it is: for what is large and reached by several entries.
+    vectors : bool
+        Whether what is shared has short sums written out, or short loops, that fit vector instructions.
     light : bool
         Whether Python runs it as it is: for what is done faster than it is compiled.
     """
     if function is None:
-        return lambda one: kernel(one, fastmath=fastmath, inline=inline, shared=shared, light=light)
+        return lambda one: kernel(one, fastmath=fastmath, inline=inline, shared=shared, vectors=vectors, light=light)
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
     if numba.config.DISABLE_JIT:
         return function
     if not LINKS:
         return _Plain(function, targetoptions=options)
-    return (_Light if light else _Entry)(function, shared, options)
+    return (_Light if light else _Entry)(function, _compiler_of(shared, vectors), options)
 
 
 def _plain_type(argument: types.Type) -> types.Type:
@@ -102,9 +105,10 @@ class _Plain(CPUDispatcher):
 class _Entry(_Plain):
     """A function as Python calls it, and as other kernels do."""
 
-    def __init__(self, py_func: Any, shared: bool, options: dict[str, Any]) -> None:
+    def __init__(self, py_func: Any, compiler: type[_OurCompiler], options: dict[str, Any]) -> None:
         super().__init__(py_func, targetoptions=options, pipeline_class=_EntryCompiler)
-        self.linked = _Shared(py_func, options) if shared else _Linked(py_func, options)
+        shared = issubclass(compiler, _SharedCompiler)
+        self.linked = (_Shared if shared else _Linked)(py_func, compiler, options)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """For a call from another kernel."""
@@ -125,8 +129,8 @@ class _Light(_Entry):
 class _Shared(_Plain):
     """A function that is emitted once for all kernels that call it, and kept on disk."""
 
-    def __init__(self, py_func: Any, options: dict[str, Any]) -> None:
-        super().__init__(py_func, targetoptions=options, pipeline_class=_SharedCompiler)
+    def __init__(self, py_func: Any, compiler: type[_OurCompiler], options: dict[str, Any]) -> None:
+        super().__init__(py_func, targetoptions=options, pipeline_class=compiler)
         self._cache = DiskCache(py_func, ".shared")
 
     def add_overload(self, cres: CompileResult) -> None:
@@ -159,8 +163,8 @@ class _Needed:
 class _Linked(_Plain):
     """A function as other kernels link it."""
 
-    def __init__(self, py_func: Any, options: dict[str, Any]) -> None:
-        super().__init__(py_func, targetoptions=options, pipeline_class=_LinkedCompiler)
+    def __init__(self, py_func: Any, compiler: type[_OurCompiler], options: dict[str, Any]) -> None:
+        super().__init__(py_func, targetoptions=options, pipeline_class=compiler)
 
     def compile(self, sig: Any) -> Any:
         """Type and lower it for arguments; returns what numba knows the code by."""
@@ -241,6 +245,12 @@ class _SharedCompiler(_OurCompiler):
         return result
 
 
+class _VectorCompiler(_SharedCompiler):
+    """The same with more vector instructions."""
+
+    library = VectorCode
+
+
 class _LinkedCompiler(_OurCompiler):
     """For what other kernels call: up to LLVM code."""
 
@@ -253,6 +263,11 @@ class _LinkedCompiler(_OurCompiler):
         result = super().compile_extra(func)
         _count(1)
         return result
+
+
+def _compiler_of(shared: bool, vectors: bool) -> type[_OurCompiler]:
+    """What makes the code that other kernels call."""
+    return (_VectorCompiler if vectors else _SharedCompiler) if shared else _LinkedCompiler
 
 
 def _count(functions: int) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.quadrature import NODES
 
 
 @kernel
@@ -38,6 +39,38 @@ def eliminate(m: np.ndarray, n: int) -> bool:
                 factor = m[i, k]
                 for j in range(width):
                     m[i, j] -= factor * m[k, j]
+    return True
+
+
+@kernel
+def eliminate_columns(m: np.ndarray) -> bool:
+    """`eliminate` for NODES equations with column j in m[j]: each step adds a multiple of one column to the others."""
+    count = len(m)
+    for k in range(NODES):
+        column = m[k]
+        best, size = k, abs(column[k])
+        for i in range(k + 1, NODES):
+            if abs(column[i]) > size:
+                best, size = i, abs(column[i])
+        if not size > 0.0:
+            return False
+        if best != k:
+            for j in range(k, count):
+                m[j, k], m[j, best] = m[j, best], m[j, k]
+        inverse = 1.0 / column[k]
+        # Written out, and all read before any is written: so it becomes vector instructions.
+        a, b, c, d, e, f, g, h = (
+            column[0] * inverse, column[1] * inverse, column[2] * inverse, column[3] * inverse,
+            column[4] * inverse, column[5] * inverse, column[6] * inverse, column[7] * inverse,
+        )  # fmt: skip
+        for j in range(k + 1, count):
+            x = m[j]
+            y = x[k]
+            x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7] = (
+                x[0] - y * a, x[1] - y * b, x[2] - y * c, x[3] - y * d,
+                x[4] - y * e, x[5] - y * f, x[6] - y * g, x[7] - y * h,
+            )  # fmt: skip
+            x[k] = y * inverse
     return True
 
 

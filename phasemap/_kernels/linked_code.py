@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite.binding import Linkage, parse_assembly
-from numba.core import cgutils
+from numba.core import cgutils, config
 from numba.core.codegen import JITCodeLibrary
 
 
@@ -54,6 +54,17 @@ class EntryCode(OurCode):
         self._optimize_final_module()
         self._final_module.verify()
         self._finalize_final_module()
+
+
+class VectorCode(EntryCode):
+    """The same with statements that follow one another in vector instructions too, as C compilers have it."""
+
+    def _optimize_final_module(self) -> None:
+        before, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1
+        try:
+            super()._optimize_final_module()
+        finally:
+            config.SLP_VECTORIZE = before
 
 
 def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:

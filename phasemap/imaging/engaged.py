@@ -50,12 +50,13 @@ class Interpolants:
     def rows(self, job: Job, materials: Array, names: tuple[str, ...]) -> Array:
         """Result rows of materials, shape (n, COLUMNS or more), with what these variables need.
 
-        NaN where nothing is interpolated, where the amplitude is NaN too.
+        NaN where nothing is interpolated, where the amplitude is NaN too; integrals that are not needed are left out.
         """
         functions = functions_of(job.needs)
         wanted = np.array([functions.index(column) for column in _columns_of(names)], np.int64)
         piece, values = self.atlas(self.axes.points(*job.properties(materials)), wanted)
-        rows = np.full((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)), np.nan)
+        rows = np.empty((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)))
+        rows[: col.COLUMNS] = np.nan
         rows[np.array(functions)[wanted]] = values
         if "adhesion_loss" in names:
             rows[ADHESION_LOSS] = np.where(piece >= 0, 0.0, np.nan)

@@ -152,10 +152,9 @@ IMAGE_VARIABLES = (
 )  # fmt: skip
 OF_ADHESION = ("adhesion_virial", "adhesion_loss", "contact_storage")
 """What `phasemap.solvers.integrals.with_adhesion` knows."""
-OF_FORCES = (
-    "mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss",
-    *(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}")),
-)  # fmt: skip
+HARMONICS = tuple(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}"))
+"""Of the tip's motion."""
+OF_FORCES = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss", *HARMONICS)
 """What `phasemap.solvers.integrals.with_forces` knows."""
 OF_ORBITS = {
     "adhesion_virial": (ADHESION_VIRIAL,), "adhesion_loss": (ADHESION_LOSS,), "contact_storage": (STORAGE,),

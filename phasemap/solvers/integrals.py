@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.wide import WIDE
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import OF_ADHESION, OF_FORCES
+from phasemap.results.variables import HARMONICS, OF_ADHESION, OF_FORCES
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
     return _as_seen(wide, rows)
 
 
-def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope) -> Array:
+def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope, *, harmonics: bool = True) -> Array:
     """Result rows with the mean slope of the force [N/m], the mean damping [1] and the harmonics of the tip [m].
 
     All are good to 0.1 % of the largest harmonic, however hard the tap: the tip is followed by the equation of motion.
@@ -56,6 +56,7 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
 
     `rows`, `work`, `used`: as for `with_adhesion`.
     `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
+    `harmonics`: whether those of the tip are wanted.
     """
     from phasemap._kernels.rows.forces import force_rows
 
@@ -64,7 +65,7 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
         frequency = scope.frequency_ratio * scope.cantilever.resonance_frequency
         second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, some)
+        force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, harmonics, some)
     return _as_seen(wide, rows)
 
 
@@ -80,7 +81,7 @@ def widened(
     if not set(OF_ADHESION).isdisjoint(names):
         rows = with_adhesion(rows, work, used, bare(), virial="adhesion_virial" in names)
     if not set(OF_FORCES).isdisjoint(names):
-        rows = with_forces(rows, work, used, scope)
+        rows = with_forces(rows, work, used, scope, harmonics=not set(HARMONICS).isdisjoint(names))
     return rows
 
 

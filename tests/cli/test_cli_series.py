@@ -5,14 +5,15 @@ import pytest
 import xarray as xr
 
 from phasemap.cli import main
-from phasemap.inference.series import sampling
+from phasemap.inference.series import orbits, sampling
 
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    """Two files that say their setpoint, and few draws: what is asked here is not how good they are."""
-    monkeypatch.setattr(sampling, "DRAWS", 80)
-    monkeypatch.setattr(sampling, "FIRST", 2000)
+    """Two files that say their setpoint, few draws and a coarse table: what is asked here is not how good they are."""
+    monkeypatch.setattr(sampling, "DRAWS", 40)
+    monkeypatch.setattr(sampling, "FIRST", 1000)
+    monkeypatch.setattr(orbits, "COUNTS", (5, 3, 4))
     labels = np.tile(np.repeat([0, 1], [12, 8]), (20, 1))
     paths = []
     for setpoint, contrast in ((0.5, 30.0), (0.8, 20.0)):

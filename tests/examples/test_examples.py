@@ -19,7 +19,7 @@ import pytest
 
 from phasemap._shared import threads
 from phasemap.cli import main
-from phasemap.inference.series import sampling
+from phasemap.inference.series import orbits, sampling
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only
@@ -51,10 +51,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def few_draws(monkeypatch: pytest.MonkeyPatch, thorough: bool) -> None:
-    """So many that a series of files is read; how well is asked in tests/inference/test_series.py."""
+    """Enough, with a coarse table, to read a series of files; how well is asked in tests/inference/test_series.py."""
     if not thorough:
-        monkeypatch.setattr(sampling, "DRAWS", 80)
-        monkeypatch.setattr(sampling, "FIRST", 2000)
+        monkeypatch.setattr(sampling, "DRAWS", 40)
+        monkeypatch.setattr(sampling, "FIRST", 1000)
+        monkeypatch.setattr(orbits, "COUNTS", (5, 3, 4))
 
 
 def in_a_process(path: Path, folder: Path, less: bool) -> str:
@@ -81,20 +82,23 @@ def in_this_process(path: Path, less: bool) -> None:
 
 SLOW = ("paper_fig6_laws",)  # compiles two more laws
 STARTS_PROCESSES = ("large_map", "many_images")
-FEWER = {"large_map": ["1024"]}  # pixels along a side: the script's own argument
+FEWER = {"large_map": ["256"]}  # pixels along a side: the script's own argument
 LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "all_orbits": lambda e: {"SETPOINTS": e.SETPOINTS[::8]},
-    "fit_response": lambda e: {"FREQUENCIES": e.FREQUENCIES[::3]},
-    "invert_stack": lambda e: {"CHANGES": ("surface.shape=[32,32]", "surface.spacing=60e-9", *e.CHANGES[2:])},
-    "learn_segment": lambda e: {"TRAINED": 4, "TESTED": 2, "SCENE": e.SCENE.replace("count = 24", "count = 6")},
+    "fit_response": lambda e: {"FREQUENCIES": e.FREQUENCIES[::4]},
+    "invert_stack": lambda e: {"CHANGES": ("surface.shape=[24,24]", "surface.spacing=40e-9", *e.CHANGES[2:])},
+    "learn_segment": lambda e: {"TRAINED": 2, "TESTED": 2, "SCENE": e.SCENE.replace("count = 24", "count = 4")},
+    "line_rate": lambda e: {"ENGINES": {way: (*how, rates[2::3]) for way, (*how, rates) in e.ENGINES.items()}},
     "measured_series": lambda e: {"SHAPE": (64, 64)},
-    "measured_twin": lambda e: {"LINES": slice(96, 112)},
-    "rubber_beside_glass": lambda e: {"GRADES": e.GRADES[::8], "OFFSETS": e.OFFSETS[::4]},
-    "scan_faster": lambda e: {"LABELS": e.LABELS[:16], "RELIEF": e.RELIEF[:16]},
-    "scan_series": lambda e: {"LABELS": e.LABELS[48:64], "RELIEF": e.RELIEF[48:64]},
-    "what_a_tap_sees": lambda e: {"TIMES": e.TIMES[::12]},
-    "which_setpoint": lambda e: {"SETPOINTS": e.SETPOINTS[::4], "FREE_AMPLITUDES": e.FREE_AMPLITUDES[::5]},
-}
+    "measured_twin": lambda e: {"LINES": slice(96, 104)},
+    "rubber_beside_glass": lambda e: {"GRADES": e.GRADES[::16], "OFFSETS": e.OFFSETS[::10]},
+    "scan_faster": lambda e: {"LABELS": e.LABELS[:8], "RELIEF": e.RELIEF[:8]},
+    "scan_series": lambda e: {"LABELS": e.LABELS[48:56], "RELIEF": e.RELIEF[48:56]},
+    "soft_lever_in_liquid": lambda e: {"SETPOINTS": e.SETPOINTS[::9]},
+    "thin_film": lambda e: {"PIXELS": 30},
+    "what_a_tap_sees": lambda e: {"TIMES": e.TIMES[:13:12]},
+    "which_setpoint": lambda e: {"SETPOINTS": e.SETPOINTS[::6], "FREE_AMPLITUDES": e.FREE_AMPLITUDES[::8]},
+}  # fmt: skip
 """Fewer points or lines of what takes a second or more; `--thorough`, and the site, runs it as it is."""
 
 

@@ -14,7 +14,7 @@ from cases import Case, load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE, WAVES
 from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
@@ -280,7 +280,9 @@ def test_harmonics_and_mean_slopes_are_those_of_the_orbit(case: Case) -> None:
     row[0, col.TIP_OFFSET], row[0, col.MEAN] = case["tip_offset"], -case["mean_force"] / case["stiffness"]
     wide = with_forces(row, work, np.array([col.ORBIT], np.int8), scope_of(case))[0]
     neck = case["law"] == "jkr"
-    allowed = 1e-3  # Simpson's rule with eight steps a way in contact
+    allowed = (
+        1e-3  # of the force that one pass of the response meets, or Simpson's rule with eight steps a way in contact
+    )
     for n, (real, imaginary) in zip(range(2, 7), case["harmonics"], strict=True):
         size, phase = (float(FLOATS[name].value(wide)) for name in (f"amplitude_{n}", f"phase_{n}"))
         wave = complex(real, imaginary)
@@ -292,6 +294,21 @@ def test_harmonics_and_mean_slopes_are_those_of_the_orbit(case: Case) -> None:
     assert wide[DRAG] == pytest.approx(case["damping"], rel=allowed)
     if not neck:
         assert wide[GRADIENT] == pytest.approx(case["gradient"], rel=allowed)
+
+
+@pytest.mark.parametrize("case", [AIR, CASES[4]], ids=("bare", "sticky"))
+def test_an_orbit_that_is_retraced_is_the_one_that_is_followed(case: Case) -> None:
+    # Without a mean deflection the row does not tell where the lever is, and the tip is followed instead.
+    work, used = work_of_material(material_of(case), scope_of(case), 1e-9), np.array([col.ORBIT], np.int8)
+    row = row_of(case)
+    followed = with_forces(row, work, used, scope_of(case))[0]
+    row[0, col.MEAN] = -case["mean_force"] / case["stiffness"]
+    retraced = with_forces(row, work, used, scope_of(case))[0]
+    assert not np.array_equal(followed[[GRADIENT, DRAG]], retraced[[GRADIENT, DRAG]])
+    # Each is good to 1e-3 of what integration in time gives.
+    np.testing.assert_allclose(followed[[GRADIENT, DRAG]], retraced[[GRADIENT, DRAG]], rtol=2e-3)
+    alone = with_forces(row, work, used, scope_of(case), harmonics=False)[0]
+    assert alone[GRADIENT] == retraced[GRADIENT] and np.isnan(alone[WAVES])
 
 
 def test_higher_harmonics_are_images_where_asked() -> None:

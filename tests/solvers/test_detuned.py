@@ -26,7 +26,7 @@ NAMES = ("air, hard sample", "soft lever", "bistable")
 
 
 @cache  # which orbits a material has is asked of many that are not taken
-def drawn(name: str, pixels: int = 30) -> tuple[Batch, ...]:
+def drawn(name: str, pixels: int = 15) -> tuple[Batch, ...]:
     (found,) = [draw(one, 4, pixels, np.random.default_rng(77)) for one in REGIMES if one.name == name]
     return found
 
@@ -77,7 +77,7 @@ def test_next_to_resonance_no_more_orbits_are_left_to_collocation(name: str) -> 
         return sum(int(np.sum(used == col.ORBIT)) for _, _, used in solved(name, "orbit", ratio))
 
     at_resonance = left(1.0)
-    assert at_resonance < 12  # of 120, a tenth
+    assert at_resonance < 6  # of 60, a tenth
     assert all(left(1.0 + sign * apart) <= at_resonance for apart in CLOSE for sign in (-1, 1))
 
 

@@ -53,7 +53,7 @@ COMPILED: list[dict[str, float]] = []
 def measured() -> xr.Dataset:
     """A small run over all regimes, with the peers that are installed."""
     said: list[str] = []
-    plan = Plan(batches=2, timed=32, references=1, seed=3, budget=0.05, rounds=2, cold=False)
+    plan = Plan(batches=2, timed=16, references=1, seed=3, budget=0.05, rounds=2, cold=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measuring, "of_solvers", lambda empty: COMPILED.append(of_solvers(empty)) or COMPILED[-1])
         ds = to_dataset(measure(plan, *installed(), said.append))

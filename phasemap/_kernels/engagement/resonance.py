@@ -35,6 +35,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import free_amplitude, lowest, mismatch
@@ -173,12 +174,7 @@ def _between(
         f = sided(lever, amplitude, side, h, push)
         if abs(f) < CLOSE:
             return math.exp(x) - shift if logarithmic else x
-        if (f > 0.0) == (f_b > 0.0):
-            b, f_b = x, f
-            f_a *= 0.5
-        else:
-            a, f_a = x, f
-            f_b *= 0.5
+        a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
     return math.nan
 
 

@@ -20,7 +20,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, harmonic
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
@@ -224,28 +224,3 @@ def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, whole: bool, at: n
             last, last_off = late, off
             late += min(max(move, -MOST_MOVE), MOST_MOVE)
     return 0
-
-
-@kernel
-def nodes_of(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, averaged: bool, whole: bool, at: np.ndarray
-) -> tuple[int, float, float]:
-    """Fill the nodes of a result row of the tip, shape (ROWS, MOST), of an orbit that may be `averaged` only.
-
-    If not `whole`, depths and rates in contact are what is wanted.
-
-    Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
-    0 where it does not. An orbit that is averaged is harmonic.
-    """
-    count, entry, release = 0, 0.0, 0.0
-    if not averaged:
-        count = tap(law, p, lever, row, whole, at)
-        for j in range(count - 1):
-            if at[TOUCHES, j] > at[TOUCHES, j + 1]:
-                entry, release = release, abs(at[RATE, j])  # the way in is first
-        return count, entry, release
-    amplitude, depth = row[col.AMPLITUDE], row[col.INDENTATION]
-    c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
-    if c < 1.0 and last > -1.0:
-        entry, release = amplitude * math.sqrt(1.0 - c * c), amplitude * math.sqrt(1.0 - last * last)
-    return harmonic(law, p, amplitude, depth, whole, at), entry, release

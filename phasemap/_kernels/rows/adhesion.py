@@ -10,7 +10,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, longrange_force, parameters
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, WEIGHTS, X, moves
-from phasemap._kernels.orbits.tap import MOST, nodes_of
+from phasemap._kernels.orbits.solved import nodes_of
+from phasemap._kernels.orbits.tap import MOST
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 

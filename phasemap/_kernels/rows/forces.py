@@ -17,8 +17,9 @@ from phasemap._kernels.law import (
     longrange_slope,
     parameters,
 )
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT, moves
-from phasemap._kernels.orbits.tap import MOST, nodes_of
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, moves
+from phasemap._kernels.orbits.solved import all_nodes_of, new_path
+from phasemap._kernels.orbits.tap import MOST
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
 
 TURNS = 20  # harmonics of the force's slope that are looked at
@@ -87,48 +88,79 @@ def _sidebands(lever: np.ndarray, second: np.ndarray, slopes: np.ndarray, row: n
 
 
 @kernel
+def _slopes(law: Law, p: np.ndarray, at: np.ndarray, count: int, load: np.ndarray) -> tuple[float, float]:
+    """Integrals over theta of the force's slope [N/m] and of 2 alpha_s [1]; each node's share of the former over 2 pi.
+
+    Jumps of the force are left out.
+    """
+    gradient, drag = 0.0, 0.0
+    for j in range(count):
+        d, weight = at[DEPTH, j], at[WEIGHT, j]
+        if at[TOUCHES, j] == 0.0:
+            slope = longrange_slope(law, min(d, 0.0), p)
+        else:
+            d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
+            slope = contact_slope(law, d, p)
+            if d > 0.0:
+                drag += 2.0 * weight * damping(law, d, p)
+        gradient += weight * slope
+        load[j] = weight * slope / (2.0 * math.pi)
+    return gradient, drag
+
+
+@kernel
+def _pushes(law: Law, p: np.ndarray, lever: np.ndarray, at: np.ndarray, count: int, load: np.ndarray) -> None:
+    """Each node's share of twice the mean of g [m]."""
+    inverse_k = 1.0 / lever[col.STIFFNESS]
+    for j in range(count):
+        d = at[DEPTH, j]
+        if at[TOUCHES, j] == 0.0:
+            g = inverse_k * longrange_force(law, min(d, 0.0), p)
+        else:
+            d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
+            g = inverse_k * contact_force(law, d, p)
+            if d > 0.0:
+                g += 2.0 * damping(law, d, p) * lever[col.OMEGA] * at[RATE, j]
+        load[j] = at[WEIGHT, j] * g / math.pi
+
+
+@kernel
+def _answer(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
+    """Fill in the lever's answer to harmonics of the force."""
+    for n in range(col.HARMONICS):
+        multiple = (n + 2) * lever[col.OMEGA]
+        x, y = 1.0 - multiple * multiple, 2.0 * lever[col.ALPHA0] * multiple
+        below = 1.0 / (x * x + y * y)
+        re, im = -waves[0, n], -waves[1, n]
+        row[WAVES + 2 * n], row[WAVES + 2 * n + 1] = (re * x + im * y) * below, (im * x - re * y) * below
+
+
+@kernel
 def force_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, second: np.ndarray, averaged: np.ndarray, out: np.ndarray
-) -> None:
-    """Fill in GRADIENT, DRAG and WAVES of wide rows of the tip, shape (n, WIDE), that have a periodic orbit.
+    law: Law, rows: np.ndarray, lever: np.ndarray, second: np.ndarray, averaged: np.ndarray, harmonics: bool,
+    out: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill in GRADIENT and DRAG of wide rows of the tip, shape (n, WIDE), that have a periodic orbit.
 
     Rows that are `averaged` have the harmonic orbit only. `second` is the lever of a second mode, shape (5,),
-    of stiffness 0 where there is none: SIDEBANDS are filled in with one.
+    of stiffness 0 where there is none: SIDEBANDS are filled in with one. WAVES are filled in where `harmonics` of the
+    motion are wanted.
     """
-    at, slopes, waves = np.zeros((ROWS, MOST)), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS))
-    slope_at, force_at = np.zeros(MOST), np.zeros(MOST)
-    inverse_k = 1.0 / lever[col.STIFFNESS]
+    path, slopes, waves, load = new_path(), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS)), np.zeros(MOST)
     for i in range(len(rows)):
         row, p = out[i], parameters(rows[i])
         if not moves(row):
             continue
-        count, entry, release = nodes_of(law, p, lever, row, averaged[i], True, at)
+        count, entry, release = all_nodes_of(law, p, lever, row, averaged[i], path)
         if count == 0:
             continue
-        gradient, drag = _jumps(law, p, entry, release), 0.0
-        for j in range(count):
-            d, weight = at[DEPTH, j], at[WEIGHT, j]
-            if at[TOUCHES, j] == 0.0:
-                g = inverse_k * longrange_force(law, min(d, 0.0), p)
-                slope = longrange_slope(law, min(d, 0.0), p)
-            else:
-                d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
-                g = inverse_k * contact_force(law, d, p)
-                slope = contact_slope(law, d, p)
-                if d > 0.0:
-                    alpha = 2.0 * damping(law, d, p)
-                    drag += weight * alpha
-                    g += alpha * lever[col.OMEGA] * at[RATE, j]
-            gradient += weight * slope
-            slope_at[j], force_at[j] = weight * slope / (2.0 * math.pi), weight * g / math.pi
+        gradient, drag = _slopes(law, p, path.at, count, load)
+        gradient += _jumps(law, p, entry, release)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
-        _harmonics(at, count, force_at, 2, waves)
-        for n in range(col.HARMONICS):  # the lever's answer to the force
-            multiple = (n + 2) * lever[col.OMEGA]
-            x, y = 1.0 - multiple * multiple, 2.0 * lever[col.ALPHA0] * multiple
-            below = 1.0 / (x * x + y * y)
-            re, im = -waves[0, n], -waves[1, n]
-            row[WAVES + 2 * n], row[WAVES + 2 * n + 1] = (re * x + im * y) * below, (im * x - re * y) * below
         if second[col.STIFFNESS] > 0.0:
-            _harmonics(at, count, slope_at, 1, slopes)
+            _harmonics(path.at, count, load, 1, slopes)
             _sidebands(lever, second, slopes, row)
+        if harmonics:
+            _pushes(law, p, lever, path.at, count, load)
+            _harmonics(path.at, count, load, 2, waves)
+            _answer(lever, waves, row)

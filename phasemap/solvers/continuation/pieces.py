@@ -57,13 +57,15 @@ class Curves:
         self.law, self.path, self.index, self.wanted = path.law, path, index, wanted
         self.box, self.samples = np.array(box), samples
         self.pieces: list[Piece] = []
+        self._standing: dict[float, tuple[tuple[float, ...], np.ndarray]] = {}  # a start is asked for several times
 
     def standing(self, m: float) -> tuple[tuple[float, ...], np.ndarray]:
         """The law's parameters and the lever at m."""
         from phasemap._kernels.continuation.path import standing_at
 
-        p, lever = standing_at(self.path, float(m))
-        return p, lever
+        if m not in self._standing:
+            self._standing[m] = standing_at(self.path, float(m))
+        return self._standing[m]
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """Rows as the detector sees them, shape (..., FULL)."""

@@ -128,9 +128,10 @@ def walk(
     rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
     status, jumps = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump]()
     beside = BESIDE * (float(np.ptp(wanted)) or abs(float(wanted[0])))
-    here = first
+    here, values = first, wanted.tolist()
+    taken: dict[Segment, list[tuple[int, int]]] = {}  # values wanted and rows of a segment
     for k in range(n - 1, -1, -1) if down else range(n):
-        x = float(wanted[k])
+        x = values[k]
         for _ in range(MOST_LANDINGS):
             if not isinstance(here, Segment) or here.x[0] <= x <= here.x[-1]:
                 break
@@ -158,7 +159,10 @@ def walk(
         found = here.at_wanted.get(k)
         status[k] = col.NOT_CONVERGED if found is None else col.GOOD
         if found is not None:
-            rows[k], traces[k] = here.rows[found], here.traces[found]
+            taken.setdefault(here, []).append((k, found))
+    for part, pairs in taken.items():
+        at, of = np.array(pairs).T
+        rows[at], traces[at] = part.rows[of], part.traces[of]
     return Visit(rows, traces, status, jumps, here)
 
 

@@ -18,6 +18,7 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
 
     `work`: holds the case in row ``known.index``.
     """
+    from phasemap._kernels.law import parameters
     from phasemap._kernels.orbits.time.march import march_period
 
     reference, amplitude = known.reference, known.case.amplitude
@@ -26,10 +27,11 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     # At drive phase 0; the higher harmonics are not there, but a tenth of a percent of the path costs no time.
     state = [reference.mean_deflection + amplitude * math.cos(lag), omega * amplitude * math.sin(lag)]
     y, acc = np.empty(2), np.zeros(7)
+    p = parameters(work.rows[known.index])  # as kernels have them, for which the march is compiled
 
     def several() -> None:
         y[:] = state
         for _ in range(PERIODS):
-            march_period(work.law, work.rows[known.index], work.lever, reference.tip_offset, eta, y, acc)
+            march_period(work.law, p, work.lever, reference.tip_offset, eta, y, acc)
 
     return best_of(several, 0.0)[0] / PERIODS

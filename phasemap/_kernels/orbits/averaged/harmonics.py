@@ -6,8 +6,9 @@ The orbit is taken as z = A0 + A cos(theta). With c = (z0 - A0)/A the depth is d
     (P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2
 
 is one scalar equation for c: theory, Eqs. (averaging-4), (averaging-7) and (averaging-8). (The paper replaces omega_e^2
-- omega^2 by (1 + omega)(omega_e - omega), equal at first order; here the free lever is kept exact.) The integrals use
-Gauss nodes that know the exponents of the integrand (theory, Eq. (averaging-10)):
+- omega^2 by (1 + omega)(omega_e - omega), equal at first order; here the free lever is kept exact.) Integrals of the
+forces that kernels know need no nodes (`known`). Others use Gauss nodes that know the exponents of the integrand
+(theory, Eq. (averaging-10)):
 
 * contact: sin(theta/2) = sin(theta0/2) sin(psi), so that d = A (1 - c) cos(psi)^2 and half-integer powers are smooth;
 * outside: u = tan(theta/2) = u0 + delta x / (1 - x), delta the distance to the pole of the long-range force;
@@ -25,6 +26,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
+from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, knows_contact
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
@@ -102,7 +104,9 @@ def _even(
     mean, push, loss = 0.0, 0.0, 0.0  # integrals of F, F cos and alpha_s sin^2 over 0 ... pi
     damped = p[DAMPING] != 0.0
     if c < 1.0:
-        if c <= -1.0:
+        if knows_contact(law, p, c):
+            mean, push, loss = contact_integrals(p, amplitude, c)
+        elif c <= -1.0:
             share = math.pi / len(_ROUND)
             for x in _ROUND:
                 d = amplitude * (x - c)
@@ -126,7 +130,11 @@ def _even(
                 push += share * f * x
                 if damped:
                     loss += share * damping(law, d, p) * (1.0 - x * x)
-    if outside and p[LONGRANGE] != 0.0 and c > -1.0:
+    attracted = outside and p[LONGRANGE] != 0.0 and c > -1.0
+    if attracted and law.longrange_force == 0:
+        more_mean, more_push = attraction_integrals(p, amplitude, c)
+        mean, push = mean + more_mean, push + more_push
+    elif attracted:
         least = max(c - 1.0, 0.0)  # smallest gap over A
         start2 = (1.0 - c) / (1.0 + c) if c < 1.0 else 0.0
         start = math.sqrt(start2)

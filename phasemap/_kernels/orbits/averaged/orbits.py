@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
@@ -32,12 +33,7 @@ def crossing(
         h = math.log(1.0 + mismatch(lever, amplitude, push, drag))
         if abs(h) < 1e-10 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
             break
-        if (h > 0.0) == (h_far > 0.0):
-            far, h_far = c, h
-            h_near *= 0.5
-        else:
-            near, h_near = c, h
-            h_far *= 0.5
+        near, h_near, far, h_far = narrowed(near, h_near, far, h_far, c, h)
     return c
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.columns import RELEASE
-from phasemap._kernels.compilation import kernel
+from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.orbits.collocation.system import (
     AT,
     BROKEN,
@@ -51,7 +51,7 @@ TWO_PI = 2 * math.pi
 PERMANENT = -1  # orbit.head[COUNT, CONTACTS] of an orbit that never leaves contact
 
 
-@kernel
+@kernel(fastmath=ANY_ORDER)
 def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e (barycentric interpolation)."""
     one, following = elements[e], elements[e + 1]
@@ -67,13 +67,14 @@ def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) 
     w = share * one[PLACE, EDGE_W] + other * following[PLACE, EDGE_W]
     u = share * one[PLACE, EDGE_U] + other * following[PLACE, EDGE_U]
     for k in range(NODES):
-        difference = x - table[T_S, k]
-        if difference == 0.0:
-            return one[W, k], one[U, k]
-        share = table[T_BARY, k] / difference
+        share = table[T_BARY, k] / (x - table[T_S, k])
         below += share
         w += share * one[W, k]
         u += share * one[U, k]
+    if not abs(below) < math.inf:  # at a node
+        for k in range(NODES):
+            if x == table[T_S, k]:
+                return one[W, k], one[U, k]
     return w / below, u / below
 
 
@@ -121,7 +122,7 @@ def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) 
     return 0.5 * (low + high)
 
 
-@kernel(shared=True)
+@kernel(shared=True, vectors=True)
 def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     """Find where the tip enters and leaves contact; fills rows CONTACT and their count. False if there are too many.
 

@@ -199,7 +199,7 @@ def lay(
     return ok
 
 
-@kernel(shared=True)
+@kernel(shared=True, vectors=True)
 def carry_over(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
     """Interpolate w and w' of `source` to the nodes and edges of `orbit`."""
     old, new = source.elements, orbit.elements

@@ -114,7 +114,7 @@ def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
     return 2e-6 if level == 0 else 0.0
 
 
-@kernel(shared=True)
+@kernel(shared=True, vectors=True)
 def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
     """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
     head = orbit.head
@@ -176,7 +176,7 @@ def floquet(transfer: np.ndarray) -> float:
     return abs(half) + math.sqrt(root)
 
 
-@kernel(shared=True)
+@kernel(shared=True, vectors=True)
 def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
     omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]

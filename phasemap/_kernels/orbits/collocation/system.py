@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, RELEASE, ROW, STIFFNESS
-from phasemap._kernels.compilation import kernel
-from phasemap._kernels.dense import eliminate
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.dense import eliminate_columns
 from phasemap._kernels.law import (
     Law,
     contact_force,
@@ -65,7 +65,7 @@ AT, GAP = 0, 1  # of an orbit that nowhere enters or leaves contact: angle and d
 # equations, one in an affine function; the change of m; the right-hand side.
 W0, U0, RP, RS, RZ, ONE, RA, RM, RIGHT = 0, 1, 2, 3, 4, 5, 5, 6, 7
 SEVEN = 7
-WIDTH = 16  # of an element's matrix with its right-hand sides, padded for vector instructions
+WIDTH = 15  # columns of an element's matrix with its right-hand sides
 
 
 # Where a parameter m moves, `drift`, shape (2, STANDING), has the law's parameters and the lever at m + SMALL and at
@@ -151,7 +151,7 @@ def _element(
     drift: np.ndarray,
     m: np.ndarray,
 ) -> bool:
-    """Fill the LOCAL rows of an element, theory, Eq. (collocation-4); m is scratch, shape (NODES, WIDTH)."""
+    """Fill the LOCAL rows of an element, theory, Eq. (collocation-4); m is scratch, shape (WIDTH, NODES)."""
     omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
     viscous = 2.0 * lever[ALPHA0]
     z0, amplitude = value[Z0], value[A]
@@ -166,26 +166,26 @@ def _element(
         first = h * omega * (viscous + gv)
         second = h * h * (1.0 + gd)
         for k in range(NODES):
-            m[j, k] = first * table[T_M1 + j, k] + second * table[T_M2 + j, k]
+            m[k, j] = first * table[T_M1 + j, k] + second * table[T_M2 + j, k]
         m[j, j] += omega * omega
-        m[j, NODES + W0] = -(1.0 + gd)
-        m[j, NODES + U0] = -(1.0 + gd) * h * table[T_SUM1, j] - omega * (viscous + gv)
-        m[j, NODES + RP] = c
-        m[j, NODES + RS] = s
-        m[j, NODES + RZ] = gd
-        m[j, NODES + ONE] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
+        m[NODES + W0, j] = -(1.0 + gd)
+        m[NODES + U0, j] = -(1.0 + gd) * h * table[T_SUM1, j] - omega * (viscous + gv)
+        m[NODES + RP, j] = c
+        m[NODES + RS, j] = s
+        m[NODES + RZ, j] = gd
+        m[NODES + ONE, j] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
         if len(drift) > 0:
             w, u = one[W, j], one[U, j]
             force = value[P] * c + value[S] * s
             acceleration = (force - viscous * omega * u - w - g) / (omega * omega)
             up = _pushed(law, drift[0], side, d, w, u, acceleration, u - amplitude * s)
             down = _pushed(law, drift[1], side, d, w, u, acceleration, u - amplitude * s)
-            m[j, NODES + RM] = (down - up) / (2.0 * SMALL)
-    if not eliminate(m, NODES):
+            m[NODES + RM, j] = (down - up) / (2.0 * SMALL)
+    if not eliminate_columns(m):
         return False
     for q in range(SEVEN):
         for j in range(NODES):
-            one[LOCAL + q, j] = m[j, NODES + q]
+            one[LOCAL + q, j] = m[NODES + q, j]
     return True
 
 
@@ -215,7 +215,7 @@ def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 
 
-@kernel(shared=True)
+@kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills OPEN and the monodromy matrix."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
@@ -227,7 +227,7 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
     elements[0, CHAIN : CHAIN + 2] = 0.0
     elements[0, CHAIN, W0] = 1.0
     elements[0, CHAIN + 1, U0] = 1.0
-    m = np.zeros((NODES, WIDTH))
+    m = np.zeros((WIDTH, NODES))
     for e in range(count):
         one = elements[e]
         if not _element(law, p, lever, tables, one, head[VALUE], drift, m):

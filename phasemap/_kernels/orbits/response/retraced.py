@@ -1,0 +1,111 @@
+"""The nodes of an orbit whose result row is known: passes of the lever's response from its amplitude, e and depth.
+
+A harmonic orbit as deep as the exact one meets nearly its force, so that in air one or two passes give the motion to
+some 10^-4 of the depth. What says so is the depth, and the mean of the force and its P, which the row knows by
+deflection and phase. Where the drive is not faint passes contract slowly, and these do not say enough.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.columns import BASE, LONGRANGE, OMEGA
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.nodes import (
+    COS,
+    ENTRY,
+    EXIT,
+    IN,
+    OUT,
+    SIN,
+    THETA,
+    TOUCH,
+    WEIGHT,
+    WEIGHTS,
+    G,
+    N,
+    U,
+    W,
+    relay,
+    respond,
+)
+from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E, evaluate, start
+
+PASSES = 2  # where more were needed they contract slowly
+FAINT = 0.01  # of the amplitude: the largest drive
+ALIKE = 3e-4  # of the mean size of the force: what its mean and P may differ from the row's by
+MOST = 0.2  # change of the first force
+AS_DEEP = 5e-4  # of the depth, or without contact of the distance to the pole of the long-range force
+
+
+@kernel(fastmath=ANY_ORDER)
+def _strength(f: np.ndarray) -> float:
+    """Mean of |g| over a period [m]."""
+    total = 0.0
+    for first in range(0, 3 * N, N):
+        for j in range(N):
+            total += WEIGHTS[j] * f[WEIGHT, first + j] * abs(f[G, first + j])
+    return total / (2.0 * math.pi)
+
+
+@kernel(fastmath=ANY_ORDER)
+def _press(f: np.ndarray, state: np.ndarray, push: float) -> None:
+    """Make the force in contact so much larger or smaller that P is the one given."""
+    mean, pressed, drag = 0.0, 0.0, 0.0
+    for j in range(N):
+        share = WEIGHTS[j] * f[WEIGHT, TOUCH + j] * f[G, TOUCH + j] / math.pi
+        mean += 0.5 * share
+        pressed += share * f[COS, TOUCH + j]
+        drag += share * f[SIN, TOUCH + j]
+    more = (push - state[PUSH]) / pressed
+    if not abs(more) < MOST:
+        return
+    for j in range(N):
+        f[G, TOUCH + j] *= 1.0 + more
+    state[MEAN], state[PUSH], state[DRAG] = state[MEAN] + more * mean, push, state[DRAG] + more * drag
+
+
+@kernel
+def _apex(f: np.ndarray, amplitude: float, touching: bool) -> float:
+    """Where the tip turns [m]: in contact or, without one, where the elements before and after it meet."""
+    theta, w, u = f[THETA], f[W], f[U]
+    i, j = IN, OUT
+    if touching:
+        j = TOUCH + 1
+        while j < TOUCH + N - 1 and u[j] > amplitude * f[SIN, j]:
+            j += 1
+        i = j - 1
+    return apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])[0]
+
+
+@kernel
+def retrace(law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, f: np.ndarray, state: np.ndarray) -> bool:
+    """Fill the nodes with the orbit of a result row of the tip, without necks; False if it is beyond a few passes."""
+    amplitude, e, longrange = row[col.AMPLITUDE], row[col.TIP_OFFSET] - row[col.MEAN], p[LONGRANGE] != 0.0
+    state[AMP], state[E] = amplitude, amplitude - row[col.INDENTATION]
+    f[G] = 0.0
+    reach, depth = reach_of(law, p), row[col.INDENTATION]
+    if not (lever[BASE] < FAINT * amplitude and math.isfinite(e) and start(law, p, lever, reach, f, state)):
+        return False
+    near = AS_DEEP * (depth if depth > 0.0 else reach - depth)
+    state[E], touching = e, f[THETA, EXIT] > f[THETA, ENTRY]
+    mean, push = -row[col.MEAN], lever[BASE] * math.sin(row[col.PHASE]) - amplitude * (1.0 - lever[OMEGA] ** 2)
+    if touching:
+        _press(f, state, push)
+    for _ in range(PASSES):
+        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
+        relay(f, lever, amplitude, e, touching, longrange)
+        if touching and not f[THETA, EXIT] > f[THETA, ENTRY]:
+            return False
+        evaluate(law, p, lever, f, state, touching)
+        if not abs(_apex(f, amplitude, touching) - e - depth) < near:
+            continue
+        if max(abs(state[MEAN] - mean), abs(state[PUSH] - push)) < ALIKE * _strength(f):
+            return True
+    return False
