@@ -76,7 +76,9 @@ CREATES_ENERGY = 8
 OUT_OF_RANGE = 9
 DIVERGED = 10
 NOT_ENGAGED = 11
-PENDING, STIFF = -1, -2  # between two kernels only; STIFF: an averaged orbit is known, passes do not lead on from it
+PENDING, STIFF, PRESSED = -1, -2, -3
+"""Between two kernels only. STIFF: an averaged orbit is known, passes do not lead on from it; PRESSED: engaging in time
+ended on an orbit that never leaves the surface, above the setpoint still."""
 
 # Solver codes.
 AVERAGING = 0

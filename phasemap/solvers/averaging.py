@@ -36,14 +36,20 @@ class Averaging:
 
 
 def engage_averaged(work: Work, periods: int, first: int, last: int, answers: Answers) -> bool:
-    """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such."""
+    """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such.
+
+    Far from the resonance it cannot: what ends the orbits there are terms that it leaves out.
+    """
+    from phasemap._kernels.engagement.resonance import near_resonance
     from phasemap._kernels.rows.fast import averaging_rows
 
-    waiting = averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
-    if not waiting:
-        return False
+    averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
+    if not near_resonance(work.lever):
+        answers.status[first:last] = col.PENDING
     doubtful = first + np.flatnonzero(answers.status[first:last] == col.PENDING)
+    if not len(doubtful):
+        return False
     some = answers.of(doubtful)
-    solve_exactly(work.part(doubtful), (PHASE, LENGTH), False, periods, 0, waiting, some)
+    solve_exactly(work.part(doubtful), (PHASE, LENGTH), False, periods, 0, len(doubtful), some)
     answers.put(doubtful, some)
     return True

@@ -50,8 +50,8 @@ class March:
         from phasemap.solvers.orbit import LENGTH, PHASE, solve_from_far
 
         if not near_resonance(work.lever):
-            on_curves = solve_from_far(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers, self)
-            self.settle(work, on_curves, answers, accuracy.periods)
+            pressed = solve_from_far(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers, self)
+            self.settle(work, pressed, answers, accuracy.periods)
             return
         engage_averaged(work, accuracy.periods, first, last, answers)
         _, status, solver = answers
@@ -62,17 +62,20 @@ class March:
             again = again[~in_time[again - first]]
         self.settle(work, again, answers, accuracy.periods)
 
-    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
-        """March the chosen rows, an array of numbers, from far."""
+    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> np.ndarray:
+        """March the chosen rows, an array of numbers, from far; returns as `settle`."""
         answers.status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
-        self.settle(work, chosen, answers, periods)
+        return self.settle(work, chosen, answers, periods)
 
-    def settle(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int = MOST_PERIODS) -> None:
-        """March the chosen rows, an array of numbers: from the orbits there, or from far where none is GOOD."""
+    def settle(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int = MOST_PERIODS) -> np.ndarray:
+        """March the chosen rows, an array of numbers: from the orbits there, or from far where none is GOOD.
+
+        Returns the numbers of those that nothing holds as far as a tip is lowered, where it is pressed in for good.
+        """
         from phasemap._kernels.rows.marched import march_rows
 
         if not len(chosen):
-            return
+            return chosen
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
         some, codes, _ = answers.of(chosen)
@@ -82,7 +85,10 @@ class March:
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
         some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
+        pressed = codes == col.PRESSED
+        codes[pressed] = col.NO_STABLE_ORBIT
         answers.put(chosen, Answers(some, codes, np.full(len(chosen), col.MARCH, np.int8)))
+        return np.asarray(chosen[pressed])
 
 
 class FromFar(March):

@@ -69,7 +69,7 @@ def solve_exactly(
 
     if near_resonance(work.lever):
         solve_on_curves(work, limits, average, first, last, answers)
-        settle_in_time(work, periods, first, last, answers)
+        engage_lost(work, periods, first, last, answers)
         return
     solve_from_far(work, limits, average, periods, first, last, answers, March())
 
@@ -80,23 +80,19 @@ def solve_from_far(
 ) -> np.ndarray:  # fmt: skip
     """Engage every pixel in time; returns the numbers of those that are on curves instead.
 
-    They are pressed in deeper than time lowers a tip, or need more periods than are allowed.
+    What time does not decide no curve does: it may have left the curve for motion that is not periodic. But a tip that
+    was followed along its orbits until it never left the surface, deeper than time lowers it, stays on them.
     """
     from phasemap._kernels.engagement.lowering import deepest
 
-    march.engage(work, np.arange(first, last), answers, periods)
-    found = answers.status[first:last]
-    lost = first + np.flatnonzero((found == col.NO_STABLE_ORBIT) | (found == col.NOT_SETTLED))
-    if not len(lost):
-        return lost
-    some = answers.of(lost)
-    solve_on_curves(work.part(lost), limits, average, 0, len(lost), some)
-    held, nothing = some.status == col.GOOD, some.status == col.NO_STABLE_ORBIT
-    pressed = held & (some.rows[:, col.TIP_OFFSET] < deepest(work.lever))
-    known = pressed | ((held | nothing) & (answers.status[lost] == col.NOT_SETTLED))
-    answers.put(lost[known], some.of(known))
-    on_curves: np.ndarray = lost[known & held]
-    return on_curves
+    pressed = march.engage(work, np.arange(first, last), answers, periods)
+    if not len(pressed):
+        return pressed
+    some = answers.of(pressed)
+    solve_on_curves(work.part(pressed), limits, average, 0, len(pressed), some)
+    held = (some.status == col.GOOD) & (some.rows[:, col.TIP_OFFSET] < deepest(work.lever))
+    answers.put(pressed[held], some.of(held))
+    return np.asarray(pressed[held])
 
 
 def solve_on_curves(
@@ -129,22 +125,12 @@ def solve_on_curves(
         exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers)
 
 
-def settle_in_time(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
+def engage_lost(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
     """Ask time where no periodic orbit was found, and beside resonance where the curve leads to none that is held."""
     from phasemap._kernels.orbits.response.passes import beside_resonance
 
-    if (answers.status[first:last] == col.GOOD).all():
-        return
-    lost = first + np.flatnonzero(np.isin(answers.status[first:last], NO_ORBIT))
-    March().settle(work, lost, answers, periods)
-    if not beside_resonance(work.lever):
-        return
-    ended = first + np.flatnonzero(answers.status[first:last] == col.NO_STABLE_ORBIT)
-    ended = ended[answers.solver[ended] != col.MARCH]
-    some = answers.of(ended)
-    March().engage(work.part(ended), np.arange(len(ended)), some, periods)
-    held = some.status == col.GOOD
-    answers.put(ended[held], some.of(np.flatnonzero(held)))
+    lost = (*NO_ORBIT, col.NO_STABLE_ORBIT) if beside_resonance(work.lever) else NO_ORBIT
+    March().engage(work, first + np.flatnonzero(np.isin(answers.status[first:last], lost)), answers, periods)
 
 
 def polish(work: Work, first: int, last: int, answers: Answers) -> None:

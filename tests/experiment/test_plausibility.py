@@ -165,3 +165,23 @@ def test_averaging_where_it_is_off_by_degrees_is_counted() -> None:
     assert line == (
         "4 of 4 pixels (100 %): first-order averaging is off by degrees at Q = 3. Take the solver 'auto' or 'orbit'."
     )
+
+
+def test_averaging_far_from_the_resonance_is_counted_and_asks_time_what_is_held() -> None:
+    surface = pm.Surface.from_labels([[0]], {0: pm.Material(2e9, 0.03, 0.01)}, pixel_size=1e-9)
+    lever = pm.Cantilever(40.0, 300e3, 100.0)
+
+    def taken(ratio: float, solver: str) -> xr.Dataset:
+        drive = pm.Drive(20e-9 * 100 * abs(1 - ratio**2), ratio * 300e3)  # 20 nm, far from the resonance
+        return pm.simulate(surface, pm.Microscope(lever, TIP, drive), setpoint=0.7, solver=solver)
+
+    with pytest.warns(pm.ResultWarning, match="first-order averaging"):
+        averaged = taken(0.75, "averaging")
+    assert describe_validity(averaged)[-1] == (
+        "1 of 1 pixels (100 %): first-order averaging is off by up to some degrees and nanometres at 0.75 of the "
+        "resonance. Take the solver 'auto' or 'orbit'."
+    )
+    exact = taken(0.75, "orbit")
+    assert averaged.branch.values == exact.branch.values
+    assert abs(averaged.tip_offset.values - exact.tip_offset.values) > 0.5e-9  # it is not said for nothing
+    assert not any("averaging" in line for line in describe_validity(exact))

@@ -181,6 +181,50 @@ def test_hard_taps_off_the_resonance_end_where_time_leads(case: Case) -> None:
     assert (pixel.motion == "irregular") == (case["name"] == "doubled period")
 
 
+TAPS = load("taps")
+HELD_TAPS = [case | {"contact": "dmt", "poisson_ratio": 0.35} for case in TAPS]
+FAR = HELD_TAPS[-1]  # on the curve of periodic orbits 89.69 degree and 8.61 nm are stable, too
+
+
+ONE_MOTION = [case for case in HELD_TAPS if len({round(motion["phase"], 4) for motion in case["held"]}) == 1]
+"""Where an approach of any speed leads to the same; elsewhere rounding decides which of several motions is found."""
+
+
+@pytest.mark.parametrize("case", ONE_MOTION, ids=range(len(ONE_MOTION)))
+def test_hard_taps_end_where_every_approach_of_an_independent_program_does(case: Case) -> None:
+    pixel, motion = (
+        pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="orbit"),
+        case["held"][-1],
+    )
+    assert (pixel.motion == "periodic") == (motion["period"] == 1)
+    # What `march` states, 5e-5 degree and 0.01 pm, or 2e-4 degree and 0.02 pm of a mean.
+    assert pixel.phase == pytest.approx(motion["phase"], abs=2e-4)
+    assert pixel.tip_offset == pytest.approx(motion["tip_offset"], abs=2e-14)
+
+
+@pytest.mark.parametrize("solver", ["orbit", "auto", "march", "averaging"])
+def test_far_from_resonance_no_curve_answers_for_time_that_is_not_allowed(solver: str) -> None:
+    short, enough = (
+        pm.solve_pixel(material_of(FAR), scope_of(FAR), FAR["setpoint"], solver, accuracy=pm.Accuracy(periods=periods))
+        for periods in (5000, 100_000)
+    )
+    assert short.status is pm.Status.not_settled
+    assert enough.motion == "irregular"  # every second period is alike
+    assert enough.phase == pytest.approx(FAR["held"][0]["phase"], abs=2e-4)  # the error stated
+    assert enough.tip_offset == pytest.approx(FAR["held"][0]["tip_offset"], abs=2e-14)
+
+
+def test_far_from_resonance_a_tip_that_is_pressed_in_stays_on_its_orbits() -> None:
+    # Deeper than time lowers a tip, -30 free amplitudes; it is held there in time all the same.
+    lever, drive = pm.Cantilever(0.5, 300e3, 13.0), pm.Drive(0.9e-9 * 13.0 * abs(1 - 0.565**2), 0.565 * 300e3)
+    scope = pm.Microscope(lever, pm.Tip(2.6e-9), drive, pm.Interaction(decay_length=0.15e-9))
+    orbit, march = (pm.solve_pixel(pm.Material(30.6e6, 0.0, 9e-4), scope, 0.31, name) for name in ("orbit", "march"))
+    assert orbit.status is march.status is pm.Status.good
+    assert orbit.tip_offset < -60 * scope.driven_amplitude
+    assert orbit.phase == pytest.approx(march.phase, abs=1e-4)
+    assert orbit.tip_offset == pytest.approx(march.tip_offset, rel=1e-6)
+
+
 @pytest.mark.parametrize("ratio", [0.5, 0.9, 0.999, 1.0, 1.001, 1.1, 2.0])
 @pytest.mark.parametrize("quality", [3.0, 400.0])
 def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(ratio: float, quality: float) -> None:

@@ -48,7 +48,7 @@ from phasemap._kernels.engagement.lowering import (
     follow_down,
     pace_of_leap,
 )
-from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, sticks, too_stiff
+from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, presses, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, pass_period, rest, skip
 from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
@@ -154,7 +154,8 @@ def approach(
     most : int
         Periods that may be marched.
 
-    Returns GOOD; NOT_SETTLED after `most` periods; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where its orbits were followed as far down as a tip is
+    lowered, and into the surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
@@ -169,6 +170,8 @@ def approach(
         else:
             ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, tolerance, most, tip)
             periodic = ends == SEEN
+            if ends == LOWEST and presses(p, tip):
+                return col.PRESSED
         if ends == LEFT and pace > 0.0:
             ends = fall(law, p, lever, amplitude, pace, least, tolerance, most, tip)
             least *= 2.0

@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import leaps, near_resonance
+from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
@@ -79,6 +79,8 @@ def follow_down(
 ) -> int:  # fmt: skip
     """Lower the tip along periodic orbits until the amplitude is reached; returns SEEN, LEFT, SPENT or LOWEST.
 
+    LOWEST is said where the tip does not leave the surface any more, or a hundredth of a metre down.
+
     Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
@@ -87,7 +89,7 @@ def follow_down(
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
     stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
     while tip.periods[0] < most:
-        if u[Z0] < lowest:
+        if u[Z0] < lowest and (presses(p, tip) or u[Z0] < -FARTHEST_AT_ALL):
             return LOWEST
         for j in range(4):
             before[j] = u[j]
