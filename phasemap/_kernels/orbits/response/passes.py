@@ -19,6 +19,7 @@ from phasemap._kernels.orbits.response.nodes import (
     IN,
     LATE,
     OUT,
+    SIN,
     THETA,
     TOUCH,
     TURN_COS,
@@ -42,7 +43,7 @@ from phasemap._kernels.quadrature import barycentric
 
 LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
 MOST_PASSES, MOST_MOVES = 24, 4
-ENOUGH = 0.02  # of the first mismatch in a pass may be left, for the next pass changes it again
+ENOUGH = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
 SAFETY = 8.0  # over the error that two changes tell
 FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
@@ -51,11 +52,13 @@ LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to whe
 WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
 DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
 # Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
-# largest A cos(theta) + w where the nodes are others, else 0; what the last pass changed, and the ratio before; and
-# in how many parts the contact is at the nodes.
+# largest A cos(theta) + w where the nodes are others, else 0; what the last pass changed, and the ratio before; in how
+# many parts the contact is at the nodes; how what they give changes with e, and e to where no mismatch is left; and
+# what P and e lack to there.
 AMP, E, SLOPE, MEAN, PUSH, DRAG, WORK, LOSS, VIRIAL = range(9)
 PHASE, HEIGHT, ERR_PHASE, ERR_HEIGHT, PASSES, APEX = range(9, 15)
-LAST_W, PHASE_CHANGE, HEIGHT_CHANGE, LAST_RATIO, PARTS, STATE = range(15, 21)
+LAST_W, PHASE_CHANGE, HEIGHT_CHANGE, LAST_RATIO, PARTS = range(15, 20)
+PER_MEAN, PER_PUSH, PER_DRAG, MOVE, LACKS, STATE = range(20, 26)
 BARYCENTRIC = barycentric(X)
 _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
 _HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
@@ -137,24 +140,29 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
 
 @kernel
 def balance(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool, hold: bool
-) -> float:
-    """Move e to where the drive is the one given, w as it is; returns the mismatch left. With `hold`, e stays."""
-    amplitude, longrange = state[AMP], p[LONGRANGE] != 0.0
+    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, touching: bool, lift: float
+) -> float:  # fmt: skip
+    """Move e to where the drive is the one given, w as it is; returns the mismatch left. Without a `lift`, e stays.
+
+    The tip that w lifts by so much [m] is first lowered by as much, which leaves its depth and nearly its force.
+    """
+    amplitude, longrange, hold = state[AMP], p[LONGRANGE] != 0.0, math.isnan(lift)
+    if not hold:
+        state[E] += lift
+    relay(f, lever, amplitude, state[E], touching, longrange)
+    h = evaluate(law, p, lever, f, state, touching)
     if hold:
-        relay(f, lever, amplitude, state[E], touching, longrange)
-    # Where e moves next, nodes that are slightly beside the contact will do to say by how much.
-    first = evaluate(law, p, lever, f, state, touching)
-    h = first
-    for _ in range(0 if hold else MOST_MOVES):
-        h_before, move = h, -h / state[SLOPE]
+        return h
+    for _ in range(MOST_MOVES):
+        if abs(h) < ENOUGH * abs(lift * state[SLOPE]) and state[PER_PUSH] != 0.0:
+            break
+        h_before, move, mean, push, drag = h, -h / state[SLOPE], state[MEAN], state[PUSH], state[DRAG]
         state[E] += move
         relay(f, lever, amplitude, state[E], touching, longrange)
         h = evaluate(law, p, lever, f, state, touching)
-        if abs(h) < ENOUGH * abs(first):
-            break
         if 0.3 < (h - h_before) / move / state[SLOPE] < 3.0:
-            state[SLOPE] = (h - h_before) / move
+            state[SLOPE], state[PER_MEAN] = (h - h_before) / move, (state[MEAN] - mean) / move
+            state[PER_PUSH], state[PER_DRAG] = (state[PUSH] - push) / move, (state[DRAG] - drag) / move
     return h
 
 
@@ -163,6 +171,7 @@ def first_pass(state: np.ndarray) -> None:
     """Forget the changes of passes made before."""
     for i in (PHASE, HEIGHT, LAST_W, PHASE_CHANGE, HEIGHT_CHANGE):
         state[i] = math.nan
+    state[LACKS] = 0.0
     state[LAST_RATIO] = 1.0
 
 
@@ -173,7 +182,12 @@ def after_pass(lever: np.ndarray, state: np.ndarray, h: float, w: float, nodes: 
     The errors are taken from the last two changes as if they went on like a geometric series, many times over: theory,
     Eq. (errors-1). Returns the ratio of the changes, NaN before there are two.
     """
-    phase, height = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), state[E] - h / state[SLOPE] - state[MEAN]
+    move = state[MOVE] = -h / state[SLOPE]
+    push, drag = state[PUSH] + move * state[PER_PUSH], state[DRAG] + move * state[PER_DRAG]
+    phase, height = phase_of(lever, state[AMP], push, drag), state[E] + move - (state[MEAN] + move * state[PER_MEAN])
+    # What is taken off to first order may be wrong by as much, and the next w is that of a force that lacks it.
+    lacks, taken_off = state[LACKS], abs(phase - phase_of(lever, state[AMP], state[PUSH], state[DRAG]))
+    state[LACKS] = abs(move) + abs(move * state[PER_PUSH]) if state[PER_PUSH] != 0.0 else 0.0
     phase_last, height_last = state[PHASE_CHANGE], state[HEIGHT_CHANGE]
     phase_change = abs(phase - state[PHASE])
     height_change = max(abs(height - state[HEIGHT]), abs(w - state[LAST_W]))
@@ -183,7 +197,10 @@ def after_pass(lever: np.ndarray, state: np.ndarray, h: float, w: float, nodes: 
     if ratio >= 0.0:
         rest = remaining(ratio, state[LAST_RATIO])
         phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
+        phase_left *= max(1.0, lacks / max(height_left, 1e-18))
         state_errors(lever, state, rest, phase_left, height_left, nodes)
+        state[ERR_PHASE] += taken_off
+        state[ERR_HEIGHT] += lacks + state[LACKS]
         state[LAST_RATIO] = ratio
     return ratio
 
@@ -202,10 +219,15 @@ def converge(
     touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest, beside = middle_of(f) if touching else OUT, touching and beside_resonance(lever)
     left_before, slow, most_slow = math.inf, 0, 1 if beside else 4
+    harmonic = state[PASSES] == 0.0
     first_pass(state)
-    for _ in range(MOST_PASSES):
+    if harmonic:  # which the first pass changes
+        state[PHASE], state[LAST_W] = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), 0.0
+        state[HEIGHT] = state[E] - state[MEAN]
+    for passes in range(MOST_PASSES):
+        before = f[W, nearest]
         respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
-        h = balance(law, p, lever, f, state, touching, hold)
+        h = balance(law, p, lever, f, state, touching, math.nan if hold else f[W, nearest] - before)
         state[PASSES] += 1.0
         nodes = unresolved(lever, f, touching, longrange)
         ratio = after_pass(lever, state, h, f[W, nearest], nodes)
@@ -216,6 +238,8 @@ def converge(
             small = state[ERR_PHASE] < limit_phase and state[ERR_HEIGHT] < limit_height
             if small and abs(left) < CLOSED:
                 return FOUND
+            if harmonic and passes == 1:
+                continue  # too early to give up
             slow += ratio > 0.7
             stays = abs(left - left_before) < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
             if nodes > limit_phase * lever[BASE] or (small and stays):
@@ -307,7 +331,8 @@ def closure(lever: np.ndarray, state: np.ndarray) -> float:
 def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state[AMP], lever[STIFFNESS]
-    mean, push = -state[MEAN], state[PUSH]
+    move = state[MOVE]
+    mean, push = -(state[MEAN] + move * state[PER_MEAN]), state[PUSH] + move * state[PER_PUSH]
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE], row[col.AMPLITUDE] = (
         state[HEIGHT],
@@ -335,6 +360,8 @@ def deepest(f: np.ndarray, amplitude: float) -> float:
         j = first + k if k < N else LATE + k - N
         i, before = before, j
         most = max(most, amplitude * f[COS, j] + w[j])
+        if not u[i] - amplitude * f[SIN, i] > 0.0 >= u[j] - amplitude * f[SIN, j]:
+            continue  # no largest one between, for which two sines more would be taken
         between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
         if touching and between > most:
             between = amplitude * math.cos(angle) + _in_contact(f, angle)
