@@ -37,6 +37,15 @@ FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast
 MARGIN = 0.04  # of the range, so that two sharp populations stand clear of the histogram's ends
 UNITS = {"height": "m", "phase": "degree", "amplitude_error": "m"}  # where a variable does not say
+WORDS = {
+    "dissipation": "dissipation per cycle", "dissipation_ev": "dissipation per cycle",
+    "loss_tangent_corrected": "corrected loss tangent", "mode2_frequency_shift": "frequency shift of mode 2",
+    "mode2_amplitude": "amplitude of mode 2", "mode2_phase": "phase of mode 2",
+    "mode2_over_depth": "amplitude 2 over depth", "effective_stiffness_1": "effective stiffness, mode 1",
+    "effective_stiffness_2": "effective stiffness, mode 2", "bimodal_modulus_bound": "bound of modulus error",
+    **{f"{what}_{n}": f"{what} of harmonic {n}" for n in range(2, 7) for what in ("amplitude", "phase")},
+}  # fmt: skip
+"""Names of variables in pictures, where they are not the name itself."""
 LEAST = {"phase": 1.0, "amplitude_error": 2e-13}  # ranges shown at least, not to blow up last digits [degree, m]
 
 
@@ -140,11 +149,22 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     if low >= high:
         raise InputError(f"limits of {name}", f"{low:g} to {high:g}", "vmin below vmax; give both")
     unit = readable(max(-low, high), units_of(variable))
-    words = name.replace("_", " ") + (", levelled" if variable.attrs.get("levelled") else "")
+    words = words_of(name) + (", levelled" if variable.attrs.get("levelled") else "")
     return Scale(
         unit.label(words), 1 / unit.size, offset, low / unit.size, high / unit.size,
         asked.cmap or MAPS.get(name, OTHERS),
     )  # fmt: skip
+
+
+def words_of(name: str) -> str:
+    """What a variable is called in a picture.
+
+    Examples
+    --------
+    >>> words_of("mode2_phase"), words_of("tip_offset")
+    ('phase of mode 2', 'tip offset')
+    """
+    return WORDS.get(name, name.replace("_", " "))
 
 
 def units_of(variable: xr.DataArray) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of
+from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import draw_scale_bar, side_lengths
 from phasemap.plot.materials import inversion, is_inversion
@@ -147,7 +147,8 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
     for row, (words, one) in enumerate(rows):
         for column, (name, scale) in enumerate(scales.items()):
             left, top = LEFT + column * STEP, row * step + TITLE
-            title = ", ".join([name.replace("_", " ").capitalize(), *words])
+            called = words_of(name)
+            title = ", ".join([called[0].upper() + called[1:], *words])
             picture = page.picture(left, top, WIDE, tall, title)
             if not np.isfinite(one[name].values).any():
                 picture.text(0.5, 0.5, "nothing to show", ha="center", transform=picture.transAxes)

@@ -12,7 +12,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
-from phasemap.plot.colours import PALETTE
+from phasemap.plot.colours import PALETTE, words_of
 from phasemap.plot.sweep_axis import Sweep
 from phasemap.plot.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
@@ -159,7 +159,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, name: str) -> None:
         )  # fmt: skip
     axes.plot(sweep.folds, fold_values / unit.size, zorder=5, gid="folds", **FOLD)
     _draw_gaps(axes, sweep)
-    axes.set_ylabel(unit.label(name.replace("_", " ")), fontsize=9)
+    axes.set_ylabel(unit.label(words_of(name)), fontsize=9)
     low, high = (shown.min() / unit.size, shown.max() / unit.size) if len(shown) else (0.0, 1.0)
     margin = MARGIN * (high - low) or 0.5
     axes.set_ylim(low - margin, high + margin)

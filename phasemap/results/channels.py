@@ -139,6 +139,8 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, second: bool) -> lis
     known = {name: channel for name, channel in CHANNELS.items() if second or not channel.bimodal}
     if names is None:
         return [channel for channel in known.values() if all(name in image for name in channel.needs)]
+    names = (names,) if isinstance(names, str) else tuple(names)
+    check_second(names, second)
     chosen = [known[name] for name in check_variables(names, tuple(known))]
     for channel in chosen:
         if missing := [name for name in channel.needs if name not in image]:
@@ -286,6 +288,15 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
     return scope
 
 
+def check_second(names: object, second: bool) -> None:
+    """Refuse names of channels of a second mode where the drive has none."""
+    for name in names if isinstance(names, Iterable) and not second else ():
+        if isinstance(name, str) and name in CHANNELS and CHANNELS[name].bimodal:
+            allowed = "a name without a second mode, for the drive has none"
+            hint = "Give it one: pm.Drive(..., second=pm.Mode(...)), in a scene [drive.second]."
+            raise InputError("variables", name, allowed, hint)
+
+
 def split(variables: object, control: Control, second: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Variables asked for, as those of an image under this control and channels that are to be derived from it.
 
@@ -299,6 +310,7 @@ def split(variables: object, control: Control, second: bool) -> tuple[tuple[str,
     )
     if variables is None:
         return variables_of(control), tuple(name for name in more if CHANNELS[name].bimodal)
+    check_second((variables,) if isinstance(variables, str) else variables, second)
     names = check_variables(variables, (*known, *more))
     return tuple(name for name in names if name in known), tuple(name for name in names if name in more)
 

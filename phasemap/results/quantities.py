@@ -231,12 +231,13 @@ def _disturbed(motion: Motion) -> Array:
     A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
     proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
     modes do at sidebands beyond second order of the slope goes with the largest force over k A, and a quarter of that
-    covers all that was found in time. Of Hertz's tap that force is 4 sqrt(2)/3 <k>1 A sqrt(A/D).
+    covers all that was found in time. Of Hertz's tap that force is 4 sqrt(2)/3 <k>2 sqrt(A D): by the slope, from
+    which adhesion takes less than from the virial.
     """
     with np.errstate(all="ignore"):
         deep = np.maximum(motion.orbit["indentation"], 0.0)
-        force = 4 * np.sqrt(2) / 3 * np.abs(_stiffness_1(motion)) / motion.lever[col.STIFFNESS]
-        share: Array = 0.5 * _too_large(motion) ** 2 + force * np.sqrt(motion.amplitude / deep) / 4
+        force = 4 * np.sqrt(2) / 3 * np.abs(_stiffness_2(motion)) / motion.lever[col.STIFFNESS]
+        share: Array = 0.5 * _too_large(motion) ** 2 + force * np.sqrt(deep / motion.amplitude) / 4
     return share
 
 

@@ -94,7 +94,7 @@ def record(c, periods=2400, steps=1500):
     assert done, (miss, denominator)
     return {
         "phase": 90 + math.degrees(np.angle(z1)), "amplitude": abs(z1) * 1e-9, "tip_offset": z0 * 1e-9,
-        "indentation": deepest * 1e-9, "frequency_shift": (w / r - 1) * c["second_frequency"],
+        "indentation": deepest * 1e-9, "frequency_shift": (math.sqrt(1 + stiff) - 1) * c["second_frequency"],
         "second_amplitude": abs(z2) * 1e-9,
     }  # fmt: skip
 
@@ -124,6 +124,25 @@ CASES = [
     dict(modulus=30e9, second_free_amplitude=0.03e-9),
     dict(SOFT),
     dict(SOFT, modulus=0.1e9, second_free_amplitude=0.3e-9),
+    # Drawn at random: where adhesion hides how hard the tap is from the virial.
+    dict(
+        free_amplitude=28.7e-9,
+        setpoint=0.625,
+        second_free_amplitude=0.102e-9,
+        tip_radius=15.8e-9,
+        modulus=0.4e9,
+        adhesion=0.0587,
+    ),
+    dict(
+        SOFT,
+        free_amplitude=42.1e-9,
+        setpoint=0.755,
+        second_free_amplitude=0.111e-9,
+        tip_radius=11.5e-9,
+        modulus=0.251e9,
+        adhesion=0.0414,
+        viscosity=1.34,
+    ),
 ]
 
 if __name__ == "__main__":

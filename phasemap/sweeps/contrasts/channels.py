@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.properties import film_of, properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
-from phasemap.solvers.integrals import bare_rows, with_adhesion
+from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.problem import material_row
 from phasemap.sweeps.contrasts.dataset import DIMS
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair
@@ -42,7 +43,7 @@ def derived(
             scope, work = pair.at(frequency, free), pair.work(frequency, free, axes[2])
             rows = engaged.rows[:, i, k].reshape(-1, col.COLUMNS)
             used = engaged.solver[:, i, k].reshape(-1)
-            wide = with_adhesion(rows, work, used, np.repeat(bare, len(axes[2]), axis=0))
+            wide = widened(rows, work, used, scope, partial(np.repeat, bare, len(axes[2]), axis=0), _used(names))
             orbit = {name: FLOATS[name].value(wide) for name in _used(names)}
             motion = motion_of(scope, wide[:, col.AMPLITUDE], np.degrees(wide[:, col.PHASE]), orbit)
             for name in names:

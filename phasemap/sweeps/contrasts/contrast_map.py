@@ -18,6 +18,7 @@ from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.results.channels import check_second
 from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import check_variables, describe, provenance
 from phasemap.solvers.continuation.path import NUMBERS
@@ -145,6 +146,7 @@ def contrast(
     accuracy = Accuracy() if accuracy is None else accuracy
     if not isinstance(accuracy, Accuracy):
         raise InputError("accuracy", accuracy, "an Accuracy")
+    check_second(variables, scope.drive.second is not None)
     labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
     drive = scope.drive
     frequencies = numbers("frequencies", frequencies, "Hz")
