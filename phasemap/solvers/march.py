@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
+MISSING = 2.0  # [rad] of phase, at most, for each part of the energy that is missing: 1.3 in draws of lasting dents
 ERROR_PHASE, ERROR_HEIGHT = math.radians(5e-5), 1e-14  # [rad, m], found against independent orbits
 
 
@@ -74,21 +75,38 @@ class March:
         """
         from phasemap._kernels.rows.marched import march_rows
 
-        if not len(chosen):
-            return chosen
+        return self._march(march_rows, work, chosen, answers, periods) if len(chosen) else chosen
+
+    def _march(self, rows_of: Any, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> np.ndarray:
+        """Let a kernel of `rows.marched` fill the chosen rows; returns as `settle`."""
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
         some, codes, _ = answers.of(chosen)
         rows = np.ascontiguousarray(work.rows[chosen])
-        march_rows(work.law, rows, work.lever, work.amplitudes[chosen], eta, periods, some, codes)
+        rows_of(work.law, rows, work.lever, work.amplitudes[chosen], eta, periods, some, codes)
         periodic = (codes == col.GOOD) & ~col.irregular(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
         some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
+        if work.law.memory:
+            self._state_closure(some, periodic)
         pressed = codes == col.PRESSED
         codes[pressed] = col.NO_STABLE_ORBIT
         answers.put(chosen, Answers(some, codes, np.full(len(chosen), col.MARCH, np.int8)))
         return np.asarray(chosen[pressed])
+
+    @staticmethod
+    def _state_closure(some: np.ndarray, periodic: np.ndarray) -> None:
+        """State larger errors where energy is missing that surfaces remember: dents that last have kinks.
+
+        With no other error sin(lag) is off by that share of itself, and the offset by less than that of the amplitude.
+        """
+        missing = np.abs(some[periodic, col.CLOSURE])
+        for column, error in (
+            (col.ERROR_PHASE, MISSING * missing),
+            (col.ERROR_HEIGHT, missing * some[periodic, col.AMPLITUDE]),
+        ):
+            some[periodic, column] = np.maximum(some[periodic, column], error)
 
 
 class FromFar(March):
@@ -107,6 +125,8 @@ class Remembering(FromFar):
     Where that is the march from far, all are engaged from far.
     """
 
+    rows_per_chunk = March.rows_per_chunk
+
     def __init__(self, other: Solver) -> None:
         super().__init__()
         self.other = other
@@ -115,12 +135,10 @@ class Remembering(FromFar):
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
-        near = remembers & self._has_one_orbit(rows, work.lever) & (not isinstance(self.other, FromFar))
-        if near.any():
-            chosen = first + np.flatnonzero(near)
-            self._engage_elastic(work, chosen, answers, accuracy.periods)
-            self.settle(work, chosen, answers, accuracy.periods)
-        far = first + np.flatnonzero(remembers & ~(near & (answers.status[first:last] == col.GOOD)))
+        far = first + np.flatnonzero(remembers)
+        if len(far) and not isinstance(self.other, FromFar):
+            self._start_averaged(work, far, answers, accuracy.periods)
+            far = far[answers.status[far] != col.GOOD]
         self.engage(work, far, answers, accuracy.periods)
         rest = first + np.flatnonzero(~remembers)
         if not len(rest):
@@ -130,23 +148,11 @@ class Remembering(FromFar):
         self.other.solve(plain, accuracy, 0, len(rest), some)
         answers.put(rest, some)
 
-    @staticmethod
-    def _has_one_orbit(rows: np.ndarray, lever: np.ndarray) -> np.ndarray:
-        """Where nothing attracts a tip at resonance its amplitude falls all the way down, from whatever orbit."""
-        attracts = (rows[:, col.PULL] != 0) | (rows[:, col.LONGRANGE] != 0) | (rows[:, col.BIAS] != 0)
-        return np.asarray(~attracts & (lever[col.OMEGA] == 1.0))
+    def _start_averaged(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
+        """March the chosen rows from their averaged orbits, where averaging is sure of them."""
+        from phasemap._kernels.rows.marched import remembering_rows
 
-    @staticmethod
-    def _engage_elastic(work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
-        """Averaged orbits on the same materials as if nothing relaxed, to begin from."""
-        from phasemap.solvers.averaging import engage_averaged
-
-        elastic = work.part(chosen)
-        elastic = replace(elastic, law=work.law._replace(memory=0), rows=elastic.rows.copy())
-        elastic.rows[:, [col.RELAXATION, col.RELAXING, col.DAMPING]] = 0.0
-        some = answers.of(chosen)
-        engage_averaged(elastic, periods, 0, len(chosen), some)
-        answers.put(chosen, some)
+        self._march(remembering_rows, work, chosen, answers, periods)
 
 
 def check_integrals(names: list[str]) -> None:

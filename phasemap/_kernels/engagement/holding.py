@@ -184,8 +184,25 @@ def settle(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: fl
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
-    lag = 0.5 * math.pi - row[col.PHASE]
-    z = row[col.MEAN] + amplitude * math.cos(lag)
-    tip = new_tip(law, z, lever[col.OMEGA] * amplitude * math.sin(lag), row[col.TIP_OFFSET])
+    tip = tip_on(law, lever, amplitude, row)
     row[:] = math.nan
     return hold(law, p, lever, amplitude, eta, most, tip, row)
+
+
+@kernel
+def settle_near(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, row: np.ndarray) -> bool:
+    """As `settle`, by Newton's method alone; False where it leads to no orbit, or to the other side of resonance."""
+    repelled, tip = row[col.PHASE] > 0.0, tip_on(law, lever, amplitude, row)
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
+    found = skip(law, p, lever, tolerance, amplitude, tip)
+    if found:
+        fill_orbit(lever, tip, row)
+    return found and (row[col.PHASE] > 0.0) == repelled
+
+
+@kernel
+def tip_on(law: Law, lever: np.ndarray, amplitude: float, row: np.ndarray) -> Tip:
+    """Return a tip at drive phase 0 of a harmonic orbit of this amplitude [m], with phase, mean and offset of a row."""
+    lag = 0.5 * math.pi - row[col.PHASE]
+    z = row[col.MEAN] + amplitude * math.cos(lag)
+    return new_tip(law, z, lever[col.OMEGA] * amplitude * math.sin(lag), row[col.TIP_OFFSET])

@@ -8,11 +8,18 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.holding import settle
+from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.holding import settle, settle_near
 from phasemap._kernels.engagement.in_time import approach
+from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, on_side
+from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.averaged.row import averaged_row
+from phasemap._kernels.orbits.time.by_memory import lingering
+
+FINER = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
 
 
 @kernel
@@ -41,3 +48,42 @@ def march_rows(
             status[i] = approach(law, p, lever, amplitude, far, step, eta, most, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
+
+
+@kernel
+def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
+    """Where nothing attracts a tip at resonance its amplitude falls all the way down, from whatever orbit."""
+    return p[col.PULL] == 0.0 and p[col.LONGRANGE] == 0.0 and p[col.BIAS] == 0.0 and lever[col.OMEGA] == 1.0
+
+
+@kernel
+def remembering_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    amplitudes: np.ndarray,
+    eta: float,
+    most: int,
+    out: np.ndarray,
+    status: np.ndarray,
+) -> None:
+    """Motion over surfaces that remember, started from the averaged orbit where averaging is sure of it; else PENDING.
+
+    It is sure of nothing where dents last from tap to tap, unless there is one orbit only.
+    """
+    guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
+    for i in range(len(rows)):
+        p, amplitude = parameters(rows[i]), amplitudes[i]
+        status[i] = col.PENDING
+        if has_one_orbit(p, lever):
+            top[:] = 0.0
+            top[BEHIND] = -1e-3 * amplitude
+            if on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess):
+                averaged_row(lever, guess, out[i])
+                status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
+        elif lingering(law, p, lever) == 0 and engage(law, p, lever, amplitude, guess, top) == SURE:
+            for finer in (1.0, FINER):
+                averaged_row(lever, guess, out[i])
+                if settle_near(law, p, lever, amplitude, finer * eta, out[i]):
+                    status[i] = col.GOOD
+                    break

@@ -27,6 +27,8 @@ from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFN
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, knows_contact
+from phasemap._kernels.orbits.averaged.remembered import remembered_harmonics
+from phasemap._kernels.orbits.time.by_memory import remembers
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
@@ -163,6 +165,8 @@ def harmonics(
 
     A neck that is longer than the tip withdraws is never released.
     """
+    if law.memory != 0 and abs(c) < 1.0 and remembers(p):
+        return remembered_harmonics(law, p, lever, reach, amplitude, c)
     if p[RELEASE] == 0.0 or abs(c) >= 1.0:
         return _even(law, p, lever, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
     caught = amplitude * (c + 1.0) < -p[RELEASE]

@@ -19,6 +19,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, longrange_force
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.runge_kutta import (
     fly,
@@ -36,9 +37,13 @@ from phasemap._kernels.orbits.time.runge_kutta import (
     total,
     turn,
 )
+from phasemap._kernels.quadrature import gauss
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
+
+_X, _W = gauss(10)
+_FAR_X, _FAR_W = _X / (1 - _X), _W / (1 - _X) ** 2  # of lengths, to infinity: exact for what falls with their square
 
 # A point of the motion: what a step moves, d or q, z', D, Y and the time; six integrals; and the slopes of all these.
 X, V, SEEN, INSIDE, TAU, SLOPES = 0, 1, 2, 3, 4, 11
@@ -54,6 +59,20 @@ KAPPA, RATE, RECOVERY, T0, DENT, SINCE = 8, 9, 10, 11, 13, 14
 def dent_at(c: Numbers, t: float) -> float:
     """Depth [m] of the surface under a tip that does not touch it."""
     return c[DENT] * math.exp((c[SINCE] - t) * c[RECOVERY]) if c[DENT] > 0 else 0.0
+
+
+@kernel
+def work_from_far(law: Law, p: Any, d: float) -> float:
+    """Work [J] of the long-range force on a tip that comes to depth d <= 0 over a surface without dents.
+
+    `fly` leaves it out, as over elastic surfaces it is given back; here the way out may lead over a dent.
+    """
+    if p[col.LONGRANGE] == 0.0:
+        return 0.0
+    size, total_ = reach_of(law, p) - d, 0.0
+    for i in range(len(_FAR_X)):
+        total_ += _FAR_W[i] * longrange_force(law, d - size * _FAR_X[i], p)
+    return size * total_
 
 
 @kernel(inline=True)

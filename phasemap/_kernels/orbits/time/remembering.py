@@ -7,7 +7,7 @@ at the end of a step (`edge_events`); out of it the tip is attracted by a surfac
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from phasemap._kernels.law import Law, contact_force, longrange_force, longrange
 from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.orbits.time.edge import (
+    DENT,
     INSIDE,
     OF_AIR,
     OF_COS,
@@ -39,23 +40,30 @@ from phasemap._kernels.orbits.time.edge import (
     depth_of,
     speed_of,
     step,
+    work_from_far,
 )
 from phasemap._kernels.orbits.time.edge_events import find_edge, record, record_between, to_edge, to_instant, to_turn
 from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, turning
 from phasemap._kernels.orbits.time.runge_kutta import turn
 from phasemap._kernels.orbits.time.tip import AIR, COS, DEEPEST, LOST, MEAN, SIN, TOUCHES, VIRIAL, Z
 
+if TYPE_CHECKING:
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
+
 FINER = 0.7  # steps of a Kelvin-Voigt contact, over others: its dents have kinks
-COARSER, FAINT = 1.4, 1e-5  # steps of the others where the dent met is less than that of the free amplitude
+COARSER, FAINT, DEEP = 1.4, 1e-5, 1e-2  # steps of the others where the dent met is less than that of the free amplitude
 GROWTH, OVER_DENT = 1.3, 0.7  # steps of a contact that grows, over others; over dents that are not so faint
 AT_MOST = 4.0  # relaxation times that a step takes: explicit ones are stable up to 6
-BEFORE, BEHIND, LITTLE = 8.0, 2.0, 1.0  # of relaxation in the density of steps: about a turn; where little stays stiff
+BEFORE, BEHIND, LITTLE = 8.0, 2.0, 0.5  # of relaxation in the density of steps: about a turn; where little stays stiff
+FADES = 0.3  # of 1/tau, least rate at which that ends after a turn: with 1/tau_c a stiff solid takes twice the steps
 WITH_DENT = 3.0  # times the former, where the next tap meets what this one leaves
 AFTER_TURN = 0.1
-FLIGHT, FARTHEST = 2.0, 0.5  # steps out of contact, over those of `march`; no longer than this, in 1/omega_c
+FLIGHT, ATTRACTED = 2.0, 1.25  # steps out of contact, over those of `march`: where nothing attracts; where a force does
+FARTHEST = 0.5  # no longer than this, in 1/omega_c
 BEYOND, KINK, NUDGE = 3e-3, 1e-6, 1e-9  # of q: how far past an old turn an edge has to come to stop there; just past
 ASTRAY, SHORTEST = 0.3, 1e-4  # of a step: how far it may be off a line's; and the least of its length that is taken
 PASSED = 5  # nodes of a dent that a step may pass
+ROUNDING = 1e-14  # in 1/omega_c: what a last step leaves of a period by rounding, which would take twenty more to go
 FORGOTTEN = 3e-8  # of the free amplitude: a dent that is gone
 
 
@@ -69,7 +77,7 @@ def relaxation_rate(mode: float, u: np.ndarray, rate: float, kappa: float, since
     q, v, slows = u[X], u[V], u[SLOPES + V]
     fast = layers * q * q * rate * rate
     if mode == on.SHRINKING:
-        return q * q * rate * LITTLE / (1 - kappa) + BEHIND * fast * math.exp((kappa - 1) * rate * since)
+        return q * q * rate * LITTLE / (1 - kappa) + BEHIND * fast * math.exp(-max(1 - kappa, FADES) * rate * since)
     return BEFORE * fast * math.exp(2 * q * max(v, 0.0) * rate / slows) if slows < 0 else 0.0
 
 
@@ -90,6 +98,44 @@ def strays(m: np.ndarray, mode: float, u: np.ndarray, end: np.ndarray, h: float)
 
 
 @kernel
+def sizes_over(dent: float, kelvin: bool) -> tuple[float, float, float]:
+    """Steps of a contact, those while it grows, both over others, and weight of its layers about a turn.
+
+    They go with the dent met, over the free amplitude: the error that a dent adds is of order 6 in them.
+    """
+    if kelvin:
+        return FINER, 1.0, WITH_DENT
+    share = min(max(math.log(dent / FAINT), 0.0) / math.log(DEEP / FAINT), 1.0) if dent > 0 else 0.0
+    return COARSER ** (1 - share), GROWTH * (OVER_DENT / GROWTH) ** share, WITH_DENT**share
+
+
+@kernel
+def contact_step(
+    law: Law, p: Any, plain: Numbers, mode: float, u: np.ndarray, sinks: float, rest: float, since: float,
+    sizes: Numbers,
+) -> float:  # fmt: skip
+    """Length of a step in contact [s], over eta: by stiffness, `rest`, the rate of sinking in, and relaxation."""
+    finer, growth, layers = sizes
+    density = contact_rate(law, p, plain, u[X]) + rest + (HARD * sinks) ** 2
+    if p[col.RELAXATION] > 0:
+        density += relaxation_rate(mode, u, 1 / p[col.RELAXATION], p[col.RELAXING], since, layers)
+    return finer * (growth if mode == on.GROWING else 1.0) / math.sqrt(density)
+
+
+@kernel
+def give(lever: np.ndarray, sums: np.ndarray, highest: float, acc: np.ndarray) -> None:
+    """Fill what a period gives, as `tip` names it."""
+    omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
+    acc[COS], acc[SIN] = sums[OF_COS] * omega / math.pi, sums[OF_SIN] * omega / math.pi
+    acc[MEAN] = sums[OF_MEAN] * omega / (2 * math.pi)
+    acc[LOST] = sums[OF_LOSS] * stiffness
+    acc[VIRIAL] = sums[OF_VIRIAL] * stiffness * omega / (2 * math.pi)
+    acc[DEEPEST] = highest
+    if len(acc) > AIR:
+        acc[AIR] = sums[OF_AIR] * 2 * lever[col.ALPHA0] * stiffness
+
+
+@kernel
 def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
     """As `march.march_period`, over a surface that remembers; y has what `elements` names from entry 4 on."""
     omega, compliance, alpha0, base = lever[col.OMEGA], 1 / lever[col.STIFFNESS], lever[col.ALPHA0], lever[col.BASE]
@@ -106,8 +152,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     rate = 0.0 if kelvin else 1 / time
     stiff = 1.5 * p[col.CONTACT] * compliance
     most = 0.0 if kelvin else AT_MOST / rate
-    flight = min(FLIGHT * eta, max(eta, FARTHEST))
-    finer, beyond = (FINER, KINK) if kelvin else (1.0, BEYOND)
+    flight = min((FLIGHT if p[col.LONGRANGE] == 0.0 else ATTRACTED) * eta, max(eta, FARTHEST))
+    beyond = KINK if kelvin else BEYOND
     plain = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
     snap, free = 2 * HARD * HARD * abs(pull), base / (2 * alpha0)
 
@@ -118,9 +164,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         dent = kappa * on.outside(m, 0.0, 0.0, recovery)[0]
         if dent < FORGOTTEN * free:
             m[on.OUTER], dent = 0.0, 0.0
-    growth, layers = OVER_DENT, WITH_DENT
-    if not kelvin and mode == on.FREE and dent < FAINT * free:
-        finer, growth, layers = COARSER, GROWTH, 1.0
+    sizes = sizes_over(dent / free if mode == on.FREE else 1.0, kelvin)
     c = (
         omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull, dent,
         0.0,
@@ -143,9 +187,11 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     highest, grade, gone, turned = d, 1.0, 0.0, 0.0
     cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
     sums = np.zeros(SUMS)
+    if mode == on.FREE and dent == 0:
+        sums[OF_LOSS] = -work_from_far(law, p, d) * compliance
     steps, speed = 0, 0.0
     what = 1  # at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
-    while left > 0:
+    while left > ROUNDING:
         steps += 1
         if steps > MAX_STEPS:
             return -col.NOT_SETTLED
@@ -156,14 +202,10 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         if touching:
             if what != 0:
                 speed = speed_of(law, p, c, m, mode, start, u)
-            density = contact_rate(law, p, plain, x) + snap + 2 * HARD * HARD * math.hypot(z0 + x * x, v)
-            density += (HARD * max(abs(v), abs(speed)) / deep) ** 2
+            fast, rest = max(abs(v), abs(speed)), snap + 2 * HARD * HARD * math.hypot(z0 + x * x, v)
+            h = grade * eta * contact_step(law, p, plain, mode, u, fast / deep, rest, gone - turned, sizes)
             if not kelvin:
-                density += relaxation_rate(mode, u, rate, kappa, gone - turned, layers)
-            h = grade * finer * eta / math.sqrt(density)
-            if not kelvin:
-                h *= growth if mode == on.GROWING else 1.0
-                h = min(h, most / (x + math.sqrt(x * x + most * max(abs(v), abs(speed)))))  # 2 q h + q' h^2
+                h = min(h, most / (x + math.sqrt(x * x + most * fast)))  # 2 q h + q' h^2
             grade = min(2 * grade, 1.0)
         else:
             h = min(left, flight / flight_rate(law, p, plain, x - dent_at(c, gone), v))
@@ -218,6 +260,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         cosine, sine = cosine * b - sine * s, sine * b + cosine * s
         start, u[TAU] = (gone, cosine, sine), 0.0
         if what == 1:
+            if c[DENT] == 0:
+                sums[OF_LOSS] += work_from_far(law, p, 0.0) * compliance
             mode, u[SEEN], u[INSIDE] = on.GROWING, u[X], 0.0
             u[X] = m[on.INNER] = 0.0
             deep = reach(law, p, plain, 0.0, u[V], snap + 2 * HARD * HARD * math.hypot(z0, u[V]))
@@ -231,6 +275,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             record(m, c, mode, u, gone, speed)
         if what == 2:
             d = depth_of(m, c, mode, u, gone)
+            if d == 0:
+                sums[OF_LOSS] -= work_from_far(law, p, d) * compliance
             mode, u[X], m[on.INNER] = on.FREE, d, 0.0
             c = (
                 omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull,
@@ -247,14 +293,10 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             on.turn_forth(m, u[X] * u[X], gone, rate)
             mode, grade = on.GROWING, AFTER_TURN
     d = depth_of(m, c, mode, u, gone)
+    if mode == on.FREE and c[DENT] == 0:
+        sums[OF_LOSS] += work_from_far(law, p, d) * compliance
     m[on.MODE], m[on.EDGE], m[on.SEEN], m[on.INSIDE] = mode, u[X], u[SEEN], u[INSIDE]
     on.shift(m, gone)
     y[Z], y[V], y[TOUCHES] = z0 + d, u[V], 1.0 if mode != on.FREE else 0.0
-    acc[COS], acc[SIN] = sums[OF_COS] * omega / math.pi, sums[OF_SIN] * omega / math.pi
-    acc[MEAN] = sums[OF_MEAN] * omega / (2 * math.pi)
-    acc[LOST] = sums[OF_LOSS] * lever[col.STIFFNESS]
-    acc[VIRIAL] = sums[OF_VIRIAL] * lever[col.STIFFNESS] * omega / (2 * math.pi)
-    acc[DEEPEST] = max(highest, d)
-    if len(acc) > AIR:
-        acc[AIR] = sums[OF_AIR] * 2 * alpha0 * lever[col.STIFFNESS]
+    give(lever, sums, max(highest, d), acc)
     return steps

@@ -1,0 +1,160 @@
+"""Harmonics of the force of a contact that remembers, over a tap d = A (cos(theta) - c) on a surface without dents.
+
+Nothing has to be marched, for the tip's way is known (theory, Eqs. (memory-8) and (memory-9)). With T = omega tau the
+depth D that a dashpot sees is in closed form; while the contact grows F = K sqrt(R) (d^(3/2) - (3/2) kappa Y), with Y
+a low-pass of (2/3) d^(3/2); while it shrinks its edge is where it was at an earlier theta_1, of which theta is a
+function. Both ways are integrated over the nodes of theta_1, sin(theta_1/2) = -sin(theta_0/2) sin(psi).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, longrange_force
+from phasemap._kernels.orbits.time.by_memory import recovery_of
+from phasemap._kernels.quadrature import gauss
+
+Sums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(theta)
+
+_X, _W = gauss(16)
+_COS, _SIN, _WEIGHTS = np.cos(_X[::-1] * np.pi / 2), np.sin(_X[::-1] * np.pi / 2), _W[::-1] * np.pi / 2  # theta rises
+_FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2
+
+
+@kernel(inline=True)
+def _added(sums: Sums, force: float, cosine: float, sine: float) -> Sums:
+    mean, push, drag = sums
+    return mean + force, push + force * cosine, drag + force * sine
+
+
+@kernel
+def _let_go(tap: tuple[float, ...], theta: float, q2: float, seen: float, back: float, most: float) -> Sums:
+    """Return theta at which the edge q^2 of the contact is again where it was at `theta`, depth and D then, over A.
+
+    d = q^2 + kappa y, y = D - q^2 - (D_1 - q^2) exp((theta_1 - theta)/T), by Newton's method in brackets from `back`.
+    """
+    c, time, kappa, rest, start = tap
+    low, high, at = 0.0, most, back
+    d = d_seen = 0.0
+    for _ in range(40):
+        kept, cosine, sine = math.exp((theta - at) / time), math.cos(at), math.sin(at)
+        d = cosine - c
+        d_seen = (cosine + time * sine) / (1 + time * time) - c + rest * math.exp((start - at) / time)
+        off = d - (1 - kappa) * q2 - kappa * (d_seen - (seen - q2) * kept)
+        if off > 0:
+            low = at
+        else:
+            high = at
+        way = off / (sine + kappa / time * (d - d_seen + (seen - q2) * kept))
+        at += way
+        if not low < at < high:
+            at = 0.5 * (low + high)
+        elif abs(way) < 1e-6 * most:
+            break
+    return at, d, d_seen
+
+
+@kernel
+def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[Sums, float]:
+    """Integrals of the force of a standard linear solid [N], and theta where the contact ends."""
+    time, kappa, m2 = omega * p[col.RELAXATION], p[col.RELAXING], 0.5 * (1 - c)
+    m, start = math.sqrt(m2), -2 * math.asin(math.sqrt(m2))
+    rest = c - (c + time * math.sin(start)) / (1 + time * time)
+    tap, scale = (c, time, kappa, rest, start), 1.5 * p[col.CONTACT] * amplitude**1.5
+    sums, growing = (0.0, 0.0, 0.0), np.empty((len(_COS), 4))
+    inside = before = 0.0
+    last = start
+    for i in range(len(_COS)):
+        slope = math.sqrt(1 - m2 * _SIN[i] * _SIN[i])
+        d, theta = (1 - c) * _COS[i] * _COS[i], -2 * math.asin(m * _SIN[i])
+        cosine, sine = d + c, -2 * m * _SIN[i] * slope
+        seen = (cosine + time * sine) / (1 + time * time) - c + rest * math.exp((start - theta) / time)
+        whole, passed = 2 / 3 * d * math.sqrt(d), (theta - last) / time
+        faded = -math.expm1(-passed)  # the low-pass of what is linear from node to node
+        share = 1 - faded / passed
+        inside += faded * (before - inside) + share * (whole - before)
+        weight = _WEIGHTS[i] * 2 * m * _COS[i] / slope
+        sums = _added(sums, weight * scale * (whole - kappa * inside), cosine, sine)
+        growing[i, 0], growing[i, 1], growing[i, 2], growing[i, 3] = theta, seen, inside, weight
+        before, last = whole, theta
+    back = 1.0
+    for i in range(len(_COS) - 1, -1, -1):
+        theta, seen, inside, weight = growing[i]
+        q2 = (1 - c) * _COS[i] * _COS[i]
+        at, d, d_seen = _let_go(tap, theta, q2, seen, -back * theta, -theta)
+        back = -at / theta
+        q, kept, sine = math.sqrt(q2), math.exp((theta - at) / time), math.sin(at)
+        rate = math.sin(theta) * (1 - kappa + kappa * kept)
+        rate /= sine + kappa / time * (d - d_seen + (seen - q2) * kept)  # d theta / d theta_1
+        y = q * d_seen - q * q2 / 3 - kept * (q * seen - q * q2 / 3 - inside)
+        sums = _added(sums, -weight * rate * scale * (q * d - q * q2 / 3 - kappa * y), d + c, sine)
+    return sums, _let_go(tap, start, 0.0, 0.0, -back * start, -start)[0]
+
+
+@kernel
+def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[Sums, float]:
+    """The same of a Kelvin-Voigt contact after Ting, theory, Eq. (memory-7), time = omega t0."""
+    m2, whole = 0.5 * (1 - c), math.hypot(1.0, time)
+    m, lag = math.sqrt(m2), math.atan(time)
+    end, scale, sums = math.acos(c / whole) - lag, p[col.CONTACT] * amplitude**1.5, (0.0, 0.0, 0.0)
+    for i in range(len(_COS)):
+        slope, q = math.sqrt(1 - m2 * _SIN[i] * _SIN[i]), math.sqrt(1 - c) * _COS[i]
+        cosine, sine = q * q + c, -2 * m * _SIN[i] * slope
+        force = scale * (q * q * q - 1.5 * time * q * sine)
+        sums = _added(sums, _WEIGHTS[i] * 2 * m * _COS[i] / slope * force, cosine, sine)
+        theta = end * (1 - _COS[i] * _COS[i])
+        pushed = max(whole * math.cos(theta + lag) - c, 0.0)
+        weight = _WEIGHTS[i] * end * 2 * _COS[i] * _SIN[i]
+        sums = _added(sums, weight * scale * pushed * math.sqrt(pushed), math.cos(theta), math.sin(theta))
+    return sums, end
+
+
+@kernel
+def _attraction(
+    law: Law, p: Any, reach: float, amplitude: float, c: float, theta: float, dent: float, rate: float
+) -> Sums:
+    """Integrals of the long-range force from theta to pi over a dent that recovers, theory, Eq. (memory-6)."""
+    start, sums = math.tan(0.5 * theta), (0.0, 0.0, 0.0)
+    ratio = 0.5 * reach / amplitude * (1 + start * start) ** 2
+    delta = math.sqrt(start * start + ratio) - start
+    if delta < 1e-4 * start:
+        delta = 0.5 * ratio / start
+    for i in range(len(_FAR_X)):
+        u = start + delta * _FAR_X[i]
+        below = 1 / (1 + u * u)
+        cosine = 2 * below - 1
+        gap = c - cosine
+        if dent > 0:
+            gap += dent * math.exp((theta - 2 * math.atan(u)) * rate)
+        force = delta * _FAR_W[i] * below * longrange_force(law, -amplitude * max(gap, 0.0), p)
+        sums = _added(sums, force, cosine, 2 * u * below)
+    return sums
+
+
+@kernel
+def remembered_harmonics(law: Law, p: Any, lever: np.ndarray, reach: float, amplitude: float, c: float) -> Sums:
+    """P, S and A0 [m] of the harmonic orbit that taps, -1 < c < 1, as `harmonics` has them."""
+    omega, recovery = lever[col.OMEGA], recovery_of(p, lever)
+    if p[col.RELAXATION] > 0:
+        sums, end = _solid(p, amplitude, c, omega)
+    else:
+        sums, end = _viscous(p, amplitude, c, omega / recovery)
+    touch, pull = math.acos(c), contact_force(law, 0.0, p)
+    sums = _added(sums, pull * (end + touch), 0.0, 0.0)
+    mean, push, drag = sums
+    push += pull * (math.sin(end) + math.sin(touch))
+    drag += pull * (math.cos(touch) - math.cos(end))
+    if p[col.LONGRANGE] != 0.0:
+        dent = max(math.cos(end) - c, 0.0)
+        mean_in, push_in, drag_in = _attraction(law, p, reach, amplitude, c, touch, 0.0, 0.0)
+        mean_out, push_out, drag_out = _attraction(law, p, reach, amplitude, c, end, dent, recovery / omega)
+        mean += mean_in + mean_out
+        push += push_in + push_out
+        drag += drag_out - drag_in
+    share = 1 / (math.pi * lever[col.STIFFNESS])
+    return share * push, share * drag, -0.5 * share * mean
