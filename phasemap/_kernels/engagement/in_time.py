@@ -30,6 +30,7 @@ from phasemap._kernels.engagement.holding import (
     hold,
     hold_mean,
 )
+from phasemap._kernels.engagement.landed import skip_to
 from phasemap._kernels.engagement.lowering import (
     AGAIN,
     DISTURBED,
@@ -38,6 +39,7 @@ from phasemap._kernels.engagement.lowering import (
     LAST_GAIN,
     LEFT,
     LOWEST,
+    ROUGH,
     SEEN,
     SPENT,
     STILL,
@@ -58,7 +60,6 @@ if TYPE_CHECKING:
 
 FALL = 4e-3  # of the free amplitude, by which z0 falls in FEWEST periods, or a ring-down time, without a periodic orbit
 HASTE, CLOSER = 4.0, 0.25  # times faster than that z0 of such a contact falls, at most, and of what is left to go
-ROUGH = 1.6  # longer steps on that way
 FELL = 0.05  # of the amplitude, by which it changes in that time only where the motion jumps
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
@@ -198,6 +199,9 @@ def approach(
                 tip.u[Z0] = min(tip.u[Z0], fell[Z0] + LEAD * (amplitude_of(lever, tip.acc) - amplitude))
             if loose:
                 continue
+        leapt = ends == AGAIN and pace > 0.0 and law.memory == 0
+        if leapt and skip_to(law, p, lever, amplitude, tolerance, tip):
+            ends = HELD
         if periodic or ends == HELD:
             return hold(law, p, lever, amplitude, eta, most, tip, row)
         if ends in (SEEN, KEPT):

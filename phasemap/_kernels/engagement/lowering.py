@@ -16,10 +16,12 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.leap import strong
 from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.time.many_periods import FLOW, NEXT, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, relaxed, rest, skip, slope_of
 from phasemap._kernels.orbits.time.tip import BY_Z0, COS, SIN, Z0, Tip, V, Z, amplitude_of, ring_down
 
@@ -33,6 +35,10 @@ DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may fin
 STUCK = 1.0  # the same of a contact with hysteresis: it mostly finds none
 STILL = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
 PACE = 1e-3  # of the free amplitude, by which a tip that may leap is lowered in a ring-down time
+ROUGH = 1.6  # longer steps of the march where the tip is on its way
+BESIDE = 0.03  # of 1 - omega^2: farther off lever and drive part by 0.1 rad a period, and falls are violent, as they
+# are where adhesion bends the lever a lot: there every period is marched
+ASTRAY = 1e-2  # of the reach, by which a step of many periods may be off
 TRAIL = 16.0  # periods of that, in which it is moved at once to see whether it comes to rest
 FEWEST = 4  # periods, or a ring-down time, behind which its amplitude is seen
 GAIN = 0.1  # of the amplitude's error, by which the feedback moves it in a ring-down time, at first
@@ -149,17 +155,33 @@ def fall(
         return SPENT
     x, y = acc[COS] - lever[col.SHAKER], acc[SIN]
     from_z0, lowest, steady = u[Z0], deepest(lever), 0
-    seen = 0 if pace > 0.0 else 1
+    seen, flow, allowed = 0 if pace > 0.0 else 1, np.zeros(FLOW), ASTRAY * reach_of(law, p)
+    gentle = law.memory == 0 and abs(1.0 - lever[col.OMEGA] ** 2) < BESIDE
+    gentle = gentle and not strong(law, p, lever, free_amplitude(lever))
+    if seen == 0 and gentle and not begin_flow(law, p, lever, ROUGH * tolerance.eta, pace, tip, flow):
+        return SPENT
     while tip.periods[0] + ring <= most:
-        change = missed = 0.0
-        for _ in range(ring):
-            u[Z0] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
-            last_x, last_y = acc[COS], acc[SIN]
-            if not pass_period(law, p, lever, tolerance.eta, tip):
-                return SPENT
-            change = max(change, math.hypot(acc[COS] - last_x, acc[SIN] - last_y))
-            x += (acc[COS] - lever[col.SHAKER] - x) / ring
-            y += (acc[SIN] - y) / ring
+        change, missed, passed = 0.0, 0.0, 0
+        while passed < ring:
+            last_x, last_y, many = acc[COS], acc[SIN], 1
+            if seen == 0 and gentle:
+                flow[NEXT] = min(flow[NEXT], ring)
+                many = pass_many(law, p, lever, ROUGH * tolerance.eta, pace, allowed, tip, flow)
+                if many == 0:
+                    return SPENT
+            else:
+                u[Z0] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
+                if not pass_period(law, p, lever, tolerance.eta, tip):
+                    return SPENT
+            passed += many
+            change = max(change, math.hypot(acc[COS] - last_x, acc[SIN] - last_y) / many)
+            late_x, late_y = acc[COS], acc[SIN]
+            behind = float(ring)
+            if many > 1:
+                late_x, late_y = 0.5 * (last_x + acc[COS]), 0.5 * (last_y + acc[SIN])
+                behind = 1.0 / (1.0 - (1.0 - 1.0 / ring) ** many)
+            x += (late_x - lever[col.SHAKER] - x) / behind
+            y += (late_y - y) / behind
             if seen > 0 or math.hypot(x, y) <= amplitude:
                 seen += 1
             missed = max(missed, abs(math.hypot(x, y) - amplitude))
