@@ -126,7 +126,7 @@ def move_slowly(
             now = seen(lever, sums)
         if (now <= amplitude) == down:
             return SEEN
-        if not abs(tip.u[Z0]) < -lowest:
+        if not lowest < tip.u[Z0] < max(from_z0, 0.0) - lowest:
             return LOWEST
         before, change = now, sums[CHANGE]
         still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)
@@ -155,8 +155,8 @@ def approach(
     most : int
         Periods that may be marched.
 
-    Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where its orbits were followed as far down as a tip is
-    lowered, and into the surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where it was lowered as far as a tip is, and into the
+    surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
     omega = lever[col.OMEGA]
     free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
@@ -171,8 +171,6 @@ def approach(
         else:
             ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, tolerance, most, tip)
             periodic = ends == SEEN
-            if ends == LOWEST and presses(p, tip):
-                return col.PRESSED
         if ends == LEFT and pace > 0.0:
             ends = fall(law, p, lever, amplitude, pace, least, tolerance, most, tip)
             least *= 2.0
@@ -207,6 +205,8 @@ def approach(
         if ends in (SEEN, KEPT):
             gain = SLOW if ends == KEPT else LAST_GAIN if pace > 0.0 else EAGER
             return hold_mean(law, p, lever, amplitude, gain, eta, most, tip, row)
+        if ends == LOWEST and presses(p, tip):
+            return col.PRESSED
         if ends != AGAIN:
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
 

@@ -185,7 +185,7 @@ def fall(
             if seen > 0 or math.hypot(x, y) <= amplitude:
                 seen += 1
             missed = max(missed, abs(math.hypot(x, y) - amplitude))
-        if not abs(u[Z0]) < -lowest:
+        if not lowest < u[Z0] < max(from_z0, 0.0) - lowest:
             return LOWEST
         still = change < STILL * amplitude
         if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
