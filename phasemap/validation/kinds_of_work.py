@@ -19,7 +19,7 @@ import numpy as np
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction import ContactLaw, Interaction, Neck
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.surface import Surface
 
 SCOPE = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(16e-9))
@@ -95,6 +95,34 @@ def _pixel(contact: str | ContactLaw, bias: float = 0.0) -> object:
     )
 
 
+def _liquid() -> object:
+    from phasemap.solvers.pixel import solve_pixel
+
+    return solve_pixel(Material(1e10), Microscope(Cantilever(1.0, 300e3, 3.0), SCOPE.tip, SCOPE.drive), 0.8)
+
+
+def _off_resonance() -> object:
+    from phasemap.solvers.pixel import solve_pixel
+
+    below = Drive(16e-9, frequency=270e3)  # where an exact orbit beside the one found in time is asked for
+    return solve_pixel(MATERIAL, Microscope(SCOPE.cantilever, SCOPE.tip, below), 0.8, "orbit")
+
+
+def _second_mode() -> object:
+    from phasemap.imaging.simulation import simulate
+
+    second = Mode(1600.0, frequency=1.88e6, quality_factor=600.0, free_amplitude=0.1e-9)
+    scope = Microscope(SCOPE.cantilever, SCOPE.tip, Drive(16e-9, second=second))
+    return simulate(TWO, scope, 0.8, variables=["mode2_phase", "amplitude_2"])
+
+
+def _relaxation() -> object:
+    from phasemap.imaging.simulation import simulate
+
+    relaxing = Surface(2e9, relaxed_modulus=1e9, relaxation_time=30e-9, pixel_size=2e-9, shape=(1, 1))
+    return simulate(relaxing, SCOPE, 0.8)
+
+
 KINDS: dict[str, Callable[[], object]] = {
     "image": _image,
     "continuous maps": _interpolated,
@@ -110,6 +138,10 @@ KINDS: dict[str, Callable[[], object]] = {
     "march": lambda: _image("march"),
     "check": _check,
     "invert": _invert,
+    "liquid": _liquid,
+    "off resonance": _off_resonance,
+    "second mode": _second_mode,
+    "relaxation": _relaxation,
     "JKR pixel": lambda: _pixel("jkr"),
     "JKR sweep": lambda: _distance(Interaction("jkr")),
     "Maugis pixel": lambda: _pixel("maugis"),
@@ -118,7 +150,9 @@ KINDS: dict[str, Callable[[], object]] = {
     "bias": lambda: _pixel("dmt", 1.0),
     "one's own law": lambda: _pixel(_Own()),
 }
-_IN_TIME = ("march", "feedback, full equation", "feedback, slow flow", "check", "raster")
+_IN_TIME = (
+    "march", "feedback, full equation", "feedback, slow flow", "check", "raster", "off resonance", "relaxation",
+)  # fmt: skip
 USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("feedback, slow flow", "raster"))
 """What `phasemap warm` compiles, in processes side by side.
 

@@ -255,7 +255,7 @@ def test_channels_are_drawn_and_exported_by_name(tmp_path: Path) -> None:
     image = pm.simulate(SURFACE, SCOPE, 0.6, "averaging", variables=["loss_tangent", "dissipation"])
     figure = pm.plot.plot(image, variables=["dissipation", "loss_tangent"])
     said = {axes.get_xlabel() for axes in figure.axes}
-    assert said >= {"dissipation (eV)", "loss tangent"}
+    assert said >= {"dissipation per cycle (eV)", "loss tangent"}
     with pytest.raises(pm.InputError, match="an image with phase"):
         pm.plot.plot(image, variables=["phase"])
     assert pm.export(pm.channels(pm.simulate(SURFACE, SCOPE, 0.6, "averaging")), tmp_path / "channels.gwy").exists()
