@@ -288,11 +288,11 @@ class _Located:
         low, high = low.copy(), high.copy()
         at = low
         for _ in range(40):
-            at = (low * f_high - high * f_low) / (f_high - f_low)
+            before, at = at, (low * f_high - high * f_low) / (f_high - f_low)
             f = orbits_above(self.exact, bases, at[:, None], DEPTH)[:, 0]
             if not np.isfinite(f).all():
                 raise Undecided
-            if (abs(f) < 1e-15).all():
+            if ((abs(f) < 1e-15) | (abs(at - before) < EXACT * at)).all():  # as depths are as exact as their orbits
                 break
             up = f > 0
             # The end that stays counts half, so that it does not stay for ever.
