@@ -45,10 +45,10 @@ from phasemap._kernels.engagement.lowering import (
     STILL,
     TRAIL,
     WHOLE,
-    deepest,
     fall,
     follow_down,
     pace_of_leap,
+    too_far,
 )
 from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, presses, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
@@ -91,7 +91,6 @@ def move_slowly(
     taps. AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
     block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[Z0]
-    lowest = deepest(lever)
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH * tolerance.eta if hasty else tolerance.eta
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
@@ -126,7 +125,7 @@ def move_slowly(
             now = seen(lever, sums)
         if (now <= amplitude) == down:
             return SEEN
-        if not lowest < tip.u[Z0] < max(from_z0, 0.0) - lowest:
+        if too_far(lever, from_z0, tip.u[Z0]):
             return LOWEST
         before, change = now, sums[CHANGE]
         still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)

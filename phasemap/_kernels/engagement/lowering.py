@@ -62,6 +62,13 @@ def deepest(lever: np.ndarray) -> float:
 
 
 @kernel
+def too_far(lever: np.ndarray, from_z0: float, z0: float) -> bool:
+    """Whether a tip is as low as it is lowered, or as much above the surface and where it began."""
+    lowest = deepest(lever)
+    return not lowest < z0 < max(from_z0, 0.0) - lowest
+
+
+@kernel
 def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not.
 
@@ -154,7 +161,7 @@ def fall(
     if not pass_period(law, p, lever, tolerance.eta, tip):
         return SPENT
     x, y = acc[COS] - lever[col.SHAKER], acc[SIN]
-    from_z0, lowest, steady = u[Z0], deepest(lever), 0
+    from_z0, steady = u[Z0], 0
     seen, flow, allowed = 0 if pace > 0.0 else 1, np.zeros(FLOW), ASTRAY * reach_of(law, p)
     gentle = law.memory == 0 and abs(1.0 - lever[col.OMEGA] ** 2) < BESIDE
     gentle = gentle and not strong(law, p, lever, free_amplitude(lever))
@@ -185,7 +192,7 @@ def fall(
             if seen > 0 or math.hypot(x, y) <= amplitude:
                 seen += 1
             missed = max(missed, abs(math.hypot(x, y) - amplitude))
-        if not lowest < u[Z0] < max(from_z0, 0.0) - lowest:
+        if too_far(lever, from_z0, u[Z0]):
             return LOWEST
         still = change < STILL * amplitude
         if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
