@@ -85,3 +85,20 @@ def test_orbits_come_and_go_in_pairs(free_amplitude: float, setpoint: float) -> 
     found = pm.orbits(PINCHED, pinched(free_amplitude), setpoint=setpoint)
     assert found.attrs["complete"] == 1
     assert found.sizes["orbit"] % 2 == 1
+
+
+@pytest.mark.parametrize(("modulus", "adhesion", "damping"), [(2e8, 0.041, 0.148), (2.5e7, 0.019, 0.02)])
+def test_where_loss_takes_the_drive_before_the_sample_repels_there_is_no_other_orbit(
+    modulus: float, adhesion: float, damping: float
+) -> None:
+    # Attraction and repulsion nearly cancel at the setpoint, and yet no curve has to be followed.
+    lever, tip = pm.Cantilever(13.0, 300e3, 553.0), pm.Tip(12e-9)
+    scope = pm.Microscope(lever, tip, pm.Drive(40.9e-9), pm.Interaction(decay_length=0.25e-9))
+    surface = pm.Surface([[modulus]], [[adhesion]], [[damping]], pixel_size=1e-9)
+    image = pm.simulate(surface, scope, 0.64, solver="orbit")
+    held = pm.solve_pixel(pm.Material(modulus, adhesion, damping), scope, 0.64, solver="march")
+    solvers = dict(zip(image.solver.flag_values, image.solver.flag_meanings.split(), strict=True))
+    assert solvers[image.solver.values[0, 0]] == "corrected"
+    assert pm.orbits(pm.Material(modulus, adhesion, damping), scope, 0.64).sizes["orbit"] == 1
+    # A hundredth of a degree is what the march settles to; the largest error of either is 1e-3.
+    assert image.phase.values[0, 0] == pytest.approx(held.phase, rel=0, abs=0.01)

@@ -155,9 +155,10 @@ def engage(
         if bent:
             return col.GOOD, LEAP
         side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
+        doubtful = side == UNCLEAR and p[col.LONGRANGE] != 0.0
+        if (doubtful or (rises and side != REPULSIVE)) and only_one(law, p, lever, reach, amplitude, guess):
+            return col.GOOD, SURE
         if rises and side != REPULSIVE:
-            if only_one(law, p, lever, reach, amplitude, guess):
-                return col.GOOD, SURE
             landed = lands(law, p, lever, reach, free)
             if landed == REPULSIVE:
                 strongest(law, p, lever, reach, amplitude, math.inf, top)
@@ -165,7 +166,7 @@ def engage(
                     return col.GOOD, SURE
             if landed != ATTRACTIVE:
                 return col.GOOD, LEAP
-        if side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest(lever) <= 1.0:
+        if doubtful and narrowest(lever) <= 1.0:
             if rises and engage_traced(law, p, lever, amplitude, guess) != (col.GOOD, SURE):
                 guess[col.G_P] = math.nan
             return col.GOOD, OPEN
@@ -187,8 +188,9 @@ def engage(
 def only_one(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this amplitude if there is no other, nor nearly: wherever a tip landed.
 
-    Where the sample takes so much that the lever is held before contact repels more than the rest attracts. As the tip
-    comes near the mismatch then rises through zero from well below it to well above, and never falls again.
+    Where the sample takes so much, as where it is soft and lossy, that the lever is held before contact repels more
+    than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
+    and never falls again.
     """
     plain = least_mismatch(lever, amplitude, caution(lever)) * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
     gap, deepest, highest = FARTHEST * reach, lowest(law, p, lever), -math.inf
