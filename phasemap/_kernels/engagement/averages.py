@@ -24,7 +24,8 @@ BANDWIDTH = 0.01
 """Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
 FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
 FEWEST_GROUPS = 6  # whose scatter tells the error of their mean
-UNSURE = 0.25  # share of what the mean amplitude misses, by which tip offset and phase at the setpoint may be wrong
+UNSURE = 0.25  # share of what the mean amplitude misses, by which the tip offset may be wrong beside its own slope
+LEAST_COS = 1e-3  # of the lag's cosine, for a slope that ends at the resonance of the free lever
 STEPS_PHASE, STEPS_LENGTH = math.radians(2e-4), 2e-14  # errors [rad, m] by the steps, found against an independent code
 # What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
 # and angle behind the lock-in, their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
@@ -36,11 +37,23 @@ AT_OFFSET, AT_COS, AT_SIN = 0, 1, 2
 
 
 class Errors(NamedTuple):
-    """Errors of lag [rad] and tip offset [m] of a mean, and what its lag is too large by [rad]."""
+    """Errors of a mean, and what its lag is too large by.
+
+    Attributes
+    ----------
+    lag, offset : float
+        What is stated of lag [rad] and tip offset [m].
+    lag_off : float
+        What the lag is too large by [rad].
+    lag_scatter, offset_scatter : float
+        By how much averages scatter about them, with a share of what the amplitude misses: until when to average.
+    """
 
     lag: float
     offset: float
     lag_off: float
+    lag_scatter: float
+    offset_scatter: float
 
 
 @kernel
@@ -146,30 +159,52 @@ def half_width(x: np.ndarray, count: int) -> float:
 
 
 @kernel
-def errors_of_mean(series: np.ndarray, first: int, count: int, amplitude: float) -> Errors:
-    """Errors of averages from `first` on.
+def slope_on(x: np.ndarray, y: np.ndarray) -> float:
+    """Slope of a straight line through all points; 0 where x is the same at all."""
+    x_mean = y_mean = both = square = 0.0
+    for i in range(len(x)):
+        x_mean, y_mean = x_mean + x[i] / len(x), y_mean + y[i] / len(x)
+    for i in range(len(x)):
+        both += (x[i] - x_mean) * (y[i] - y_mean)
+        square += (x[i] - x_mean) ** 2
+    return both / square if square > 0.0 else 0.0
 
-    Where an amplitude is held, lag and amplitude go together, whether a tap more or less or the way to the setpoint is
-    the cause. The slope of that is taken from all averages (a control variate): by it and what the mean amplitude
-    misses, the lag is wrong; and by that way itself, both may be in part.
+
+@kernel
+def branch_slope(lever: np.ndarray, x: float, y: float) -> float:
+    """Change of the lag with the amplitude [rad/m] where dissipation stays, at a phasor (x, y): Eq. (irregular-7)."""
+    cosine = x / math.hypot(x, y)
+    steep = math.copysign(max(abs(cosine), LEAST_COS), cosine)
+    return 2.0 * lever[col.ALPHA0] * lever[col.OMEGA] / (lever[col.BASE] * steep)
+
+
+@kernel
+def errors_of_mean(lever: np.ndarray, series: np.ndarray, first: int, count: int, amplitude: float) -> Errors:
+    """Errors of averages from `first` on: theory, Eq. (irregular-6).
+
+    Where an amplitude is held, lag and tip offset go with it, whether a tap more or less or the way to the setpoint is
+    the cause. The slopes of that are taken from all averages (a control variate). By what the mean amplitude misses
+    the lag is then wrong, on the way by another slope than in the scatter, and which of the two it was is not known.
     """
-    x = y = missed = lag = 0.0
+    x = y = 0.0
     for i in range(first, count):
         x, y = x + series[i, AT_COS], y + series[i, AT_SIN]
-    held, a, z = amplitude > 0.0, np.empty(count), np.empty(count)
+    held, a, z, w = amplitude > 0.0, np.empty(count), np.empty(count), np.empty(count)
     for i in range(count):
         a[i] = math.atan2(series[i, AT_SIN] * x - series[i, AT_COS] * y, series[i, AT_COS] * x + series[i, AT_SIN] * y)
         z[i] = math.hypot(series[i, AT_COS], series[i, AT_SIN]) - amplitude
-        missed, lag = missed + z[i] / count, lag + a[i] / count
-    both = square = 0.0
-    for i in range(count):
-        both += (z[i] - missed) * (a[i] - lag)
-        square += (z[i] - missed) ** 2
-    slope = both / square if held and square > 0.0 else 0.0
-    missed = math.hypot(x, y) / (count - first) - amplitude if held else 0.0
+        w[i] = series[i, AT_OFFSET] - z[i]
+    slope = w_slope = missed = branch = 0.0
+    if held:
+        slope, w_slope, branch = slope_on(z, a), slope_on(z, w), branch_slope(lever, x, y)
+        missed = math.hypot(x, y) / (count - first) - amplitude
     for i in range(first, count):
         a[i - first] = a[i] - slope * z[i]
-        z[i - first] = series[i, AT_OFFSET] - z[i]
-    wide_lag, wide_z = half_width(a, count - first), half_width(z, count - first)
-    lag_error = math.hypot(wide_lag, STEPS_PHASE) + UNSURE * abs(slope * missed)
-    return Errors(lag_error, math.hypot(wide_z, STEPS_LENGTH) + UNSURE * abs(missed), slope * missed)
+        z[i - first] = w[i] - w_slope * z[i]
+        w[i - first] = w[i]
+    n, share = count - first, UNSURE * abs(missed)
+    lag, offset = math.hypot(half_width(a, n), STEPS_PHASE), math.hypot(half_width(z, n), STEPS_LENGTH)
+    offset += abs(w_slope * missed) + share
+    unknown = max(abs(slope * missed), abs(branch - slope) * max(abs(missed), offset)) if held else 0.0
+    offset_scatter = math.hypot(half_width(w, n), STEPS_LENGTH) + share
+    return Errors(lag + unknown, offset, slope * missed, lag + share * abs(slope), offset_scatter)

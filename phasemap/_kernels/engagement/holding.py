@@ -134,8 +134,8 @@ def hold_mean(
             a_error = math.sqrt(a_square / (groups - 1) / groups)
             astray = held and abs(short) > ASTRAY * amplitude * groups
             if z_error < LENGTH and a_error < PHASE and not astray:
-                errors = errors_of_mean(series, first, count, amplitude)
-                if errors.lag < 2.0 * WORST_PHASE and errors.offset < 2.0 * WORST_LENGTH:
+                errors = errors_of_mean(lever, series, first, count, amplitude)
+                if errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH:
                     break
             needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
             if groups >= 4 * fewest and needed > HOPE * most:
@@ -144,8 +144,8 @@ def hold_mean(
             if groups > fewest and missed > size * fewest * (HUNTED * amplitude) ** 2:
                 return col.NO_STABLE_ORBIT
             missed = 0.0
-    errors = errors_of_mean(series, first, count, amplitude)
-    if astray or not (errors.lag < 2.0 * WORST_PHASE and errors.offset < 2.0 * WORST_LENGTH):
+    errors = errors_of_mean(lever, series, first, count, amplitude)
+    if astray or not (errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH):
         return col.NOT_SETTLED
     periods = total[COUNT]
     for j in range(ADDED):

@@ -1,0 +1,45 @@
+"""The errors stated of means of irregular motion, against an independent code (tests/reference/make_means.py)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from cases import Case, load
+
+import phasemap as pm
+
+# Of polymers, rubbers, necks and hard taps, a share that takes little time: ten that were outside of what was stated
+# while errors of the setpoint and of the phase were not put together, the first and the last of which are by 3 and 4.
+CASES = load("means")
+CHOSEN = (0, 11, 22, 33, 82, 89, 103, 123, 166, 214, 217, 238, 232, 56, 130, 150, 200, 244, 249, 272)
+SHARE = 0.99  # of means, within twice the error that is the reference's own and the one that is stated
+
+
+def off(case: Case) -> tuple[float, float]:
+    """How far phase and tip offset are from the reference, over what is stated."""
+    law: str | pm.ContactLaw = case["contact"]
+    if law == "neck":
+        law = pm.interaction.Neck(case["neck_length"])
+    elif case.get("range"):
+        law = pm.interaction.MaugisDugdale(case["range"])
+    scope = pm.Microscope(
+        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
+        pm.Tip(case["tip_radius"]),
+        pm.Drive(case["free_amplitude"], case.get("frequency_ratio", 1.0) * case["resonance_frequency"]),
+        pm.Interaction(law, case["decay_length"]),
+    )
+    material = pm.Material(case["modulus"], case["adhesion"], case["damping"], poisson_ratio=0.35)
+    pixel = pm.solve_pixel(material, scope, case["setpoint"], "orbit")
+    assert (pixel.status, pixel.motion) == (pm.Status.good, "irregular")
+    phase = math.hypot(pixel.error_phase, 2 * case["phase_error"])
+    height = math.hypot(pixel.error_height, 2 * case["tip_offset_error"])
+    return abs(pixel.phase - case["phase"]) / phase, abs(pixel.tip_offset - case["tip_offset"]) / height
+
+
+def test_the_stated_errors_of_a_mean_bound_the_true_ones_and_say_something(thorough: bool) -> None:
+    found = np.array([off(case) for case in (CASES if thorough else [CASES[i] for i in CHOSEN])])
+    # One of a hundred may be farther off, so one of these few: another processor may come to another pattern of taps.
+    assert np.all(np.sum(found > 1, axis=0) <= max(1, (1 - SHARE) * len(found)))
+    # Errors of phases that are ten times too large say nothing; of heights half are smaller than a twentieth.
+    assert np.all(np.median(found, axis=0) > (0.1, 0.02))
