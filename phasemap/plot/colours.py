@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import KINDS
-from phasemap._shared.units import readable
+from phasemap._shared.units import Unit, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,6 +47,8 @@ WORDS = {
     **{f"{what}_{n}": f"{what} of harmonic {n}" for n in range(2, 7) for what in ("amplitude", "phase")},
 }  # fmt: skip
 """Names of variables in pictures, where they are not the name itself."""
+FEWEST, MOST = 0.1, 1e4  # numbers that are short enough for a colour bar, the largest of all shown
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 LEAST = {"phase": 1.0, "amplitude_error": 2e-13}  # ranges shown at least, not to blow up last digits [degree, m]
 
 
@@ -148,12 +151,27 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     )
     if low >= high:
         raise InputError(f"limits of {name}", f"{low:g} to {high:g}", "vmin below vmax; give both")
-    unit = readable(max(-low, high), units_of(variable))
+    unit = _in_thousands(max(-low, high), readable(max(-low, high), units_of(variable)))
     words = words_of(name) + (", levelled" if variable.attrs.get("levelled") else "")
     return Scale(
         unit.label(words), 1 / unit.size, offset, low / unit.size, high / unit.size,
         asked.cmap or MAPS.get(name, OTHERS),
     )  # fmt: skip
+
+
+def _in_thousands(largest: float, unit: Unit) -> Unit:
+    """The unit with a power of a thousand where numbers would have more digits than there is room for beside a bar.
+
+    Examples
+    --------
+    >>> _in_thousands(0.008, Unit(1.0, "")), _in_thousands(0.2, Unit(1.0, "N/m")).text
+    (Unit(size=0.001, text='10⁻³'), 'N/m')
+    """
+    shown = largest / unit.size
+    if not 0 < shown < math.inf or FEWEST <= shown < MOST:
+        return unit
+    power = 3 * math.floor(math.log10(shown) / 3)
+    return Unit(unit.size * 10.0**power, f"10{str(power).translate(RAISED)} {unit.text}".rstrip())
 
 
 def words_of(name: str) -> str:

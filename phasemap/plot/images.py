@@ -37,6 +37,8 @@ DOT: dict[str, Any] = {
 
 # Sizes on the page [inch].
 WIDE, STEP, LEFT, TITLE, GAP, HISTOGRAM, AXIS = 3.5, 4.31, 0.3, 0.3, 0.06, 0.5, 0.52
+LETTER = 0.075  # of the label of a colour bar [inch]
+ACROSS = 4  # pictures side by side; more go below
 
 
 def plot(
@@ -143,10 +145,13 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
     notes = [(f"○ {line}" if mark_irregular else line, "0.25") for line in describe_irregular(ds)]
     notes += [(f"△ {line}", "0.25") for line in describe_validity(ds)]
     notes += [(f"■ {line}", FAILED_TEXT) for line in describe_failures(ds)]
-    page = Page(LEFT + STEP * len(scales), len(rows) * step, [_title(ds)], notes=notes, left=LEFT)
+    lines = -(-len(scales) // ACROSS)
+    across = -(-len(scales) // lines)
+    page = Page(LEFT + STEP * across, len(rows) * lines * step, [_title(ds)], notes=notes, left=LEFT)
     for row, (words, one) in enumerate(rows):
-        for column, (name, scale) in enumerate(scales.items()):
-            left, top = LEFT + column * STEP, row * step + TITLE
+        for number, (name, scale) in enumerate(scales.items()):
+            line, column = divmod(number, across)
+            left, top = LEFT + column * STEP, (row * lines + line) * step + TITLE
             called = words_of(name)
             title = ", ".join([called[0].upper() + called[1:], *words])
             picture = page.picture(left, top, WIDE, tall, title)
@@ -154,7 +159,8 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
                 picture.text(0.5, 0.5, "nothing to show", ha="center", transform=picture.transAxes)
                 picture.set_facecolor(FAILED)
                 continue
-            bar = page.bar(_draw_image(picture, one, name, scale), [picture], scale.label)
+            label = scale.label if LETTER * len(scale.label) <= tall else ""  # the histogram has it too
+            bar = page.bar(_draw_image(picture, one, name, scale), [picture], label)
             if name == "phase" and scale.low < 0 < scale.high:
                 bar.ax.axhline(0, color="white", linewidth=1.2)
             if mark_irregular:

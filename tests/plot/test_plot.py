@@ -195,6 +195,18 @@ def test_odd_shapes_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
     assert plot(image(shape=shape), tmp_path / "odd.png").axes
 
 
+def test_small_numbers_have_their_power_of_ten_in_the_label_and_many_pictures_go_below_one_another() -> None:
+    ds = image()
+    names = [f"bound_{i}" for i in range(9)]
+    small = ds["phase"].assign_attrs(units="1") * 2e-4  # up to 0.007
+    figure = plot(ds.assign({name: small.assign_attrs(units="1") for name in names}), variables=names)
+    assert figure.axes[1].get_ylabel() == "bound 0 (10⁻³)"
+    assert 6 < figure.axes[1].get_ylim()[1] < 10
+    places = [axes.get_position() for axes in figure.axes if axes.images]
+    assert len({round(place.y0, 6) for place in places}) == 3  # three rows of three
+    assert figure.get_size_inches()[0] < 18
+
+
 def test_trace_and_retrace_take_a_row_each_with_common_colours() -> None:
     both = xr.concat([image(20, 35), image(25, 30)], "direction").assign_coords(direction=["trace", "retrace"])
     figure = plot(both)

@@ -12,7 +12,7 @@ from phasemap._kernels.materials.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH,
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
-from phasemap.imaging.interpolation.exact_orbits import HEIGHT, PHASE, ExactOrbits
+from phasemap.imaging.interpolation.exact_orbits import HEIGHT, MEAN, PHASE, ExactOrbits
 
 Array = NDArray[np.float64]
 End = float | Border
@@ -151,7 +151,7 @@ class Fit:
         if known is None:
             values = self.exact(points)
         else:
-            guesses = evaluate(known, inside)
+            guesses = evaluate(known[..., : MEAN + 1], inside)  # `near` takes no others
             off = sum(chebyshev.tail(known, axis, 3)[HEIGHT] for axis in range(3))
             values = self.exact.near(points, guesses, np.full(len(points), NEAR * off + NEAREST))
             lost = np.isnan(values).any(axis=1)
