@@ -196,9 +196,11 @@ def _levelled(ds: xr.Dataset) -> xr.Dataset:
 def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None:
     """Refuse what is not an image, or does not have what is to be drawn or marked."""
     for name in names:
-        if name not in ds or ds[name].dtype.kind != "f":
-            held = sorted(str(key) for key, one in ds.data_vars.items() if one.dtype.kind == "f")
+        held = sorted(str(key) for key, one in ds.data_vars.items() if one.dtype.kind == "f")
+        if name not in ds:
             raise InputError("the dataset", held, f"an image with {' and '.join(names)}")
+        if name not in held:
+            raise InputError("variables", f"{name}, whose values are codes", f"maps of numbers: {', '.join(held)}")
         dims = ds[name].dims
         if "sample" in dims:
             raise InputError("the dataset", f"an ensemble of {ds.sizes['sample']} images", "one of them (--sample N)")

@@ -195,6 +195,11 @@ def test_odd_shapes_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
     assert plot(image(shape=shape), tmp_path / "odd.png").axes
 
 
+def test_codes_are_refused_with_the_maps_that_can_be_drawn() -> None:
+    with pytest.raises(InputError, match=r"status, whose values are codes.*maps of numbers: .*phase"):
+        plot(image(), variables=["status"])
+
+
 def test_small_numbers_have_their_power_of_ten_in_the_label_and_many_pictures_go_below_one_another() -> None:
     ds = image()
     names = [f"bound_{i}" for i in range(9)]
