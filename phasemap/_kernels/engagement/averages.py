@@ -172,7 +172,7 @@ def slope_on(x: np.ndarray, y: np.ndarray) -> float:
 
 @kernel
 def branch_slope(lever: np.ndarray, x: float, y: float) -> float:
-    """Change of the lag with the amplitude [rad/m] where dissipation stays, at a phasor (x, y): Eq. (irregular-7)."""
+    """Change of the lag with the amplitude [rad/m] where dissipation stays: theory, Eq. (irregular-7)."""
     cosine = x / math.hypot(x, y)
     steep = math.copysign(max(abs(cosine), LEAST_COS), cosine)
     return 2.0 * lever[col.ALPHA0] * lever[col.OMEGA] / (lever[col.BASE] * steep)
