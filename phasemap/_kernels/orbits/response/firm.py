@@ -11,7 +11,7 @@ from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Law, longrange_slope
-from phasemap._kernels.orbits.response.newton import Bench, drive_of, fill, node
+from phasemap._kernels.orbits.response.newton import Bench, drive_of, fill
 from phasemap._kernels.orbits.response.nodes import (
     COS,
     ENTRY,
@@ -31,6 +31,7 @@ from phasemap._kernels.orbits.response.nodes import (
     W,
     grade,
     lay,
+    node,
     parts_of,
     respond,
 )

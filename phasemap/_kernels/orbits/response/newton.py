@@ -7,7 +7,7 @@ and (r, r') what a pass would change, the change of g solves
 
     (1 - kappa R - gamma R') dg = kappa (r - de) + gamma r',
 
-and the change of e follows from the drive: theory, Eq. (response-8). The force outside contact follows a step behind.
+and the change of e follows from the drive: theory, Eq. (response-9). The force outside contact follows a step behind.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ from phasemap._kernels.orbits.response.nodes import (
     FAR_WEIGHT,
     FIELDS,
     GROWTH,
-    LATE,
     SIN,
     THETA,
     TOUCH,
@@ -50,6 +49,7 @@ from phasemap._kernels.orbits.response.nodes import (
     first_harmonic,
     lay,
     middle_of,
+    node,
     parts_of,
     periods_before,
     relay,
@@ -110,12 +110,6 @@ def new_bench(parts: int) -> Bench:
     width, n = ALL_CUT if parts > 1 else ALL, parts * N
     nodes, motions, system = np.zeros((FIELDS, width)), np.zeros((4, width)), np.zeros((n, n + 2))
     return Bench(nodes, np.zeros(STATE), motions, system, np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
-
-
-@kernel
-def node(k: int) -> int:
-    """The k-th node in contact."""
-    return TOUCH + k if k < N else LATE + k - N
 
 
 @kernel

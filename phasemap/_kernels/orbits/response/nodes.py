@@ -116,6 +116,12 @@ def middle_of(f: np.ndarray) -> int:
     return TOUCH + N // 2 if parts_of(f) == 1 else LATE
 
 
+@kernel
+def node(k: int) -> int:
+    """The k-th node in contact."""
+    return TOUCH + k if k < N else LATE + k - N
+
+
 @kernel(fastmath=ANY_ORDER, inline=True)
 def _upto(g: np.ndarray, to: np.ndarray) -> None:
     """Integrals of g from an element's start to its nodes; eight nodes at once, which stay in registers."""

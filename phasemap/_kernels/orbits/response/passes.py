@@ -12,6 +12,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import mismatch, phase_of
 from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.mixing import keep, mix, new_past
 from phasemap._kernels.orbits.response.nodes import (
     COS,
     ENTRY,
@@ -42,7 +43,7 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.quadrature import barycentric
 
 LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
-MOST_PASSES, MOST_MOVES = 24, 4
+MOST_PASSES, MOST_MOVES, MOST_SLOW = 24, 4, 4
 ENOUGH = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
 SAFETY = 8.0  # over the error that two changes tell
 FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
@@ -50,7 +51,7 @@ DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period double
 CLOSED = 5e-7  # largest energy imbalance
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
 WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
-DEEPEST = -0.95  # cosine of the contact's edge below which the nodes do not do
+DEEPEST = -0.98  # cosine of the contact's edge below which the nodes do not do
 # Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
 # largest A cos(theta) + w where the nodes are others, else 0; what the last pass changed, and the ratio before; in how
 # many parts the contact is at the nodes; how what they give changes with e, and e to where no mismatch is left; and
@@ -109,6 +110,12 @@ def remaining(ratio: float, ratio_before: float) -> float:
 
 
 @kernel
+def per_height(lever: np.ndarray, state: np.ndarray) -> float:
+    """Error of the tip offset with one of P, S and the mean deflection."""
+    return 1.0 + 4.0 / abs(state[SLOPE] * lever[BASE])
+
+
+@kernel
 def state_errors(
     lever: np.ndarray, state: np.ndarray, rest: float, phase_left: float, height_left: float, nodes: float
 ) -> None:
@@ -118,7 +125,7 @@ def state_errors(
     wrong = nodes + 3.0 * abs(state[WORK]) / (math.pi * state[AMP])
     state[ERR_PHASE] = share * phase_left + wrong / lever[BASE] + FLOOR_PHASE
     state[ERR_HEIGHT] = share * height_left + FLOOR_HEIGHT
-    state[ERR_HEIGHT] += wrong * (1.0 + 4.0 / abs(state[SLOPE] * lever[BASE]))
+    state[ERR_HEIGHT] += wrong * per_height(lever, state)
 
 
 @kernel
@@ -132,8 +139,7 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarra
     if p[LONGRANGE] != 0.0:
         grade(f, amplitude, e, reach, edge)
     lay(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
-    f[W] = 0.0
-    f[U] = 0.0
+    f[W], f[U] = 0.0, 0.0
     evaluate(law, p, lever, f, state, c < 1.0)
     return True
 
@@ -213,21 +219,29 @@ def converge(
     """Repeat passes until estimated errors are below the limits: FOUND, LOST or COARSE; with `hold`, drive is found.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
-    and passes that contract slowly in contact are given up soon, for Newton's method.
+    and passes in contact contract slowly, so that all but the first are mixed.
     """
     longrange = p[LONGRANGE] != 0.0
     touching = f[THETA, EXIT] > f[THETA, ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest, beside = middle_of(f) if touching else OUT, touching and beside_resonance(lever)
-    left_before, slow, most_slow = math.inf, 0, 1 if beside else 4
-    harmonic = state[PASSES] == 0.0
+    left_before, slow, past = math.inf, 0, new_past(f, beside)
+    harmonic, h = state[PASSES] == 0.0, 0.0
     first_pass(state)
     if harmonic:  # which the first pass changes
         state[PHASE], state[LAST_W] = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), 0.0
         state[HEIGHT] = state[E] - state[MEAN]
     for passes in range(MOST_PASSES):
         before = f[W, nearest]
+        if beside:
+            keep(f, past)
         respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
-        h = balance(law, p, lever, f, state, touching, math.nan if hold else f[W, nearest] - before)
+        lift = f[W, nearest] - before
+        if beside and passes > 0:
+            state[E] += mix(f, 0.0 if hold else lift - h / state[SLOPE], passes - 1, past)
+            relay(f, lever, state[AMP], state[E], touching, longrange)
+            h = evaluate(law, p, lever, f, state, touching)
+        else:
+            h = balance(law, p, lever, f, state, touching, math.nan if hold else lift)
         state[PASSES] += 1.0
         nodes = unresolved(lever, f, touching, longrange)
         ratio = after_pass(lever, state, h, f[W, nearest], nodes)
@@ -241,10 +255,13 @@ def converge(
             if harmonic and passes == 1:
                 continue  # too early to give up
             slow += ratio > 0.7
-            stays = abs(left - left_before) < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
-            if nodes > limit_phase * lever[BASE] or (small and stays):
+            change = abs(left - left_before)
+            stays = change < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
+            rough = nodes > limit_phase * lever[BASE] or (beside and nodes * per_height(lever, state) > limit_height)
+            done = SAFETY * state[PHASE_CHANGE] < limit_phase and SAFETY * state[HEIGHT_CHANGE] < limit_height
+            if rough or (small and stays) or (beside and done and change < 0.1 * abs(left)):
                 return COARSE
-            if slow > most_slow:
+            if slow > MOST_SLOW:
                 return LOST
             left_before = left
     return LOST
@@ -334,12 +351,8 @@ def report(lever: np.ndarray, f: np.ndarray, state: np.ndarray, row: np.ndarray)
     move = state[MOVE]
     mean, push = -(state[MEAN] + move * state[PER_MEAN]), state[PUSH] + move * state[PER_PUSH]
     row[:] = math.nan
-    row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE], row[col.AMPLITUDE] = (
-        state[HEIGHT],
-        mean,
-        state[PHASE],
-        amplitude,
-    )
+    row[col.TIP_OFFSET], row[col.MEAN] = state[HEIGHT], mean
+    row[col.PHASE], row[col.AMPLITUDE] = state[PHASE], amplitude
     row[col.INDENTATION] = (state[APEX] if state[APEX] > 0.0 else deepest(f, amplitude)) - state[E]
     row[col.DISSIPATION] = stiffness * state[LOSS]
     row[col.VIRIAL] = -stiffness * (state[VIRIAL] / (2 * math.pi) + state[MEAN] * mean)

@@ -1,0 +1,86 @@
+"""Passes of the lever's response made fewer: the next motion from the last few passes, by Anderson's mixing.
+
+Beside the resonance a pass leaves up to a third and more of what the one before left, mostly in the same few shapes of
+w. Let x be (w, w', e) before a pass and r what the pass changes. The last few changes of x from pass to pass, Dx, and
+those of r, Dr, tell where the next pass would change least, as far as all is linear: at
+
+    x + r - sum_i c_i (Dx_i + Dr_i),    c the least squares of r - sum_i c_i Dr_i
+
+at the nodes in contact, of d = A cos(theta) + w - e: theory, Eq. (response-8). D. G. Anderson, J. ACM 12 (1965) 547.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.dense import eliminate
+from phasemap._kernels.orbits.response.nodes import N, U, W, node, parts_of
+
+DEPTH = 4  # changes that are kept
+ALIKE = 1e-12  # of its square, that is added to each, so that changes of the same shape do no harm
+# Rows of the scratch array, whose last column is for e: w and w' before the pass; what mixing last added to w and w';
+# what the last pass changed of the depth; and of each change Dx + Dr in w and in w', and Dr in the depth.
+BEFORE, MORE, MISSED, FIRST, CHANGES = 0, 2, 4, 5, 3
+
+
+@kernel
+def new_past(f: np.ndarray, wanted: bool) -> np.ndarray:
+    """Return an empty scratch array, or none at all."""
+    return np.empty((FIRST + CHANGES * DEPTH if wanted else 0, f.shape[1] + 1))
+
+
+@kernel
+def keep(f: np.ndarray, past: np.ndarray) -> None:
+    """Keep the motion before a pass."""
+    for j in range(f.shape[1]):
+        past[BEFORE, j], past[BEFORE + 1, j] = f[W, j], f[U, j]
+
+
+@kernel(fastmath=ANY_ORDER)
+def mix(f: np.ndarray, rise: float, passes: int, past: np.ndarray) -> float:
+    """Replace the motion after a pass, which changes e by `rise` [m], by the mixed one; returns the change of e.
+
+    `passes` says how many were mixed before.
+    """
+    width, last, n = f.shape[1], f.shape[1], N * parts_of(f)
+    newest, used = FIRST + CHANGES * ((passes - 1) % DEPTH), min(passes, DEPTH)
+    if passes > 0:
+        for j in range(width):
+            past[newest, j] = f[W, j] - past[BEFORE, j] + past[MORE, j]
+            past[newest + 1, j] = f[U, j] - past[BEFORE + 1, j] + past[MORE + 1, j]
+        past[newest, last] = rise + past[MORE, last]
+    for k in range(n):
+        j = node(k)
+        missed = f[W, j] - past[BEFORE, j] - rise
+        if passes > 0:
+            past[newest + 2, k] = missed - past[MISSED, k]
+        past[MISSED, k] = missed
+    system = np.empty((DEPTH, DEPTH + 1))
+    for a in range(used):
+        one = past[FIRST + CHANGES * a + 2]
+        for b in range(a + 1):
+            system[a, b] = system[b, a] = dot(one, past[FIRST + CHANGES * b + 2], n)
+        system[a, a] *= 1.0 + ALIKE
+        system[a, DEPTH] = dot(one, past[MISSED], n)
+    for j in range(width + 1):
+        past[MORE, j], past[MORE + 1, j] = 0.0, 0.0
+    if eliminate(system, used):
+        for a in range(used):
+            share, row = system[a, DEPTH], FIRST + CHANGES * a
+            for j in range(width + 1):
+                past[MORE, j] -= share * past[row, j]
+                past[MORE + 1, j] -= share * past[row + 1, j]
+    for j in range(width):
+        f[W, j] += past[MORE, j]
+        f[U, j] += past[MORE + 1, j]
+    return rise + past[MORE, last]
+
+
+@kernel(fastmath=ANY_ORDER)
+def dot(one: np.ndarray, other: np.ndarray, n: int) -> float:
+    """Sum of products of the first n entries."""
+    total = 0.0
+    for k in range(n):
+        total += one[k] * other[k]
+    return total
