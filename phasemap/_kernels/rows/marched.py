@@ -11,7 +11,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.holding import settle, settle_near
 from phasemap._kernels.engagement.in_time import approach
-from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, on_side
+from phasemap._kernels.engagement.rebound import rebounds
+from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, near_resonance, on_side
 from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
@@ -52,8 +53,12 @@ def march_rows(
 
 @kernel
 def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
-    """Where nothing attracts a tip at resonance its amplitude falls all the way down, from whatever orbit."""
-    return p[col.PULL] == 0.0 and p[col.LONGRANGE] == 0.0 and p[col.BIAS] == 0.0 and lever[col.OMEGA] == 1.0
+    """Where nothing attracts a tip driven at the resonance or below, its amplitude falls all the way, from any orbit.
+
+    Repulsion moves the resonance up and away from such a drive; one above the resonance it would bring nearer.
+    """
+    attracted = p[col.PULL] != 0.0 or p[col.LONGRANGE] != 0.0 or p[col.BIAS] != 0.0
+    return not attracted and near_resonance(lever) and lever[col.OMEGA] <= 1.0
 
 
 @kernel
@@ -78,7 +83,8 @@ def remembering_rows(
         if has_one_orbit(p, lever):
             top[:] = 0.0
             top[BEHIND] = -1e-3 * amplitude
-            if on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess):
+            known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
+            if known and not rebounds(law, p, lever, guess[col.G_P]):
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
         elif lingering(law, p, lever) == 0 and engage(law, p, lever, amplitude, guess, top) == SURE:
