@@ -17,7 +17,7 @@ from phasemap._kernels.law import parameters
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.time.elements import STATE
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap.solvers.march import FromFar, March
+from phasemap.solvers.march import FromFar, March, Remembering
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.run import run
 
@@ -137,6 +137,19 @@ def test_where_averaging_tells_the_orbit_it_is_that_from_far(viscous: dict[str, 
     # Both are known to 5e-5 degree and 0.01 pm, as they state.
     assert near[col.PHASE] == pytest.approx(far[col.PHASE], abs=math.radians(1e-4))
     assert near[col.TIP_OFFSET] == pytest.approx(far[col.TIP_OFFSET], abs=2e-14)
+
+
+def test_below_the_resonance_dents_that_last_but_attract_nothing_lead_to_the_orbit_from_far() -> None:
+    # At 0.95 of the resonance; dents last for relaxation_time modulus/relaxed_modulus, nearly four periods.
+    scope = pm.Microscope(
+        pm.Cantilever(20.0, 300e3, 60.0), pm.Tip(20e-9), pm.Drive(240e-9, 285e3), pm.Interaction(contact="hertz")
+    )
+    solid = pm.Material(modulus=0.5e9, relaxed_modulus=0.1e9, relaxation_time=2.5e-6)
+    work = work_of_material(solid, scope, 0.7 * scope.driven_amplitude, marched=True)
+    near, far = (run(solver, work, pm.Accuracy())[0][0] for solver in (Remembering(March()), FromFar()))
+    # Lasting dents have kinks: both are known as they state.
+    assert abs(near[col.PHASE] - far[col.PHASE]) < near[col.ERROR_PHASE] + far[col.ERROR_PHASE]
+    assert abs(near[col.TIP_OFFSET] - far[col.TIP_OFFSET]) < near[col.ERROR_HEIGHT] + far[col.ERROR_HEIGHT]
 
 
 @pytest.mark.parametrize("time", [1e-10, 30e-9, 1e-4])

@@ -1,6 +1,7 @@
 """Exact orbits by the lever's response: the motion is what the force at a set of nodes makes of it.
 
-`nodes` places the nodes and has the response between them, `passes` iterates the force and the motion, `newton` solves
-for both at once where passes do not converge and `firm` says whether that orbit can be held, `apex` treats the turning
-of the tip within the sample. `orbit` puts them together, from an averaged guess to a row.
+`nodes` places the nodes and has the response between them, `passes` iterates the force and the motion, `mixing` makes
+passes fewer beside resonance, `newton` solves for both at once where they do not converge and `firm` says whether that
+orbit can be held, `apex` treats the turning of the tip within the sample. `orbit` puts them together, from an averaged
+guess to a row.
 """
