@@ -22,20 +22,26 @@ def label(case: Case) -> str:
     return str(case.get("name") or f"{case['regime']} k={case['stiffness']:.2g} Q={case['quality_factor']:.4g}")
 
 
+def law_of(case: Case) -> str | pm.ContactLaw:
+    """Return the contact law of a case."""
+    if "neck_length" in case:
+        return pm.interaction.Neck(case["neck_length"])
+    return pm.interaction.MaugisDugdale(case["range"]) if case.get("range") else str(case.get("contact", "dmt"))
+
+
 def scope_of(case: Case) -> pm.Microscope:
     """Return the microscope of a case."""
-    frequency = 300e3
+    frequency = case.get("resonance_frequency", 300e3)
     ratio = case.get("frequency_ratio", 1.0)
     return pm.Microscope(
         pm.Cantilever(case["stiffness"], frequency, case["quality_factor"]),
         pm.Tip(case["tip_radius"], case.get("tip_modulus"), case.get("tip_poisson_ratio") or 0.3),
         pm.Drive(case["free_amplitude"], None if ratio == 1.0 else ratio * frequency),
-        pm.Interaction(case.get("contact", "dmt"), case["decay_length"], case.get("damping_exponent", 0.5)),
+        pm.Interaction(law_of(case), case["decay_length"], case.get("damping_exponent", 0.5)),
     )
 
 
 def material_of(case: Case) -> pm.Material:
     """Return the material of a case."""
-    return pm.Material(
-        case["modulus"], adhesion=case["adhesion"], damping=case["damping"], poisson_ratio=case["poisson_ratio"]
-    )
+    ratio = case.get("poisson_ratio", 0.35)
+    return pm.Material(case["modulus"], adhesion=case["adhesion"], damping=case["damping"], poisson_ratio=ratio)

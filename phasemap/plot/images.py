@@ -195,8 +195,8 @@ def _levelled(ds: xr.Dataset) -> xr.Dataset:
 
 def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None:
     """Refuse what is not an image, or does not have what is to be drawn or marked."""
+    held = sorted(str(key) for key, one in ds.data_vars.items() if one.dtype.kind == "f")
     for name in names:
-        held = sorted(str(key) for key, one in ds.data_vars.items() if one.dtype.kind == "f")
         if name not in ds:
             raise InputError("the dataset", held, f"an image with {' and '.join(names)}")
         if name not in held:

@@ -30,7 +30,7 @@ import sys
 import make_necks
 import make_taps
 import numpy as np
-from make_polymers import GAIN, OUT, POISSON, Run, compiled
+from make_polymers import GAIN, OUT, Run, compiled
 
 MEANS = OUT.with_name("means.json")
 GROUPS, SKIP = 26, 6
@@ -116,19 +116,7 @@ def compare(solver="orbit"):
 
     shares = []
     for i, case in enumerate(json.loads(MEANS.read_text())):
-        law = case["contact"]
-        if law == "neck":
-            law = pm.interaction.Neck(case["neck_length"])
-        elif case.get("range"):
-            law = pm.interaction.MaugisDugdale(case["range"])
-        scope = pm.Microscope(
-            pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
-            pm.Tip(case["tip_radius"]),
-            pm.Drive(case["free_amplitude"], case.get("frequency_ratio", 1.0) * case["resonance_frequency"]),
-            pm.Interaction(law, case["decay_length"]),
-        )
-        material = pm.Material(case["modulus"], case["adhesion"], case["damping"], poisson_ratio=POISSON)
-        pixel = pm.solve_pixel(material, scope, case["setpoint"], solver)
+        pixel = pm.solve_pixel(make_necks.material_of(case), make_necks.scope_of(case), case["setpoint"], solver)
         share = [
             abs(pixel.phase - case["phase"]) / math.hypot(pixel.error_phase, 2 * case["phase_error"]),
             abs(pixel.tip_offset - case["tip_offset"]) / math.hypot(pixel.error_height, 2 * case["tip_offset_error"]),

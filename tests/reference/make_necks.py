@@ -112,14 +112,14 @@ def draw(count, contact, box="any"):
 def scope_of(case):
     import phasemap as pm
 
-    law = "maugis" if case["contact"] == "maugis" else pm.interaction.Neck(case["neck_length"])
+    law = pm.interaction.Neck(case["neck_length"]) if case["contact"] == "neck" else case["contact"]
     if case.get("range"):
         law = pm.interaction.MaugisDugdale(case["range"])
     return pm.Microscope(
         pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
         pm.Tip(case["tip_radius"]),
-        pm.Drive(case["free_amplitude"]),
-        pm.Interaction(law, case["decay_length"], case["damping_exponent"]),
+        pm.Drive(case["free_amplitude"], case.get("frequency_ratio", 1.0) * case["resonance_frequency"]),
+        pm.Interaction(law, case["decay_length"], case.get("damping_exponent", 0.5)),
     )
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from cases import Case, load, material_of
+from cases import Case, load, material_of, scope_of
 
 import phasemap as pm
 
@@ -28,15 +28,6 @@ PHASE, LENGTH = 0.05, 1e-11
 # there depends on picometres on the way. The reference, begun from other states near by, finds them up to 0.44 degree
 # and 6 pm apart ("near", polymer 0), which makes this much room for either code.
 PATTERN_PHASE, PATTERN_LENGTH, SAME_PATTERN = 0.5, 2e-11, 0.1
-
-
-def scope_of(case: Case) -> pm.Microscope:
-    return pm.Microscope(
-        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
-        pm.Tip(case["tip_radius"]),
-        pm.Drive(case["free_amplitude"]),
-        pm.Interaction(case["contact"], case["decay_length"], case["damping_exponent"]),
-    )
 
 
 def named(pair: tuple[Case, dict[str, float]]) -> str:

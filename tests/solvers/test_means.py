@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from cases import Case, load
+from cases import Case, load, material_of, scope_of
 
 import phasemap as pm
 
@@ -18,19 +18,7 @@ SHARE = 0.99  # of means, within twice the error that is the reference's own and
 
 def off(case: Case) -> tuple[float, float]:
     """How far phase and tip offset are from the reference, over what is stated."""
-    law: str | pm.ContactLaw = case["contact"]
-    if law == "neck":
-        law = pm.interaction.Neck(case["neck_length"])
-    elif case.get("range"):
-        law = pm.interaction.MaugisDugdale(case["range"])
-    scope = pm.Microscope(
-        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
-        pm.Tip(case["tip_radius"]),
-        pm.Drive(case["free_amplitude"], case.get("frequency_ratio", 1.0) * case["resonance_frequency"]),
-        pm.Interaction(law, case["decay_length"]),
-    )
-    material = pm.Material(case["modulus"], case["adhesion"], case["damping"], poisson_ratio=0.35)
-    pixel = pm.solve_pixel(material, scope, case["setpoint"], "orbit")
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], "orbit")
     assert (pixel.status, pixel.motion) == (pm.Status.good, "irregular")
     phase = math.hypot(pixel.error_phase, 2 * case["phase_error"])
     height = math.hypot(pixel.error_height, 2 * case["tip_offset_error"])

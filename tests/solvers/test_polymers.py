@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from cases import Case, load, material_of
+from cases import Case, load, material_of, scope_of
 
 import phasemap as pm
 
@@ -20,22 +20,10 @@ CHOSEN += [case for case in load("necks") if case["number"] in (14, 21, 61, 64, 
 PERIODIC, MEAN = (1e-4, 1e-13), (0.05, 1.1e-11)
 
 
-def law_of(case: Case) -> str | pm.ContactLaw:
-    if "neck_length" in case:
-        return pm.interaction.Neck(case["neck_length"])
-    return pm.interaction.MaugisDugdale(case["range"]) if case.get("range") else str(case["contact"])
-
-
 @pytest.mark.parametrize("case", CHOSEN, ids=lambda case: f"{case['modulus'] / 1e6:.0f} MPa")
 def test_the_tip_is_held_as_by_engagement_in_time(case: Case) -> None:
-    scope = pm.Microscope(
-        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
-        pm.Tip(case["tip_radius"]),
-        pm.Drive(case["free_amplitude"], case.get("frequency_ratio", 1.0) * case["resonance_frequency"]),
-        pm.Interaction(law_of(case), case["decay_length"], case["damping_exponent"]),
-    )
     for held in case["setpoints"]:
-        pixel = pm.solve_pixel(material_of(case), scope, held["setpoint"], "orbit")
+        pixel = pm.solve_pixel(material_of(case), scope_of(case), held["setpoint"], "orbit")
         assert pixel.status is pm.Status.good
         assert pixel.motion == ("periodic" if held["period"] == 1 else "irregular")
         degree, length = PERIODIC if held["period"] == 1 else MEAN
