@@ -41,7 +41,19 @@ except ImportError:  # another numba
 OPTIONS: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """Products and sums may be fused; nothing else is relaxed, for NaN must survive."""
 
-ANY_ORDER = {"contract", "reassoc", "nsz"}
+
+class Names(set[str]):
+    """A set that reads the same in every process, for numba makes it a part of the names that code is linked by."""
+
+    def __repr__(self) -> str:
+        return "{" + ", ".join(map(repr, sorted(self))) + "}"
+
+    def copy(self) -> Names:
+        """Another one with the same members."""
+        return Names(self)
+
+
+ANY_ORDER = Names({"contract", "reassoc", "nsz"})
 """`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
 
 RIGHTS = {"copy": 2, "approach_in_time": 2, "engage_in_time": 2, "scan_segments": 2}

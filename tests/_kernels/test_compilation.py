@@ -171,6 +171,26 @@ def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path
     assert {file.name.split(".shared-")[0] for file in found} == {file.name.split(".shared-")[0] for file in shared}
 
 
+NAME = """
+from numba import float64
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+
+@kernel(shared=True, fastmath=ANY_ORDER)
+def double(x):
+    return x + x
+
+double.linked.compile((float64,))
+print(double.linked.overloads[(float64,)].fndesc.llvm_func_name)
+"""
+
+
+def test_what_is_linked_by_its_name_has_the_same_name_in_every_process(tmp_path: Path) -> None:
+    # Else code of one process that calls code of another, where two compile at once, ends in a crash. Sets of strings
+    # read {"contract", "nsz", "reassoc"} and {"reassoc", "nsz", "contract"} with these two seeds.
+    names = [python(NAME, NUMBA_CACHE_DIR=str(tmp_path / seed), PYTHONHASHSEED=seed).stdout for seed in "14"]
+    assert names[0] and names[0] == names[1]
+
+
 def test_what_python_does_faster_than_it_is_compiled_is_the_same_in_kernels() -> None:
     lever = np.array([0.999, 1.25e-3, 40.0, 4e-11, 0.0])
     for light, arguments in ((free_amplitude, (lever,)), (phase_of, (lever, 8e-9, 1e-12, 2e-12))):
