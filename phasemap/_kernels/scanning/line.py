@@ -14,6 +14,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT
 from phasemap._kernels.scanning.loop import (
     AMP,
     CALM,
@@ -42,7 +43,7 @@ from phasemap._kernels.scanning.loop import (
     shown,
 )
 from phasemap._kernels.scanning.periods import AHEAD, Periods, march_on
-from phasemap._kernels.scanning.slow_flow import SHIFT, STEP, Flow, flow_on
+from phasemap._kernels.scanning.slow_flow import Flow, flow_on
 
 # Columns of a program, one row a segment: how long it lasts [tau], which material, height at its start [m] and its rise
 # [m per tau], and the pixel to which it belongs (-1: none is recorded).
@@ -92,7 +93,9 @@ def _swinging(place: float, a: complex, y: np.ndarray) -> None:
 @kernel
 def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
     _swinging(place, a, tip.y)
-    tip.memory[STEP], tip.memory[SHIFT] = 0.0, mean
+    for j in range(MEMORY):
+        tip.memory[j] = 0.0
+    tip.memory[SHIFT] = mean
 
 
 @kernel

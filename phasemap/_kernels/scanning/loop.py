@@ -1,6 +1,6 @@
 """The feedback loop: lock-in, controller and scanner, and the noise that enters there.
 
-See theory, Eq. (slow-flow-3). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
+See theory, Eq. (slow-flow-5). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
 Re(a exp(i omega tau)):
 
 * lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
@@ -48,6 +48,15 @@ class Stretch(NamedTuple):
     ground: float
     slope: float
     span: float
+
+
+class Path(NamedTuple):
+    """A complex amplitude [m] that moves along a cubic, and its derivatives over r, r^2 and r^3, as a time begins."""
+
+    a: complex
+    first: complex
+    second: complex
+    third: complex
 
 
 @kernel(light=True)
@@ -103,6 +112,42 @@ def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
                 away += weight * (y[FILTERS + 2 * i + part] - a)
                 weight *= s / (j - i + 1)
             y[FILTERS + 2 * j + part] = a + decay * away
+
+
+@kernel
+def filter_along(loop: np.ndarray, y: np.ndarray, path: Path, time: float, out: np.ndarray) -> None:
+    """Fill in the filters after a time during which a moves along a cubic: theory, Eq. (slow-flow-6).
+
+    One filter answers a polynomial with a polynomial. What it differs from that as the time begins decays as in
+    `filter_for`.
+    """
+    s, order = loop[RATE] * time, int(loop[ORDER])
+    a, a1, a2, a3 = path
+    for j in range(order):
+        a2 -= a3
+        a1 -= a2
+        a -= a1
+        at = FILTERS + 2 * j
+        out[at], out[at + 1] = y[at] - a.real, y[at + 1] - a.imag
+    decay = math.exp(-s)
+    for j in range(FILTERS + 2 * order - 1, FILTERS - 1, -1):
+        away, weight, n = 0.0, decay, 1.0
+        for i in range(j, FILTERS - 1, -2):
+            away += weight * out[i]
+            weight *= s / n
+            n += 1.0
+        out[j] = away
+    a, a1, a2, a3 = path
+    a += s * (a1 + 0.5 * s * (a2 + s / 3.0 * a3))
+    a1 += s * (a2 + 0.5 * s * a3)
+    a2 += s * a3
+    for j in range(order):
+        a2 -= a3
+        a1 -= a2
+        a -= a1
+        at = FILTERS + 2 * j
+        out[at] += a.real
+        out[at + 1] += a.imag
 
 
 @kernel

@@ -33,7 +33,7 @@ def reach_rows(
         orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
         z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)
         v = lever[col.OMEGA] * orbit[col.AMPLITUDE] * math.sin(lag)
-        tip = new_tip(law, z, v, orbit[col.TIP_OFFSET])
+        tip = new_tip(law, lever, orbit[col.MEAN], z, v, orbit[col.TIP_OFFSET])
         sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
         while tip.periods[0] < most and tip.u[Z0] < top:

@@ -1,13 +1,10 @@
-"""Slow flow: the complex amplitude of the lever averaged over its period (first order), together with the loop.
+"""Slow flow: the complex amplitude of the lever averaged over its period, together with the loop.
 
-With z = Re(a exp(i omega tau)) and the first harmonic P, S of the surface's part at the present amplitude and distance,
-
-    2 (alpha0 + i omega) a' = u0 - (1 - omega^2 + 2 i alpha0 omega) a - (P - i S) a/|a|
-
-(theory, Eq. (slow-flow-1); Wang 1999, Eqs. 5-8, before they are set to rest; the free lever's own terms are exact). The
-mean deflection follows at once. What limits the steps is the lock-in, which decays fast, so that the pair of orders 3
-and 2 of Bogacki and Shampine (Appl. Math. Lett. 2 (1989) 321) takes the least work. Steps end where the surface has a
-corner.
+What the lever does is in `averaged_lever`. Its modes decay within many periods, and its lock-in within a few: the
+filters are solved exactly along a, which is a cubic within a step (theory, Eq. (slow-flow-6)), and what is left takes
+long steps of the classical method of Runge and Kutta. The rate at the end of a step, which is the first of the next
+one, in place of some of the fourth gives the method of order 3 with which it is compared. Steps end where the surface
+has a corner.
 """
 
 from __future__ import annotations
@@ -22,7 +19,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.scanning.averaged_lever import KNOWN, LEAD, MEMORY, SHIFT, STEP, Sample, rates, size_of
 from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,
@@ -30,7 +27,6 @@ from phasemap._kernels.scanning.loop import (
     FILTERS,
     INTEGRAL,
     KP,
-    LOSS,
     PLACE,
     RATE,
     SETPOINT,
@@ -43,86 +39,43 @@ from phasemap._kernels.scanning.loop import (
     SUM_PLACE,
     THERMAL,
     TIME,
+    Path,
     Stretch,
     command,
     drift_of,
+    filter_along,
     shown,
-    used,
 )
 
-TOLERANCE = 5e-5  # of the setpoint amplitude, local error of a step
+TOLERANCE = 1.5e-4  # of the setpoint amplitude, local error of a step
+FAINT = 0.01  # of the setpoint amplitude: less allows no smaller error of a
 MOST_STEPS, A_PERIOD = 500, 8.0  # between two corners of the surface, and in a period: more follow no averaged lever
-FAINTEST = 1e-6  # of the setpoint amplitude; a has no phase at 0
 NOISY = 0.25  # in decay times of lever and lock-in: the longest step with noise
 
-_A = np.array([[0, 0, 0], [1 / 2, 0, 0], [0, 3 / 4, 0], [2 / 9, 1 / 3, 4 / 9]])
-_LOCAL = np.array([-5 / 72, 1 / 12, 1 / 9, -1 / 8])
-_WHEN = _A.sum(axis=1)
-STAGES = 4
+STAGES = 5
+_WHEN = np.array([0, 1 / 2, 1 / 2, 1, 1])
+COMPARED = 0.1  # how much of the fourth rate the method of order 3 replaces
 
-# Entries of a flow's memory.
-STEP, SHIFT = 0, 1
+# What is noted at an end of a step: Z, R, phase, their rates, whether the scanner is at its end.
+OF_PLACE, OF_AMPLITUDE, OF_PHASE, BY_PLACE, BY_AMPLITUDE, BY_PHASE, AT_END, END = 0, 1, 2, 3, 4, 5, 6, 7
 
-LIFT = col.ROW  # first of the two columns that rows have beyond those of a law: kappa of `lifts`
-
-
-class Sample(NamedTuple):
-    """A material: its parameters, the reach [m] of its force, and kappa of an attractive and a repulsive P."""
-
-    p: tuple[float, ...]
-    reach: float
-    lift: tuple[float, float]
+LIFT = col.ROW  # first of the two columns that rows have beyond those of a law: those of `lifts`
 
 
 class Flow(NamedTuple):
-    """The averaged lever under its loop: state, rates at the stages of a step, a state tried, step and deflection."""
+    """The averaged lever under its loop: state, rates at the stages of a step, a state tried, memory, a step's ends."""
 
     y: np.ndarray
     stages: np.ndarray
     trial: np.ndarray
     memory: np.ndarray
+    ends: np.ndarray
 
 
 @kernel(light=True)
 def new_flow() -> Flow:
     """Return an empty one."""
-    return Flow(np.zeros(STATE), np.zeros((STAGES, STATE)), np.zeros(STATE), np.zeros(2))
-
-
-@kernel
-def rates(
-    law: Law, sample: Sample, lever: np.ndarray, loop: np.ndarray, ground: float, y: np.ndarray, shift: float,
-    out: np.ndarray,
-) -> float:  # fmt: skip
-    """Fill `out` with dy/dtau over a ground of this height [m].
-
-    Takes and returns by how much [m] mean deflection and harmonics carry the tip towards the ground.
-    """
-    p, reach, lift = sample
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    a = complex(y[AMP], y[AMP + 1])
-    size = max(abs(a), FAINTEST * loop[SETPOINT])
-    to, out[INTEGRAL], _ = command(loop, y)
-    if loop[SPRING] == 0.0:
-        place, out[PLACE], out[SPEED] = to, 0.0, 0.0
-    else:
-        place = y[PLACE]
-        out[PLACE] = y[SPEED]
-        out[SPEED] = loop[SPRING] * (to - place) - loop[LOSS] * y[SPEED]
-    # The controller acts once a period: the scanner is where it was sent half a period ago, on average.
-    place -= math.pi / omega * _speed_of(loop, y, out)
-    push, drag, mean = harmonics(law, p, lever, reach, size, (place - ground - shift) / size)
-    drive = lever[col.BASE] - complex(1.0 - omega * omega, 2.0 * alpha0 * omega) * a
-    da = (drive - complex(push, -drag) * a / size) / (2.0 * complex(alpha0, omega))
-    out[AMP], out[AMP + 1] = da.real, da.imag
-    for part in range(2):
-        before = y[AMP + part]
-        for j in range(FILTERS + part, used(loop), 2):
-            out[j] = loop[RATE] * (before - y[j])
-            before = y[j]
-    # At rest P is at most u0; in what exceeds that, contact is long and its harmonics are few.
-    push = min(max(push, -lever[col.BASE]), lever[col.BASE])
-    return mean + push * (lift[REPELLED] if push > 0.0 else lift[ATTRACTED])
+    return Flow(np.zeros(STATE), np.zeros((STAGES, STATE)), np.zeros(STATE), np.zeros(MEMORY), np.zeros((2, END)))
 
 
 @kernel
@@ -140,38 +93,77 @@ def _speed_of(loop: np.ndarray, y: np.ndarray, out: np.ndarray) -> float:
 
 
 @kernel
-def _collect(loop: np.ndarray, flow: Flow, h: float, sign: float, tally: np.ndarray) -> None:
-    """Add one end of a step to the integrals: h/2 (f0 + f1) + h^2/12 (f0' - f1')."""
-    y, out = (flow.y, flow.stages[0]) if sign > 0.0 else (flow.trial, flow.stages[STAGES - 1])
-    amplitude, phase = shown(loop, y)
-    by_amplitude, by_phase = drift_of(loop, y)
-    half, twelfth = 0.5 * h, sign * h * h / 12.0
-    tally[TIME] += half
-    tally[SUM_PLACE] += half * place_of(loop, y) + twelfth * _speed_of(loop, y, out)
-    tally[SUM_AMPLITUDE] += half * amplitude + twelfth * by_amplitude
-    tally[SUM_PHASE] += half * phase + twelfth * by_phase
-    if command(loop, y)[2]:
-        tally[STOPPED] = 1.0
+def _look(loop: np.ndarray, y: np.ndarray, out: np.ndarray, end: np.ndarray) -> None:
+    """Note what is recorded, and its rates."""
+    end[OF_PLACE], end[BY_PLACE] = place_of(loop, y), _speed_of(loop, y, out)
+    end[OF_AMPLITUDE], end[OF_PHASE] = shown(loop, y)
+    end[BY_AMPLITUDE], end[BY_PHASE] = drift_of(loop, y)
+    end[AT_END] = 1.0 if command(loop, y)[2] else 0.0
 
 
 @kernel
-def _error(loop: np.ndarray, flow: Flow, h: float) -> float:
-    """Local error of a step over what is allowed."""
+def _collect(before: np.ndarray, after: np.ndarray, h: float, tally: np.ndarray) -> None:
+    """Add a step to the integrals: h/2 (f0 + f1) + h^2/12 (f0' - f1')."""
+    half, twelfth = 0.5 * h, h * h / 12.0
+    tally[TIME] += h
+    tally[SUM_PLACE] += half * (before[OF_PLACE] + after[OF_PLACE]) + twelfth * (before[BY_PLACE] - after[BY_PLACE])
+    tally[SUM_AMPLITUDE] += half * (before[OF_AMPLITUDE] + after[OF_AMPLITUDE])
+    tally[SUM_AMPLITUDE] += twelfth * (before[BY_AMPLITUDE] - after[BY_AMPLITUDE])
+    tally[SUM_PHASE] += half * (before[OF_PHASE] + after[OF_PHASE]) + twelfth * (before[BY_PHASE] - after[BY_PHASE])
+    tally[STOPPED] = max(tally[STOPPED], before[AT_END], after[AT_END])
+
+
+@kernel(light=True)
+def _moving(loop: np.ndarray) -> int:
+    """How many entries of the state take steps: the filters do not, nor does a scanner that follows at once."""
+    return FILTERS if loop[SPRING] != 0.0 else PLACE
+
+
+@kernel
+def _error(loop: np.ndarray, k: np.ndarray, h: float, size: float) -> float:
+    """Local error of a step to an amplitude of this size [m], over what is allowed.
+
+    The method of order 3 knows nothing of what changes with time alone, as where the tip lands within a step. So the
+    bend of the rates counts as well. A faint amplitude has as good a phase as any, for it keeps that as it grows again.
+    """
     worst = 0.0
-    for j in range(used(loop)):
-        local = 0.0
-        for i in range(STAGES):
-            local += _LOCAL[i] * flow.stages[i, j]
-        scale = loop[SETPOINT] * (math.sqrt(loop[SPRING]) if j == SPEED and loop[SPRING] > 0.0 else 1.0)
-        worst = max(worst, abs(local) * h / (TOLERANCE * scale))
+    for j in range(_moving(loop)):
+        bend = k[0, j] - k[1, j] - k[2, j] + k[4, j]
+        local = COMPARED * (abs(k[3, j] - k[4, j]) + abs(bend) / 3.0)
         if math.isnan(local):
             return math.inf
+        scale = loop[SETPOINT]
+        if j < INTEGRAL:
+            scale *= min(1.0, max(size / scale, FAINT))
+        elif j == SPEED:
+            scale *= math.sqrt(loop[SPRING])
+        worst = max(worst, local * h / (TOLERANCE * scale))
     return worst
 
 
 @kernel
+def _path(loop: np.ndarray, k: np.ndarray, stage: int, b: complex, h: float, inverse: complex) -> Path:
+    """The way of a from b at the start of a step, through what rates are known: a = b - b' inverse."""
+    start = complex(k[0, AMP], k[0, AMP + 1])
+    bend = twist = complex(0.0, 0.0)  # b' = start + bend x + twist x^2, x = t/h
+    if stage == 2 or stage == 3:
+        bend = 2.0 * (complex(k[stage - 1, AMP], k[stage - 1, AMP + 1]) - start)
+    elif stage == 4:
+        half = 0.5 * complex(k[1, AMP] + k[2, AMP], k[1, AMP + 1] + k[2, AMP + 1])
+        end = complex(k[3, AMP], k[3, AMP + 1])
+        bend, twist = 4.0 * half - end - 3.0 * start, 2.0 * (end - 2.0 * half + start)
+    a_filter = 1.0 / loop[RATE]
+    a_step = a_filter / h
+    bend *= a_step
+    twist *= 2.0 * a_step * a_step
+    return Path(
+        b - inverse * start, a_filter * start - inverse * bend, a_filter * bend - inverse * twist, a_filter * twist
+    )
+
+
+@kernel
 def _add_noise(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
-    """What a time h of noise adds to a and to the first filter: theory, Eq. (slow-flow-4)."""
+    """What a time h of noise adds to a and to the first filter: theory, Eq. (slow-flow-7)."""
     alpha0, rate = lever[col.ALPHA0], loop[RATE]
     thermal = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * alpha0 * h))
     detector = math.sqrt(-0.5 * loop[DETECTOR] * rate * math.expm1(-2.0 * rate * h))
@@ -188,6 +180,7 @@ def flow_on(
     """Let a stretch of ground pass; returns a status."""
     p = parameters(row)
     sample = Sample(p, reach_of(law, p), (row[LIFT + ATTRACTED], row[LIFT + REPELLED]))
+    flow.memory[KNOWN] = 0.0
     return _pass(law, sample, lever, loop, stretch, flow, tally, noise)
 
 
@@ -197,47 +190,48 @@ def _pass(
     noise: np.random.Generator,
 ) -> int:  # fmt: skip
     """`flow_on` over one material, which comes by value: read from the row in every step, it takes 3 % longer."""
-    y, k, trial, memory = flow
+    y, k, trial, memory, ends = flow
     ground, slope, span = stretch
     noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
     longest = NOISY / max(loop[RATE], lever[col.ALPHA0]) if noisy else math.inf
     if not memory[STEP] > 0.0:
         memory[STEP] = 0.1 / loop[RATE]
-    done, fresh = 0.0, True
+    inverse, moving = 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA]), _moving(loop)
+    rates(law, sample, lever, loop, ground, y, memory, k[0])
+    _look(loop, y, k[0], ends[0])
+    done = 0.0
     for _ in range(MOST_STEPS + int(A_PERIOD * span * lever[col.OMEGA] / (2.0 * math.pi))):
         left = span - done
-        h = min(memory[STEP], longest)
-        last = h >= left * (1.0 - 1e-9)
-        if last:
-            h = left
-        if fresh:
-            memory[SHIFT] = rates(law, sample, lever, loop, ground + slope * done, y, memory[SHIFT], k[0])
-            fresh = False
-        shift = memory[SHIFT]
+        steps = max(1.0, math.ceil(left / min(memory[STEP], longest) - 1e-9))
+        h = left / steps
+        shift, lead = memory[SHIFT], complex(memory[LEAD], memory[LEAD + 1])
+        b = complex(y[AMP], y[AMP + 1]) + lead
         for stage in range(1, STAGES):
-            for j in range(used(loop)):
-                step = 0.0
-                for i in range(stage):
-                    step += _A[stage, i] * k[i, j]
-                trial[j] = y[j] + h * step
-            below = ground + slope * (done + _WHEN[stage] * h)
-            shift = rates(law, sample, lever, loop, below, trial, shift, k[stage])
-        error = _error(loop, flow, h)
+            for j in range(moving):
+                way = _WHEN[stage] * k[stage - 1, j]
+                if stage == STAGES - 1:
+                    way = (k[0, j] + 2.0 * (k[1, j] + k[2, j]) + k[3, j]) / 6.0
+                trial[j] = y[j] + h * way
+            trial[AMP] += lead.real - memory[LEAD]
+            trial[AMP + 1] += lead.imag - memory[LEAD + 1]
+            filter_along(loop, y, _path(loop, k, stage, b, h, inverse), _WHEN[stage] * h, trial)
+            if noisy and stage == STAGES - 1:
+                _add_noise(lever, loop, h, noise, trial)
+            rates(law, sample, lever, loop, ground + slope * (done + _WHEN[stage] * h), trial, memory, k[stage])
+        error = _error(loop, k, h, size_of(complex(trial[AMP], trial[AMP + 1])))
+        memory[STEP] = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
         if error <= 1.0:
-            _collect(loop, flow, h, 1.0, tally)
-            _collect(loop, flow, h, -1.0, tally)
+            _look(loop, trial, k[STAGES - 1], ends[1])
+            _collect(ends[0], ends[1], h, tally)
+            copy(ends[1], ends[0])
             copy(trial, y)
             copy(k[STAGES - 1], k[0])
-            memory[SHIFT], done = shift, done + h
-            if noisy:
-                _add_noise(lever, loop, h, noise, y)
-                fresh = True
-            if last:
+            done += h
+            if steps == 1.0:
                 y[PLACE] = place_of(loop, y)
                 return col.GOOD
-        grown = h * min(5.0, max(0.2, 0.9 * error ** (-1.0 / 3.0))) if error > 0.0 else 5.0 * h
-        if not last or grown < memory[STEP]:
-            memory[STEP] = grown
-        if not memory[STEP] > 1e-9 * span:
-            return col.DIVERGED
+        else:
+            memory[SHIFT], memory[LEAD], memory[LEAD + 1] = shift, lead.real, lead.imag
+            if not memory[STEP] > 1e-9 * span:
+                return col.DIVERGED
     return col.NOT_CONVERGED

@@ -19,19 +19,22 @@ MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many 
 
 
 class Lifts(NamedTuple):
-    """The two kappa of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
+    """The two `lifts` of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
 
-    # attractive, repulsive: contact stiffness, and kappa there; empty if nothing is known
+    # attractive, repulsive: contact stiffness, and what is known there; empty if nothing is
     attractive: tuple[Array, Array]
     repulsive: tuple[Array, Array]
 
     def beside(self, rows: Array) -> Array:
-        """Rows of materials with their two kappa behind them, interpolated in contact stiffness; 0 if not known."""
-        kappa = [
-            np.interp(rows[:, col.CONTACT], *side) if len(side[0]) else np.zeros(len(rows))
-            for side in (self.attractive, self.repulsive)
+        """Rows of materials with their two lifts behind them, interpolated in contact stiffness.
+
+        Where nothing is known, attraction has no kappa, and repulsion has kappa_0.
+        """
+        behind = [
+            np.interp(rows[:, col.CONTACT], *side) if len(side[0]) else np.full(len(rows), unknown)
+            for side, unknown in ((self.attractive, 0.0), (self.repulsive, 1.0))
         ]
-        return np.column_stack([rows, *kappa])
+        return np.column_stack([rows, *behind])
 
 
 def lifts_of(job: Job, work: Work) -> Lifts:
@@ -48,7 +51,6 @@ def lifts_of(job: Job, work: Work) -> Lifts:
     spread(solve, bounds_of(len(some), CHUNK), job.workers, None)
     sides = []
     for side in (0, 1):
-        values = np.where(np.isnan(found[:, side]), found[:, 1 - side], found[:, side])
-        known = np.isfinite(values)
-        sides.append((stiffness[some[known]], values[known]))
+        known = np.isfinite(found[:, side])
+        sides.append((stiffness[some[known]], found[known, side]))
     return Lifts(*sides)

@@ -2,7 +2,7 @@
 
 The loop is made linear about every stable orbit that the materials of a scene have at the setpoint, slow flow, lock-in,
 controller and scanner together. It rings where an eigenvalue of that system comes to the imaginary axis: theory,
-Eq. (slow-flow-5).
+Eq. (slow-flow-8).
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.rows.derivatives import held_root
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.slow_flow import Sample, rates
+from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT, Sample, rates
+from phasemap._kernels.scanning.higher_harmonics import pushed
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
@@ -128,11 +129,11 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
         for orbit in _orbits(work, p, amplitude):
             loop = loop_of(replace(control, proportional_gain=0.0, integral_gain=0.0), scope, amplitude)
             loop[of.LOW], loop[of.HIGH] = -math.inf, math.inf
-            state, mean = _steady(work, loop, orbit)
+            state, shift = _steady(work, loop, orbit)
             gains = []
             for proportional, integral in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
                 loop[of.KP], loop[of.KI] = proportional, integral
-                gains.append(_jacobian(work, p, loop, state, mean))
+                gains.append(_jacobian(work, p, loop, state, shift))
             still = gains[0]
             lever = still[of.AMP : of.AMP + 2, of.AMP : of.AMP + 2]
             lifted = (
@@ -172,28 +173,33 @@ def _moving(loop: Array) -> Array:
 
 
 def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
-    """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and the mean deflection."""
+    """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and what carries the tip there."""
     z0, mean, amplitude, push, drag = orbit[:5]
+    lifted = push * pushed((z0 - mean) / amplitude) if push > 0 else 0.0
     a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
     state = np.zeros(of.STATE)
     state[of.AMP : of.AMP + 2] = a.real, a.imag
     state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag
-    state[of.INTEGRAL], state[of.PLACE] = -z0, z0
-    return state, float(mean)
+    state[of.INTEGRAL], state[of.PLACE] = -(z0 + lifted), z0 + lifted
+    return state, float(mean + lifted)
 
 
-def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, mean: float) -> Array:
+def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, shift: float) -> Array:
     """Central differences of the loop's rates."""
-    sample = Sample(p, reach_of(work.law, p), (0.0, 0.0))  # the lift is of no weight for ringing
+    sample = Sample(p, reach_of(work.law, p), (0.0, 1.0))  # kappa_0 will do for ringing
     size = NUDGE * loop[of.SETPOINT]
     out = np.zeros((of.STATE, of.STATE))
     rate = np.zeros(of.STATE)
     for j in range(of.STATE):
         for sign in (1.0, -1.0):
-            there = state.copy()
+            there, memory = state.copy(), np.zeros(MEMORY)
             there[j] += sign * size
-            guess = mean
-            for _ in range(3):  # the mean deflection settles at once
-                guess = rates(work.law, sample, work.lever, loop, 0.0, there, guess, rate)
+            memory[SHIFT] = shift
+            for _ in range(2):  # the second time with the a that belongs to its b
+                rates(work.law, sample, work.lever, loop, 0.0, there, memory, rate)
+            before = there[of.AMP : of.AMP + 2]
+            for k in range(of.FILTERS, of.used(loop), 2):
+                rate[k : k + 2] = loop[of.RATE] * (before - there[k : k + 2])
+                before = there[k : k + 2]
             out[:, j] += sign * rate / (2 * size)
     return out
