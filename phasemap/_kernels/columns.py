@@ -19,6 +19,7 @@ RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteres
 # Entries of the lever, shape (5,): omega [1], alpha0 [1], stiffness [N/m], amplitude u0 of the drive [m], and that of
 # the base [m], which a detector does not see: u0, or 0 where the drive's force acts on the tip.
 OMEGA, ALPHA0, STIFFNESS, BASE, SHAKER = 0, 1, 2, 3, 4
+RINGING = 5  # of a longer one: periods in which motion rings down, where the surface takes part in it
 
 # Columns of a result row, shape (COLUMNS,).
 TIP_OFFSET = 0  # z0 [m]

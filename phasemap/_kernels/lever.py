@@ -11,6 +11,9 @@ from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
 
+LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
+MUCH = 0.4  # of the amplitude, by which adhesion bends a lever, or P
+
 
 @kernel(light=True)
 def free_amplitude(lever: np.ndarray) -> float:
@@ -67,6 +70,24 @@ def reach_of(law: Law, p: np.ndarray) -> float:
 def pulled(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
     """How far [m] adhesion at first contact bends the lever."""
     return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
+
+
+@kernel(light=True)
+def low_q(lever: np.ndarray) -> bool:
+    """Whether the lever forgets a kick within a few periods, as in liquid."""
+    return bool(lever[ALPHA0] > 0.5 / LOWEST_Q)
+
+
+@kernel
+def sticky(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> bool:
+    """Whether adhesion bends a lever of low Q by much of its amplitude."""
+    return bool(low_q(lever) and pulled(law, p, lever) > MUCH * amplitude)
+
+
+@kernel
+def thrown(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, push: float) -> bool:
+    """Whether a contact with this P throws a lever of low Q back, whose orbit is then far from harmonic."""
+    return bool(push > 0.0 and (sticky(law, p, lever, amplitude) or (low_q(lever) and push > MUCH * amplitude)))
 
 
 @kernel

@@ -220,7 +220,7 @@ def check_axis(
         raise InputError(name, values, "numbers [" + unit + "]" if unit else "numbers") from None
     if axis.ndim != 1 or len(axis) < 2:
         raise InputError(name, f"an array of shape {axis.shape}", "at least two values in one dimension")
-    for value in axis:
+    for value in axis[~(np.isfinite(axis) & (axis > above))][:1]:
         number(name, float(value), unit, above=above)
     steps = np.diff(axis)
     if not ((steps > 0).all() or (steps < 0).all()):

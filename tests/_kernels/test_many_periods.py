@@ -24,8 +24,8 @@ def test_a_tip_that_falls_below_resonance_moves_as_it_does_period_by_period() ->
     swing = lever[col.BASE] / complex(1 - omega**2, 2 * lever[col.ALPHA0] * omega)
     # From an amplitude from contact 4 pm a period for three ring-down times: the amplitude rises, and the tip touches.
     pace, allowed, start = 4e-12, 1e-12, amplitude + 1.5e-9
-    one = new_tip(law, swing.real, -omega * swing.imag, start)
-    many = new_tip(law, swing.real, -omega * swing.imag, start)
+    one = new_tip(law, lever, 0.0, swing.real, -omega * swing.imag, start)
+    many = new_tip(law, lever, 0.0, swing.real, -omega * swing.imag, start)
     flow, passed, steps, deepest = np.zeros(FLOW), 0, 0, -math.inf
     assert begin_flow(law, p, lever, ETA, pace, many, flow)
     while passed < PERIODS:

@@ -24,7 +24,8 @@ SHARP = pm.Microscope(pm.Cantilever(40.0, 300e3, 5000.0), pm.Tip(10e-9), pm.Driv
 SOFT = pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0), pm.Tip(10e-9), pm.Drive(40e-9))
 DAMPED = pm.Microscope(pm.Cantilever(5.0, 60e3, 30.0), pm.Tip(10e-9), pm.Drive(20e-9))
 BESIDE = pm.Microscope(AIR.cantilever, AIR.tip, pm.Drive(20e-9, frequency=299.5e3))
-SIDE = 144  # more than twice as many pixels as are solved one by one
+ABOVE = pm.Microscope(pm.Cantilever(3.0, 75e3, 200.0), pm.Tip(10e-9), pm.Drive(60e-9, frequency=75.75e3))
+SIDE = 200  # about twice as many pixels as are solved one by one
 Range = tuple[float, float]
 
 
@@ -69,6 +70,9 @@ CASES = (
     Case("low setpoint", AIR, 0.5, (2e9, 2e10), (0.05, 0.25), (0, 0.02), 0.0),
     Case("low Q", DAMPED, 0.7, (3e8, 3e9), (1e-3, 0.02), (0.001, 0.05), 0.9),
     Case("beside resonance", BESIDE, 0.7, (1e9, 1e10), (0.01, 0.1), (0, 0.05), 0.9),
+    Case(
+        "from repulsive to attractive, 1.01 of the resonance", ABOVE, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), 0.9
+    ),
 )
 
 

@@ -15,6 +15,7 @@ from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import Tip, new_tip
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.periods import new_periods
+from phasemap.experiment.lever import lever_of
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.continuation.pieces import settling_periods
 from phasemap.solvers.problem import work_of_material
@@ -31,7 +32,7 @@ MORE = 100
 
 
 def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
-    return new_tip(law, 0.0, 0.5 * scope.driven_amplitude, z0)
+    return new_tip(law, lever_of(scope), 0.0, 0.0, 0.5 * scope.driven_amplitude, z0)
 
 
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from cases import Case, label, load, material_of, scope_of
 
@@ -59,6 +60,25 @@ def test_a_stiff_contact_does_not_hide_the_end_of_the_attractive_branch() -> Non
     materials = [pm.Material(25.440059183834373e9, w, 3.4156813678141925e-4) for w in adhesion]
     alone = [pm.solve_pixel(one, scope, setpoint) for one in materials]
     assert image.branch.values[0].tolist() == [1, 1, 0, 0] == [pixel.branch == "repulsive" for pixel in alone]
+
+
+@pytest.mark.parametrize(("stiffness", "quality_factor", "free_amplitude"), [(0.1, 2.0, 14e-9), (0.06, 4.0, 25e-9)])
+def test_a_very_soft_lever_in_liquid_is_on_the_orbit_to_which_the_curve_from_far_leads(
+    stiffness: float, quality_factor: float, free_amplitude: float
+) -> None:
+    # Adhesion bends these levers by up to their amplitude. In an image the averaged attraction decides, alone the whole
+    # curve of exact orbits: the same orbit within the errors of both.
+    scope = pm.Microscope(pm.Cantilever(stiffness, 10e3, quality_factor), pm.Tip(10e-9), pm.Drive(free_amplitude))
+    modulus, adhesion, damping = np.meshgrid([3e7, 3e8, 3e9], [0.0, 0.004, 0.016], [0.0, 0.003, 0.1])
+    materials = np.column_stack([one.ravel() for one in (modulus, adhesion, damping)])
+    surface = pm.Surface(*(one.reshape(3, 9) for one in (modulus, adhesion, damping)), pixel_size=1e-9)
+    image = pm.simulate(surface, scope, 0.7, solver="orbit")
+    alone = [pm.solve_pixel(pm.Material(e, adhesion=w, damping=a), scope, 0.7) for e, w, a in materials]
+    assert [pixel.branch for pixel in alone] == ["repulsive"] * 27 and (image.branch == 1).all()
+    for name in ("tip_offset", "phase"):
+        off = abs(image[name].values.ravel() - [getattr(pixel, name) for pixel in alone])
+        error = "error_height" if name == "tip_offset" else "error_phase"
+        assert np.all(off < image[error].values.ravel() + [getattr(pixel, error) for pixel in alone])
 
 
 PINCHED = pm.Material(2e9, adhesion=0.1, damping=0.005)

@@ -152,6 +152,33 @@ def test_below_the_resonance_dents_that_last_but_attract_nothing_lead_to_the_orb
     assert abs(near[col.TIP_OFFSET] - far[col.TIP_OFFSET]) < near[col.ERROR_HEIGHT] + far[col.ERROR_HEIGHT]
 
 
+def test_a_tap_through_drive_phase_0_is_as_exact_as_others() -> None:
+    # Its lag is 67 degrees, and it is in contact for half of the period. Half the steps make errors 60 times smaller.
+    scope = pm.Microscope(
+        pm.Cantilever(38.0, 300e3, 32.0), pm.Tip(7e-9), pm.Drive(7e-9), pm.Interaction("dmt", decay_length=None)
+    )
+    solid = pm.Material(modulus=3.3e9, relaxed_modulus=0.17e9, relaxation_time=39e-9, adhesion=0.03)
+    work = work_of_material(solid, scope, 0.67 * 7e-9, marched=True)
+    solvers = Remembering(March()), Remembering(March())
+    solvers[1].eta /= 2
+    (known, _, _), (finer, _, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
+    assert abs(known[0, col.PHASE] - finer[0, col.PHASE]) < known[0, col.ERROR_PHASE]
+
+
+def test_the_steps_do_not_decide_on_which_side_of_resonance_a_tip_is_held() -> None:
+    # It reaches 0.14 nm deep. Lifted by 0.2 nm without its orbit it grows free, and lands on the other side.
+    scope = pm.Microscope(
+        pm.Cantilever(2.25, 300e3, 424.0), pm.Tip(6.4e-9), pm.Drive(31.1e-9, 300441.0),
+        pm.Interaction("dmt", None, withdrawal="ting"),
+    )  # fmt: skip
+    solid = pm.Material(modulus=0.662e9, relaxed_modulus=0.319e9, relaxation_time=690e-9, adhesion=0.01184)
+    work = work_of_material(solid, scope, 0.523 * 31.1e-9, marched=True)
+    solvers = Remembering(FromFar()), Remembering(FromFar())
+    solvers[1].eta *= 0.6
+    (known, _, _), (finer, _, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
+    assert abs(known[0, col.PHASE] - finer[0, col.PHASE]) < known[0, col.ERROR_PHASE]
+
+
 @pytest.mark.parametrize("time", [1e-10, 30e-9, 1e-4])
 def test_averages_of_a_tap_are_those_of_the_elements_in_equal_steps(time: float) -> None:
     solid = pm.Material(modulus=2e9, relaxed_modulus=0.5e9, relaxation_time=time)

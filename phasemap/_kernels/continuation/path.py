@@ -15,7 +15,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.lever import free_amplitude, scale_of
+from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.collocation.closing import (
     EQUALS,
     NORMAL_A,
@@ -23,15 +23,16 @@ from phasemap._kernels.orbits.collocation.closing import (
     NORMAL_Z,
     along,
     along_swept,
+    close,
     close_swept,
 )
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
-from phasemap._kernels.orbits.collocation.elements import carry_over, lay
-from phasemap._kernels.orbits.collocation.newton import newton, take
+from phasemap._kernels.orbits.collocation.elements import carry_over, lay, nudge
+from phasemap._kernels.orbits.collocation.newton import contact_size, stillness, take
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
-    HOLD_ARC,
     HOLD_PLANE,
+    KEPT,
     LINEAR,
     SMALL,
     STANDING,
@@ -52,6 +53,8 @@ LEVER, HELD = col.ROW, STANDING  # rows of a sweep's table: the law's parameters
 ZP, AP, MP, PP, SP, VP, DZ, DA, DM, DP, DS, DV = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11
 TU, TV, FP, DET, LENGTH, POINT = 12, 13, 14, 15, 16, 17
 RATE = 6  # from a value to its derivative
+STILL = 1e-2  # of the last change allowed on the way: the tangent is off by as little of it
+SAME = 1e-6  # of the contact; so much tangent and multipliers of an exact orbit may be off
 
 
 class Path(NamedTuple):
@@ -161,7 +164,7 @@ def answer(path: Path) -> int:
 
 @kernel
 def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float, float]:
-    """Natural lengths of the two coordinates: theory, Eqs. (continuation-1) and (continuation-5)."""
+    """Natural lengths of the two coordinates: theory, Eqs. (continuation-1) and (continuation-6)."""
     gap = gap_scale(reach, z0, amplitude)
     if path.kind == FIXED:
         return gap, 0.2 * amplitude
@@ -203,29 +206,39 @@ def solve_on(
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
     """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only.
 
-    Where m moves the equations of the last exact step, which was within the tolerance, stand for those of the orbit.
+    The equations of the last step stand for those of the orbit where it changed nothing any more: by less than SAME of
+    the contact and the tolerance of an exact orbit, or, on the way, than STILL of the tolerance there.
     """
     law, tables, value = path.law, path.tables, orbit.head[VALUE]
     r_z, r_a, r_m = row
-    if path.kind == FIXED:
-        hold = HOLD_ARC if coarse else HOLD_PLANE
-        target = np.array([r_z, r_a, value[Z0], value[A]])
-        return newton(law, path.p, path.lever, tables, orbit, spare, hold, target, level, tolerance, most)
-    holds = np.zeros((2, 4))
+    through, holds = np.array([r_z, r_a, value[Z0], value[A]]), np.zeros((2, 4))
     put_row(holds[1], row, r_z * value[Z0] + r_a * value[A] + r_m * value[M])
+    p, lever = standing_at(path, value[M])
+    still = stillness(law, p, lever, level)
+    smooth = stillness(law, p, lever, 0) > 0.0
     for steps in range(most):
         m = orbit.head[VALUE, M]
-        p, lever = at(path.table, m)
-        held_row(path, m, holds[0])
+        p, lever = standing_at(path, m)
         drift = drift_at(path, m)
-        linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, drift)
-        if not linear or not close_swept(lever, orbit, drift, holds):
+        if orbit.head[COUNT, LINEAR] != 1.0 and not linearise(law, p, lever, tables, orbit, drift):
+            return col.NOT_CONVERGED, steps, orbit, spare
+        if path.kind == FIXED:
+            solved = close(lever, orbit, HOLD_PLANE, through)
+        else:
+            held_row(path, m, holds[0])
+            solved = close_swept(lever, orbit, drift, holds)
+        if not solved:
             return col.NOT_CONVERGED, steps + 1, orbit, spare
-        status, _ = take(tables, lever, orbit, tolerance, coarse)
+        status, change = take(tables, lever, orbit, tolerance, coarse)
+        size = contact_size(orbit.head, reach_of(law, p))
         if status != col.PENDING:
-            if status == col.GOOD and not coarse:
-                orbit.head[COUNT, LINEAR] = 1.0
+            if status == col.GOOD and change <= (STILL * tolerance if coarse else min(tolerance, SAME * size)):
+                orbit.head[COUNT, LINEAR] = KEPT
             return status, steps + 1, orbit, spare
+        if change < still * size:
+            continue  # the elements fit as they lie
+        if smooth and nudge(p, tables, orbit):
+            continue
         if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, steps + 1, orbit, spare
         carry_over(tables, orbit, spare)

@@ -28,15 +28,17 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.continuation.path import row_of as tangent_row
-from phasemap._kernels.continuation.step import FIRST_STEP, advance, copy_orbit, cross, mark
+from phasemap._kernels.continuation.step import FIRST_STEP, LARGEST_STEP, Place, advance, copy_orbit, cross, mark
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.orbits.collocation.closing import along
 from phasemap._kernels.orbits.collocation.estimate import state_errors
-from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe
+from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe, settled
 from phasemap._kernels.orbits.collocation.observables import complete, time_trace
 from phasemap._kernels.orbits.collocation.system import (
     COUNT,
+    KEPT,
     LEVEL,
+    LINEAR,
     RIGHT,
     RP,
     RZ,
@@ -74,13 +76,6 @@ class Made(NamedTuple):
     traces: np.ndarray
 
 
-class Place(NamedTuple):
-    """A point of the curve and its orbit."""
-
-    point: np.ndarray
-    orbit: Orbit
-
-
 @kernel
 def record(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: int) -> int:
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
@@ -105,6 +100,9 @@ def record(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: i
 @kernel
 def sharpen(path: Path, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float) -> tuple[bool, Orbit, Orbit]:
     """Make the orbit of a point on the way exact, in the plane across the curve."""
+    lever = standing_at(path, orbit.head[VALUE, M])[1]
+    if orbit.head[COUNT, LINEAR] == KEPT and settled(lever, orbit, tolerance):
+        return True, orbit, spare
     row = tangent_row(path, reach_on(path, orbit), point)
     level = int(orbit.head[COUNT, LEVEL])
     status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
@@ -118,7 +116,7 @@ def turn_between(
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
 
-    See theory, Eq. (continuation-4).
+    See theory, Eq. (continuation-5).
 
     There x is stationary and exact to rounding; the other coordinate is as exact as s. Where a step from the start
     fails, for a long one round a sharp turn may, the shorter one that did not is the next to start from.
@@ -133,7 +131,7 @@ def turn_between(
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
         copy(begun, point)
-        status, _, orbit, spare = advance(path, point, step, orbit, spare, room)
+        status, _, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
         reached = point[LENGTH]
@@ -165,7 +163,7 @@ def visit(
 ) -> tuple[int, Orbit, Orbit]:
     """Record the orbits at the values wanted between two places, in the order in which they come."""
     index, wanted, tolerance = asked.entry, asked.wanted, asked.tolerance
-    before, after = start.point, end.point
+    before, after, beside = start.point, end.point, start.point.copy()
     x, y = before[index], after[index]
     rising = y > x  # the value at which a step starts belongs to the step before
     first, last = smaller(wanted, min(x, y), rising), smaller(wanted, max(x, y), rising)
@@ -173,7 +171,7 @@ def visit(
         k = first + i if rising else last - 1 - i
         if i == 0:
             copy_orbit(start.orbit, one)
-        good, one, spare = cross(path, index, wanted[k], before, after, one, start.orbit, spare, tolerance)
+        good, one, spare = cross(path, index, wanted[k], start, beside, after, one, spare, tolerance)
         if not good:
             copy_orbit(end.orbit, one)
         else:
@@ -207,7 +205,7 @@ def follow(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: np.ndarr
     count = record(path, orbit, col.ON_THE_WAY, -1, made, 0)
     for points in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance(path, point, step, orbit, spare, saved)
+        status, step, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, saved)
         length = point[LENGTH]
         if status == col.GOOD:
             good, orbit, spare = sharpen(path, orbit, spare, point, asked.tolerance)

@@ -8,12 +8,14 @@ Eq. (continuation-2).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.cubic import AT_FOLD, cubic_slopes, extreme_between, hermite, length_at, wavy
 from phasemap._kernels.continuation.path import (
     AP,
     DA,
@@ -23,6 +25,7 @@ from phasemap._kernels.continuation.path import (
     DS,
     DV,
     DZ,
+    FIXED,
     FP,
     LENGTH,
     MP,
@@ -36,7 +39,10 @@ from phasemap._kernels.continuation.path import (
     Path,
     answer,
     control,
+    drift_at,
     gap_scale,
+    held_row,
+    put_row,
     reach_on,
     row_of,
     scales,
@@ -46,6 +52,7 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.orbits.collocation.closing import accept, close, close_swept
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.newton import floquet
@@ -53,7 +60,9 @@ from phasemap._kernels.orbits.collocation.system import (
     CONTACTS,
     COUNT,
     ELEMENTS,
+    HOLD_PLANE,
     LEVEL,
+    LINEAR,
     RA,
     RIGHT,
     RM,
@@ -72,11 +81,17 @@ from phasemap._kernels.orbits.collocation.system import (
     new_orbit,
 )
 
-FIRST_STEP, LARGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 1e-7
+FIRST_STEP, LARGEST_STEP, LONGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 2.0, 1e-7
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
-AT_FOLD = 3e-3  # change of the control over its scale, per step of one
 EXACTLY, ENOUGH, MOST_TRIES = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
+
+
+class Place(NamedTuple):
+    """A point of the curve and its orbit."""
+
+    point: np.ndarray
+    orbit: Orbit
 
 
 @kernel
@@ -99,6 +114,25 @@ def relay(path: Path, orbit: Orbit, spare: Orbit) -> bool:
     if not find_contacts(p, path.tables, orbit) or not lay(path.law, p, lever, path.tables, spare, orbit, level):
         return False
     carry_over(path.tables, orbit, spare)
+    return True
+
+
+@kernel(shared=True)
+def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: tuple[float, float, float]) -> bool:
+    """Move an orbit whose equations are known along the curve's tangent, to row (z0, A, m) = row target."""
+    m = orbit.head[VALUE, M]
+    lever = standing_at(path, m)[1]
+    if path.kind == FIXED:
+        plane = np.array([row[0], row[1], target[0], target[1]])
+        if not close(lever, orbit, HOLD_PLANE, plane):
+            return False
+    else:
+        holds = np.zeros((2, 4))
+        held_row(path, m, holds[0])
+        put_row(holds[1], row, row[0] * target[0] + row[1] * target[1] + row[2] * target[2])
+        if not close_swept(lever, orbit, drift_at(path, m), holds):
+            return False
+    accept(path.tables, lever, orbit, 1.0)
     return True
 
 
@@ -144,13 +178,14 @@ def advance(
     path: Path,
     point: np.ndarray,
     step: float,
+    longest: float,
     orbit: Orbit,
     spare: Orbit,
     saved: Orbit,
 ) -> tuple[int, float, Orbit, Orbit]:
     """Go to the next point of the curve; returns a status, the step to try next, the orbit and the spare room.
 
-    `saved` and `point` receive the orbit and the point that were left.
+    `saved` and `point` receive the orbit and the point that were left. The step to try next is `longest` at most.
     """
     level = int(orbit.head[COUNT, LEVEL])
     copy_orbit(orbit, saved)
@@ -161,11 +196,8 @@ def advance(
     row = row_of(path, reach, before)
     while step > SMALLEST_STEP:
         value = orbit.head[VALUE]
-        value[Z0] += step * before[DZ]
-        value[A] += step * before[DA]
-        value[M] += step * before[DM]
-        value[P] += step * before[DP]
-        value[S] += step * before[DS]
+        for i in range(5):
+            value[ENTRY[i]] += step * before[RATE + i]
         if value[A] > 0.0 and relay(path, orbit, spare):
             orbit, spare = spare, orbit
             status, steps, orbit, spare = solve_on(path, orbit, spare, row, level, coarse, 8, True)
@@ -174,11 +206,13 @@ def advance(
                 copy(before, point)
                 good = mark(path, orbit, point)
                 turn = point[TU] * before[TU] + point[TV] * before[TV]
-                corner = step < CORNER and not hysteretic
-                if good and (corner or (turn > 0.7 and same_piece(path, reach, before, point))):
-                    point[LENGTH] = step
+                point[LENGTH] = step
+                if hysteretic or step >= CORNER:
+                    good = good and turn > 0.7 and same_piece(path, reach, before, point)
+                    good = good and not wavy(path, reach, before, point)
+                if good:
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
-                    return col.GOOD, min(step * growth, LARGEST_STEP), orbit, spare
+                    return col.GOOD, min(step * growth, longest), orbit, spare
         copy_orbit(saved, orbit)
         step *= 0.4
     copy(before, point)
@@ -186,36 +220,11 @@ def advance(
 
 
 @kernel
-def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: float) -> float:
-    """Where to step instead if an entry (`index`) may just reach `value` and turn between two points; 0 if not.
-
-    The extreme is that of the cubic through both points and slopes. It asks for a point there when `value` lies beyond
-    both ends, on the side of the extreme and not far outside it, so that a pair of crossings is not stepped over.
-    """
-    slope = index + RATE
-    one, two, length = before[slope], point[slope], point[LENGTH]
-    if one * two >= 0.0 or length < 1e-5:
-        return 0.0
-    rise = (point[index] - before[index]) / length
-    cubic, square = one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
-    # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
-    root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
-    t = -one / (square + root) if square > 0.0 else -one / (square - root)
-    if not 0.02 < t < 0.98:
-        return 0.0
-    extreme = before[index] + length * t * (one + t * (square + t * cubic))
-    end = min(before[index], point[index]) if one < 0.0 else max(before[index], point[index])
-    beyond, reached = value - end, extreme - end
-    if beyond * reached <= 0.0 or abs(beyond) > 3.0 * abs(reached) + 1e-3 * abs(point[index]) * length:
-        return 0.0
-    return t * length
-
-
-@kernel
 def advance_watching(
     path: Path,
     point: np.ndarray,
     step: float,
+    longest: float,
     index: int,
     value: float,
     orbit: Orbit,
@@ -224,7 +233,7 @@ def advance_watching(
 ) -> tuple[int, float, Orbit, Orbit]:
     """`advance`, with a point set on an extreme of an entry that may just reach `value`."""
     before = point.copy()
-    status, following, orbit, spare = advance(path, point, step, orbit, spare, saved)
+    status, following, orbit, spare = advance(path, point, step, longest, orbit, spare, saved)
     for _ in range(6):
         if status != col.GOOD:
             break
@@ -233,61 +242,35 @@ def advance_watching(
             break
         copy_orbit(saved, orbit)
         copy(before, point)
-        status, following, orbit, spare = advance(path, point, instead, orbit, spare, saved)
+        status, following, orbit, spare = advance(path, point, instead, longest, orbit, spare, saved)
     return status, following, orbit, spare
-
-
-@kernel
-def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
-    """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
-    cubic, square = rise + end - 2.0 * (two - one), 3.0 * (two - one) - 2.0 * rise - end
-    return one + t * (rise + t * (square + t * cubic))
-
-
-@kernel
-def length_at(before: np.ndarray, after: np.ndarray, index: int, value: float) -> float:
-    """Where between two points (0 ... 1) the cubic of an entry passes a value."""
-    low, high, length = 0.0, 1.0, after[LENGTH]
-    one, two = before[index], after[index]
-    rise, end = length * before[RATE + index], length * after[RATE + index]
-    at = (value - one) / (two - one)
-    for _ in range(30):
-        x = hermite(one, rise, two, end, at) - value
-        if (x > 0.0) == (two > one):
-            high = at
-        else:
-            low = at
-        slope = rise + at * (2.0 * (3.0 * (two - one) - 2.0 * rise - end) + 3.0 * at * (rise + end - 2.0 * (two - one)))
-        step = x / slope if slope != 0.0 else math.inf
-        if abs(step) < 1e-12:
-            break
-        at = at - step if low < at - step < high else 0.5 * (low + high)
-    return at
 
 
 @kernel(shared=True)
 def settle_on(
-    path: Path,
-    index: int,
-    value: float,
-    before: np.ndarray,
-    after: np.ndarray,
-    orbit: Orbit,
-    spare: Orbit,
+    path: Path, index: int, value: float, last: np.ndarray, after: np.ndarray, orbit: Orbit, spare: Orbit,
     tolerance: float,
-) -> tuple[bool, Orbit, Orbit]:
+) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """From an orbit near by, go to where entry `index` is `value` between two points; True if it is found there.
 
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
+    The first point, `last`, becomes the one that is found.
     """
-    held, at, length = orbit.head[VALUE], length_at(before, after, index, value), after[LENGTH]
+    held, reach, guess = orbit.head[VALUE], reach_on(path, orbit), np.empty(5)
+    by_one, by_two = cubic_slopes(path, reach, last, after)
+    at = length_at(last[index], by_one * last[RATE + index], after[index], by_two * after[RATE + index], value)
     for i in range(5):
-        held[ENTRY[i]] = hermite(before[i], length * before[RATE + i], after[i], length * after[RATE + i], at)
+        guess[i] = hermite(last[i], by_one * last[RATE + i], after[i], by_two * after[RATE + i], at)
     if index != VP:
-        held[ENTRY[index]] = value
+        guess[index] = value
+    way = row_of(path, reach, after)
+    if orbit.head[COUNT, LINEAR] != 0.0 and not predict(path, orbit, way, (guess[ZP], guess[AP], guess[MP])):
+        return False, orbit, spare
+    for i in range(5):
+        held[ENTRY[i]] = guess[i]
     row = (1.0 if index == ZP else 0.0, 1.0 if index == AP else 0.0, 1.0 if index == MP else 0.0)
     if index == VP:
-        row = row_of(path, reach_on(path, orbit), after)
+        row = way
     if not relay(path, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit
@@ -312,49 +295,46 @@ def settle_on(
         good = status == col.GOOD and mark(path, orbit, here)
     good = good and (index != VP or abs(here[VP] - value) <= ENOUGH * value)
     other = answer(path) if index == control(path) else control(path)
-    low, high = min(before[other], after[other]), max(before[other], after[other])
+    low, high = min(last[other], after[other]), max(last[other], after[other])
     slack = 0.05 * (high - low)
     if index != MP:
-        slack += 1e-3 * abs(before[index] - after[index])
+        slack += 1e-3 * abs(last[index] - after[index])
     else:
         slack += 1e-3 * gap_scale(reach_on(path, orbit), here[ZP], here[AP])
     if not low - slack <= here[other] <= high + slack:
         return False, orbit, spare
-    return good and here[index + RATE] * (after[index] - before[index]) > 0.0, orbit, spare
+    good = good and here[index + RATE] * (after[index] - last[index]) > 0.0
+    if good:
+        copy(here, last)
+    return good, orbit, spare
 
 
 @kernel
 def cross(
-    path: Path,
-    index: int,
-    value: float,
-    before: np.ndarray,
-    after: np.ndarray,
-    orbit: Orbit,
-    start: Orbit,
-    spare: Orbit,
-    tolerance: float,
-) -> tuple[bool, Orbit, Orbit]:
-    """Find the orbit where entry `index` is `value` between two points, from the orbit (at `after`; lost).
+    path: Path, index: int, value: float, start: Place, last: np.ndarray, after: np.ndarray, orbit: Orbit,
+    spare: Orbit, tolerance: float,
+) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+    """Find the orbit where entry `index` is `value` between two places, from the orbit (near by; lost).
 
-    `start` holds the orbit at `before`. Where Newton's method lands on another piece of the curve, the curve is
-    followed again in shorter steps.
+    `last` is a point between the first and the value; it becomes the one that is found. Where Newton's method lands on
+    another piece of the curve, the curve is followed again from the start in shorter steps.
     """
+    before = start.point
     if index == AP or index == VP:
         # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
         tolerance *= max(1.0, 1e-2 * abs((after[ZP] - before[ZP]) / (after[index] - before[index])))
-    good, orbit, spare = settle_on(path, index, value, before, after, orbit, spare, tolerance)
+    good, orbit, spare = settle_on(path, index, value, last, after, orbit, spare, tolerance)
     if good:
         return True, orbit, spare
     low, high, room = before.copy(), after.copy(), new_orbit()
     begin_orbit = new_orbit()
-    copy_orbit(start, begin_orbit)
+    copy_orbit(start.orbit, begin_orbit)
     for _ in range(12):
         copy_orbit(begin_orbit, orbit)
         between = low.copy()
         share = (value - low[index]) / (high[index] - low[index])
         step = high[LENGTH] * min(max(share, 0.1), 0.9)
-        status, _, orbit, spare = advance(path, between, step, orbit, spare, room)
+        status, _, orbit, spare = advance(path, between, step, LARGEST_STEP, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
         if (between[index] > value) == (high[index] > value):
@@ -363,7 +343,9 @@ def cross(
             high[LENGTH] -= between[LENGTH]
             copy(between, low)
             copy_orbit(orbit, begin_orbit)
-        good, orbit, spare = settle_on(path, index, value, low, high, orbit, spare, tolerance)
+        copy(low, last)
+        good, orbit, spare = settle_on(path, index, value, last, high, orbit, spare, tolerance)
         if good:
             return True, orbit, spare
+    copy(before, last)
     return False, orbit, spare

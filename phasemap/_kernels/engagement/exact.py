@@ -13,9 +13,19 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.cubic import hermite
 from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, LENGTH, POINT, TU, TV, ZP, Path, scales
 from phasemap._kernels.continuation.start import start_far
-from phasemap._kernels.continuation.step import FIRST_STEP, advance, advance_watching, copy_orbit, cross, hermite, mark
+from phasemap._kernels.continuation.step import (
+    FIRST_STEP,
+    LARGEST_STEP,
+    Place,
+    advance,
+    advance_watching,
+    copy_orbit,
+    cross,
+    mark,
+)
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
@@ -61,7 +71,9 @@ def lower(
     left = math.nan
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(
+            path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
+        )
         if status != col.GOOD:
             if pressed_in(law, p, lever, orbit):
                 status = col.NO_STABLE_ORBIT
@@ -69,7 +81,9 @@ def lower(
         z0, a = point[ZP], point[AP]
         if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
             copy_orbit(orbit, found)
-            have, found, spare = cross(path, AP, amplitude, before, point, found, saved, spare, tolerance)
+            have, found, spare = cross(
+                path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
+            )
             if not have:
                 status = col.NO_STABLE_ORBIT if pressed_in(law, p, lever, orbit) else col.NOT_CONVERGED
                 return status, lowest if math.isnan(left) else left, orbit, spare, found
@@ -107,12 +121,16 @@ def retract(
     step, sudden = 0.1, lets_go(law, p, lever)
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(
+            path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
+        )
         if status != col.GOOD:
             return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, orbit, spare, found
         if before[AP] < amplitude <= point[AP]:
             copy_orbit(orbit, found)
-            good, found, spare = cross(path, AP, amplitude, before, point, found, saved, spare, tolerance)
+            good, found, spare = cross(
+                path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
+            )
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
         if point[ZP] < before[ZP] or point[DZ] < 0.0:
             return col.NO_STABLE_ORBIT, orbit, spare, found
@@ -154,7 +172,7 @@ def joined(
             return False, orbit, spare
         if (point[ZP] - z0) * sense >= -near:
             return True, orbit, spare
-        status, step, orbit, spare = advance(path, point, step, orbit, spare, saved)
+        status, step, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, saved)
         good = status == col.GOOD
     return False, orbit, spare
 
@@ -312,7 +330,9 @@ def engage_near(
     step, ended = FIRST_STEP, False
     while not ended:
         before = point.copy()
-        status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(
+            path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
+        )
         if status != col.GOOD:
             return col.NOT_CONVERGED, orbit, spare, found
         ended = point[AP] > before[AP] or point[ZP] > before[ZP]
@@ -323,7 +343,9 @@ def engage_near(
             return col.NOT_CONVERGED, orbit, spare, found  # which comes first takes smaller steps to tell
         if crossed:
             copy_orbit(orbit, found)
-            good, found, spare = cross(path, AP, amplitude, before, point, found, saved, spare, tolerance)
+            good, found, spare = cross(
+                path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
+            )
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     row = np.zeros(col.COLUMNS)
     guesses = averaged_orbits(law, p, lever, amplitude)

@@ -190,19 +190,20 @@ def settle(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: fl
 
 
 @kernel
-def settle_near(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, row: np.ndarray) -> bool:
-    """As `settle`, by Newton's method alone; False where it leads to no orbit, or to the other side of resonance."""
+def settle_near(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray
+) -> bool:
+    """As `settle`, by a periodic orbit; False where time leads to none, or to the other side of resonance."""
     repelled, tip = row[col.PHASE] > 0.0, tip_on(law, lever, amplitude, row)
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    found = skip(law, p, lever, tolerance, amplitude, tip)
-    if found:
-        fill_orbit(lever, tip, row)
-    return found and (row[col.PHASE] > 0.0) == repelled
+    status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
+    return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
 
 
 @kernel
 def tip_on(law: Law, lever: np.ndarray, amplitude: float, row: np.ndarray) -> Tip:
-    """Return a tip at drive phase 0 of a harmonic orbit of this amplitude [m], with phase, mean and offset of a row."""
+    """Return a tip on a harmonic orbit of this amplitude [m], with phase, mean and offset of a row."""
     lag = 0.5 * math.pi - row[col.PHASE]
     z = row[col.MEAN] + amplitude * math.cos(lag)
-    return new_tip(law, z, lever[col.OMEGA] * amplitude * math.sin(lag), row[col.TIP_OFFSET])
+    v = lever[col.OMEGA] * amplitude * math.sin(lag)
+    return new_tip(law, lever, row[col.MEAN], z, v, row[col.TIP_OFFSET])

@@ -31,8 +31,10 @@ from phasemap._kernels.engagement.holding import (
     hold_mean,
 )
 from phasemap._kernels.engagement.landed import skip_to
+from phasemap._kernels.engagement.leap import strong
 from phasemap._kernels.engagement.lowering import (
     AGAIN,
+    BESIDE,
     DISTURBED,
     HELD,
     KEPT,
@@ -50,10 +52,11 @@ from phasemap._kernels.engagement.lowering import (
     pace_of_leap,
     too_far,
 )
+from phasemap._kernels.engagement.ringing import RINGS, engage_ringing
 from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, presses, sticks, too_stiff
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, pass_period, rest, skip
-from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
+from phasemap._kernels.orbits.time.tip import MARCHED, Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -64,6 +67,10 @@ FELL = 0.05  # of the amplitude, by which it changes in that time only where the
 STEADY, TAMER = 0.3, 0.5  # of its way, by which the amplitude may not go with z0; and of CHANGE: else it was too fast
 LANDING, FINEST = 0.1, 64.0  # of the amplitude that is left, by which it falls in that time; least part of FALL
 LEAD = 2.0  # of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
+WAITING = 0.25  # of the periods allowed, in which a motion rings down that is left all of them before `ringing`'s turn
+AT_ONCE = 0.05  # of them, after which it is others' turn
+NONE_LEFT = 2.0
+ALIKE = math.radians(1e-3)  # by which phases of one pattern may differ
 AWAY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 
 
@@ -139,31 +146,15 @@ def move_slowly(
 
 
 @kernel
-def approach(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, z0: float, step: float, eta: float, most: int,
+def lower(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, eta: float, most: int, tip: Tip,
     row: np.ndarray,
 ) -> int:  # fmt: skip
-    """Engage from z0 [m]: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
-
-    Parameters
-    ----------
-    step : float
-        Length on which orbits change as the tip comes near [m].
-    eta : float
-        As for `march_period`.
-    most : int
-        Periods that may be marched.
-
-    Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where it was lowered as far as a tip is, and into the
-    surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
-    """
-    omega = lever[col.OMEGA]
-    free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
-    tip = new_tip(law, free.real, -omega * free.imag, z0)
+    """Lower a tip that swings freely until its amplitude first reaches the setpoint, and hold it; as `approach`."""
+    free = free_amplitude(lever)
     tolerance = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
-    least, pace, loose, fell = AWAY * abs(free), pace_of_leap(law, p, lever), False, tip.u.copy()
+    least, pace, loose, fell = AWAY * free, pace_of_leap(law, p, lever), False, tip.u.copy()
     short = WHOLE * ring_down(lever) > most  # for more than to see that the surface catches the tip
-    row[:] = math.nan
     while True:
         if loose and pace > 0.0:
             ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, tolerance, most, tip), False
@@ -208,6 +199,69 @@ def approach(
             return col.PRESSED
         if ends != AGAIN:
             return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT
+
+
+@kernel
+def free_tip(law: Law, lever: np.ndarray, z0: float) -> Tip:
+    """Return a tip at z0 [m] that touches nothing, of a lever that swings as it does freely."""
+    omega = lever[col.OMEGA]
+    free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
+    return new_tip(law, lever, 0.0, free.real, -omega * free.imag, z0)
+
+
+@kernel
+def share_of(law: Law, p: np.ndarray, lever: np.ndarray, most: int) -> float:
+    """Share of the periods allowed that `lower` has, before `engage_ringing` has its turn: NONE_LEFT if it has none.
+
+    A contact with hysteresis or memory leads to one pattern or another, as it is lowered.
+    """
+    if ring_down(lever) < RINGS or p[col.RELEASE] != 0.0 or law.memory != 0:
+        return NONE_LEFT
+    # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
+    if pace_of_leap(law, p, lever) > 0.0:
+        far = abs(1.0 - lever[col.OMEGA] ** 2) > BESIDE
+        return 1.0 if far and strong(law, p, lever, free_amplitude(lever)) else NONE_LEFT
+    return 1.0 if DISTURBED * ring_down(lever) < WAITING * most else AT_ONCE
+
+
+@kernel
+def approach(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, z0: float, step: float, eta: float, most: int,
+    row: np.ndarray,
+) -> int:  # fmt: skip
+    """Engage from z0 [m]: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
+
+    Parameters
+    ----------
+    step : float
+        Length on which orbits change as the tip comes near [m].
+    eta : float
+        As for `march_period`.
+    most : int
+        Periods that may be marched.
+
+    Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where it was lowered as far as a tip is, and into the
+    surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    """
+    tip, share = free_tip(law, lever, z0), share_of(law, p, lever, most)
+    row[:] = math.nan
+    status = lower(law, p, lever, amplitude, step, eta, int(min(share, 1.0) * most), tip, row)
+    if status != col.NOT_SETTLED or share > 1.0:
+        return status
+    again = free_tip(law, lever, z0)
+    began = again.periods[MARCHED] = tip.periods[MARCHED]
+    row[:] = math.nan
+    status = engage_ringing(law, p, lever, amplitude, step, eta, most, again, row)
+    spent = again.periods[MARCHED]
+    if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most:
+        return status
+    # Several patterns may hold the setpoint: what another start does not lead to is found by chance.
+    tip, other = free_tip(law, lever, z0 + AWAY * free_amplitude(lever)), np.empty(col.COLUMNS)
+    tip.periods[MARCHED] = spent
+    if engage_ringing(law, p, lever, amplitude, step, eta, most, tip, other) != col.GOOD:
+        return col.GOOD
+    allowed = ALIKE + row[col.ERROR_PHASE] + (other[col.ERROR_PHASE] if other[col.SPREAD_AMPLITUDE] > 0.0 else 0.0)
+    return col.GOOD if abs(other[col.PHASE] - row[col.PHASE]) < allowed else col.NOT_SETTLED
 
 
 @kernel

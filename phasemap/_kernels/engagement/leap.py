@@ -8,12 +8,13 @@ curve: it is one of the motion after the fold, that of the averaged lever a at a
 
     2 (alpha0 + i omega) a' = u0 - (1 - omega^2 + 2 i alpha0 omega) a - (P - i S) a/|a|
 
-(theory, Eq. (slow-flow-1)), which is followed here until it comes to rest. Mean deflection and higher harmonics follow
-at once: harmonics lift the tip by 3/4 P where it touches shortly, by less where longer. Basins may be finely woven, and
-averaging is not exact. So the motion is followed several times, from several depths, with less lift, and with other
-damping; where ends differ, or forces are too strong to be averaged, only time tells. Ends that are all attractive are
-no proof either, for of 995 draws 134 are wrong, unless the fold is about as high as any repulsive orbit, where none of
-159 is. More damping than there is makes some ends attractive: of 175 draws without another such end none is.
+(theory, Eq. (slow-flow-1) without a''), which is followed here until it comes to rest. Mean deflection and higher
+harmonics follow at once: harmonics lift the tip by 3/4 P where it touches shortly, by less where longer. Basins may
+be finely woven, and averaging is not exact. So the motion is followed several times, from several depths, with less
+lift, and with other damping; where ends differ, or forces are too strong to be averaged, only time tells. Ends that
+are all attractive are no proof either, for of 995 draws 134 are wrong, unless the fold is about as high as any
+repulsive orbit, where none of 159 is. More damping than there is makes some ends attractive: of 175 draws without
+another such end none is.
 """
 
 from __future__ import annotations

@@ -48,6 +48,7 @@ DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
 CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST = -0.999999  # mismatch, where its logarithm is taken
+WEAK = 2 / 3  # of the attraction (2), so much of it averaged at low Q, or less, leaves no doubt
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
 # Entries of a maximum: gap b = e - A [m], mismatch, P [m] there, and the same gap one step deeper.
@@ -63,7 +64,7 @@ def at_gap(
     return mismatch(lever, amplitude, push, drag), push
 
 
-@kernel
+@kernel(light=True)
 def detuning(lever: np.ndarray) -> tuple[float, float]:
     """(x, y): drive that stiffness and damping of the free lever take, over the whole."""
     omega = lever[col.OMEGA]
@@ -72,7 +73,7 @@ def detuning(lever: np.ndarray) -> tuple[float, float]:
     return stiff / whole, damped / whole
 
 
-@kernel
+@kernel(light=True)
 def narrowest(lever: np.ndarray) -> float:
     """Amplitude over the free one at which the attractive branch is nearest to its end, Eq. (3)."""
     x, y = detuning(lever)
@@ -251,26 +252,40 @@ def least_mismatch(lever: np.ndarray, amplitude: float, margin: float) -> float:
 
 
 @kernel
+def mismatch_with(lever: np.ndarray, amplitude: float, share: float) -> float:
+    """Mismatch where attraction is so much of what an orbit of this amplitude takes, without losses."""
+    x, y = detuning(lever)
+    r = amplitude / free_amplitude(lever)
+    q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
+    return (r * x - share * (q + r * x)) ** 2 - q * q
+
+
+@kernel
+def weak(lever: np.ndarray, amplitude: float, highest: float) -> bool:
+    """Whether the attractive branch has no orbit of this amplitude at a low Q either, from the averaged maximum.
+
+    Attraction that bends the lever much draws the tip in faster than in a harmonic orbit: it acts for a shorter time.
+    """
+    return highest <= mismatch_with(lever, amplitude, WEAK)
+
+
+@kernel
 def decide(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
-    top: np.ndarray,
-) -> int:  # fmt: skip
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, margin: float, top: np.ndarray
+) -> int:
     """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
     top[:] = 0.0
     if p[col.LONGRANGE] == 0.0:
         # Without attraction there is one branch; with adhesion alone its onset jumps.
         top[BEHIND] = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
-    x, y = detuning(lever)
-    r = amplitude / free
-    q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
     least = least_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
     strongest(law, p, lever, reach, amplitude, plain, top)
     if top[HEIGHT] >= plain:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
-    half = q * q - 0.25 * (q - r * x) ** 2
+    half = -mismatch_with(lever, amplitude, 0.5)
     return REPULSIVE if top[HEIGHT] <= -min(plain, max(least, half)) else UNCLEAR
 
 
@@ -281,10 +296,10 @@ def approach(
 ) -> int:  # fmt: skip
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
     worst = narrowest(lever) * free
-    side = decide(law, p, lever, reach, max(amplitude, min(worst, free)), free, margin, top)
+    side = decide(law, p, lever, reach, max(amplitude, min(worst, free)), margin, top)
     if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
         return side
-    return ATTRACTIVE if decide(law, p, lever, reach, worst, free, margin, top) == ATTRACTIVE else UNCLEAR
+    return ATTRACTIVE if decide(law, p, lever, reach, worst, margin, top) == ATTRACTIVE else UNCLEAR
 
 
 @kernel

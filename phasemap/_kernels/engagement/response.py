@@ -10,18 +10,16 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, G_P, G_Z0, GOOD, LONGRANGE, NOT_CONVERGED, OMEGA, PENDING, RELEASE, STIFF
+from phasemap._kernels.columns import G_P, G_Z0, GOOD, LONGRANGE, NOT_CONVERGED, OMEGA, PENDING, RELEASE, STIFF
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, OPEN, SURE, question, settle_side, worst_amplitude
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
 from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_exactly, highest_at
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, leaps, narrowest
+from phasemap._kernels.engagement.resonance import HEIGHT, REPULSIVE, UNCLEAR, leaps, narrowest, weak
 from phasemap._kernels.law import Law
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.lever import free_amplitude, low_q, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, steep
-
-LOWEST_Q = 25.0  # below this averaging does not choose the branch
 
 
 @kernel
@@ -29,7 +27,7 @@ def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: 
     """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
     if p[RELEASE] != 0.0:
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
-    if lever[ALPHA0] > 0.5 / LOWEST_Q:
+    if low_q(lever):
         return question(law, p, lever, amplitude, top)
     status, surety = engage_averaged(law, p, lever, amplitude, guess, top)
     if status != GOOD:
@@ -57,14 +55,15 @@ def cheap_orbit(
     if p[LONGRANGE] != 0.0:
         worst = worst_amplitude(lever, amplitude)
         room.fit[:] = math.nan
-        side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
+        leapt, low = leaps(lever, reach, free_amplitude(lever)), low_q(lever)
+        if leapt or not low or not weak(lever, worst, room.top[HEIGHT]):
+            side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
         # At high Q a leap is known to end on the attractive branch.
-        leapt, low_q = leaps(lever, reach, free_amplitude(lever)), lever[ALPHA0] > 0.5 / LOWEST_Q
-        if side != REPULSIVE and (narrowest(lever) > 1.0 or (leapt and low_q)):
+        if side != REPULSIVE and (narrowest(lever) > 1.0 or (leapt and low)):
             return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
         if side == UNCLEAR:
             side = decide_closely(law, p, lever, reach, amplitude, worst, room)
-        if leapt and not low_q and (guess[G_P] + amplitude * (1.0 - lever[OMEGA] ** 2)) * side < 0.0:
+        if leapt and not low and (guess[G_P] + amplitude * (1.0 - lever[OMEGA] ** 2)) * side < 0.0:
             return PENDING  # the averaged curve ends elsewhere
     if side == UNCLEAR:
         return PENDING

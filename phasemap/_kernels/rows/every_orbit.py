@@ -8,7 +8,15 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import AP, POINT, TU, TV, ZP, Path, fixed
 from phasemap._kernels.continuation.start import start_far
-from phasemap._kernels.continuation.step import FIRST_STEP, advance_watching, copy_orbit, cross, mark
+from phasemap._kernels.continuation.step import (
+    FIRST_STEP,
+    LONGEST_STEP,
+    Place,
+    advance_watching,
+    copy_orbit,
+    cross,
+    mark,
+)
 from phasemap._kernels.engagement.exact import MOST_POINTS
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude
@@ -53,13 +61,15 @@ def collect(
     step, count, one = FIRST_STEP, 0, new_orbit()
     for _ in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance_watching(path, point, step, index, value, orbit, spare, saved)
+        status, step, orbit, spare = advance_watching(
+            path, point, step, LONGEST_STEP, index, value, orbit, spare, saved
+        )
         if status != col.GOOD:
             return status, count
         if (before[index] > value) != (point[index] > value):
             copy_orbit(orbit, one)
             one.head[COUNT, LEVEL] = saved.head[COUNT, LEVEL] = level
-            good, one, spare = cross(path, index, value, before, point, one, saved, spare, tolerance)
+            good, one, spare = cross(path, index, value, Place(before, saved), before, point, one, spare, tolerance)
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
             finish(law, p, lever, tables, one, rows[count])
@@ -123,15 +133,16 @@ def seed(
         step = 0.1
         for _ in range(80):
             before = point.copy()
-            status, step, orbit, spare = advance_watching(path, point, step, AP, amplitude, orbit, spare, saved)
+            status, step, orbit, spare = advance_watching(
+                path, point, step, LONGEST_STEP, AP, amplitude, orbit, spare, saved
+            )
             if status != col.GOOD or abs(point[AP] - amplitude) > 1.5 * abs(guess[col.G_A] - amplitude):
                 break
             if (before[AP] > amplitude) != (point[AP] > amplitude) and count < len(rows):
                 copy_orbit(orbit, one)
                 good, one, spare = cross(
-                    path, AP, amplitude, before, point, one, saved, spare,
-                    tolerance,
-                )  # fmt: skip
+                    path, AP, amplitude, Place(before, saved), before, point, one, spare, tolerance
+                )
                 if good:
                     finish(law, p, lever, tables, one, rows[count])
                     state_errors(law, p, lever, tables, one, spare, rows[count])

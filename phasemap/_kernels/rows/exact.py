@@ -18,13 +18,15 @@ from phasemap._kernels.engagement.exact import engage as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import MAXIMUM
-from phasemap._kernels.engagement.response import LOWEST_Q, engage
+from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.engagement.rest import LINGERING
 from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.lever import low_q
 from phasemap._kernels.orbits.collocation.estimate import state_errors
+from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, Orbit, new_orbit
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, Orbit, new_orbit
 from phasemap._kernels.orbits.response.orbit import farthest
 from phasemap._kernels.rows.answers import Answers
 
@@ -46,7 +48,12 @@ def exact_orbit(
     orbit, spare, saved, found = orbits
     target, tolerance = np.zeros(4), tolerance_of(law, p, lever)
     level = 0 if surety == SURE else FINEST + 1
-    while level <= FINEST and begin(law, p, lever, tables, orbit, guess, level):
+    kicked = low_q(lever) and guess[col.G_P] > 0.0
+    while level <= FINEST:
+        if not (kicked and level == 0 and begin_impact(law, p, lever, tables, orbit, amplitude, level)):
+            if not begin(law, p, lever, tables, orbit, guess, level):
+                break
+        start = orbit.head[VALUE, Z0]
         done, _, orbit, spare = newton(
             law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 12
         )
@@ -55,13 +62,13 @@ def exact_orbit(
             continue  # finer elements change less from pass to pass
         done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
         same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
-        near = abs(row[col.TIP_OFFSET] - guess[col.G_Z0]) < farthest(lever, amplitude)
+        near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
         if done == col.GOOD and same and near and judge(row) == col.GOOD:
             state_errors(law, p, lever, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)
         break
     done, path = col.NOT_CONVERGED, fixed(law, p, lever, tables)
-    if lever[col.ALPHA0] < 0.5 / LOWEST_Q:
+    if not low_q(lever):
         done, orbit, spare, found = engage_near(path, amplitude, tolerance, orbit, spare, saved, found)
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
     level, lingering, done = 0, LINGERING, done if done == col.GOOD else col.NOT_SETTLED

@@ -18,9 +18,10 @@ from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.averaged.row import averaged_row
-from phasemap._kernels.orbits.time.by_memory import lingering
+from phasemap._kernels.orbits.time.tip import ring_down
 
 FINER = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
+NEAR, FEWEST = 5.0, 40  # ring-down times, and periods, in which a tip comes to rest that starts next to its orbit
 
 
 @kernel
@@ -72,11 +73,12 @@ def remembering_rows(
     out: np.ndarray,
     status: np.ndarray,
 ) -> None:
-    """Motion over surfaces that remember, started from the averaged orbit where averaging is sure of it; else PENDING.
+    """Motion over surfaces that remember, started from the averaged orbit; PENDING where averaging is not sure of it.
 
-    It is sure of nothing where dents last from tap to tap, unless there is one orbit only.
+    Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
     guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
+    near = min(most, int(NEAR * ring_down(lever)) + FEWEST)
     for i in range(len(rows)):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         status[i] = col.PENDING
@@ -87,9 +89,9 @@ def remembering_rows(
             if known and not rebounds(law, p, lever, guess[col.G_P]):
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
-        elif lingering(law, p, lever) == 0 and engage(law, p, lever, amplitude, guess, top) == SURE:
+        elif engage(law, p, lever, amplitude, guess, top) == SURE:
             for finer in (1.0, FINER):
                 averaged_row(lever, guess, out[i])
-                if settle_near(law, p, lever, amplitude, finer * eta, out[i]):
+                if settle_near(law, p, lever, amplitude, finer * eta, near, out[i]):
                     status[i] = col.GOOD
                     break

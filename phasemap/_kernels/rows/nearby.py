@@ -11,6 +11,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.continuation.step import relay
 from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.lever import thrown
+from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
@@ -51,7 +53,7 @@ def nearby_rows(
         guess[col.G_P] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
         guess[col.G_S] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
         tolerance = tolerance_of(law, p, lever)
-        done = col.NOT_CONVERGED
+        done, throws = col.NOT_CONVERGED, thrown(law, p, lever, amplitude, guess[col.G_P])
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
@@ -61,8 +63,9 @@ def nearby_rows(
                 if not relay(fixed(law, p, lever, tables), orbit, spare):
                     continue
                 orbit, spare = spare, orbit
-            elif not begin(law, p, lever, tables, orbit, guess, 0):
-                continue
+            elif not (throws and begin_impact(law, p, lever, tables, orbit, amplitude, 0)):
+                if not begin(law, p, lever, tables, orbit, guess, 0):
+                    continue
             done, _, orbit, spare = newton(
                 law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
             )

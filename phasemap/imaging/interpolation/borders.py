@@ -3,13 +3,13 @@
 Along the adhesion, with all else fixed, the orbits follow one another in layers: the tip presses deep into the surface;
 at some adhesion it stays on the attractive branch, where the orbit changes by a jump; and with still more adhesion it
 does not touch any more. There the orbit is continuous, but has a kink. Both borders change smoothly with stiffness and
-damping. They are found here by bisection with exact orbits and interpolated.
+damping. The first is the fold at which the attractive branch ends, the second a zero of the depth; both are located
+with exact orbits and interpolated.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,9 +24,8 @@ from phasemap.imaging.interpolation.lines import Brackets, Lines, jumps_on, orbi
 Array = NDArray[np.float64]
 
 LEAST_BELOW = 4  # steps between them that make a layer of their own
-EXACT = 4e-6  # width, over the adhesion, to which a jump is located
-SMOOTH = 1e-5  # last coefficients of a border, over the adhesion
-ROUGH = 1e-4  # the same where the error is measured instead
+ROUGH = 1e-4  # last coefficients of a border, over the adhesion
+FOUND = 2e-5  # step, over the adhesion, after which it is known where the tip just touches
 TRUSTED = 1e-6  # error of a border at its nodes, over the adhesion
 BESIDE = 1e-4  # distance from a border, over the adhesion, that is surely on one side
 WIDEN = 4.0  # how far beyond the adhesions met a border is followed
@@ -50,17 +49,19 @@ class Border:
 
 
 class Undecided(Exception):
-    """The borders over this box do not form whole layers.
+    """The borders over this box do not form whole layers, or are not worth it.
 
     Parameters
     ----------
     below : float, optional
         Adhesion up to which there are none.
+    worth : bool
+        Whether there are enough materials to look again in the halves of the box.
     """
 
-    def __init__(self, below: float | None = None) -> None:
+    def __init__(self, below: float | None = None, worth: bool = True) -> None:
         super().__init__()
-        self.below = below
+        self.below, self.worth = below, worth
 
 
 def find_borders(
@@ -68,22 +69,24 @@ def find_borders(
 ) -> list[Border]:
     """Borders above a box of (x0, x1) that matter for adhesions between low and high, from below.
 
-    Above the adhesion `few` are so few materials that no border is looked for there. Raises Undecided if a border
-    exists over a part of the box only, or is not smooth, or is for few materials only.
+    Above the adhesion `few` are so few materials that a border there is not located; that is -inf if it is so of all.
+    Raises Undecided if a border exists over a part of the box only, or is not smooth, or is for few materials only.
     """
     bases = _bases(box)
     lines = scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)
-    at_resonance = exact.scope.frequency_ratio == 1
+    worth = few > -np.inf
     lost = np.diff(np.isfinite(lines.offsets), axis=1)
-    if at_resonance and lost.any():  # beside the attractive branch's end orbits are held on both sides
-        raise Undecided(_point_below(lines, float(lines.heights[:, :-1][lost].min())))
+    if lost.any():  # beside the attractive branch's end orbits are held on both sides
+        raise Undecided(_point_below(lines, float(lines.heights[:, :-1][lost].min())), worth)
     brackets, jumps = jumps_on(exact, bases, lines)
-    if at_resonance and jumps.any():
+    if jumps.any():
         below = _point_below(lines, float(brackets.low[jumps].min()))
-        if below is not None and below > few:
-            raise Undecided(below)
+        if not worth or (below is not None and below > few):
+            raise Undecided(below, worth)
     touching = lines.depths > 0
     grazing = np.isfinite(lines.depths).all() and bool(touching.any() and not touching.all())
+    if grazing and not worth:
+        raise Undecided(_point_below(lines, float(lines.heights[:, 1:][np.diff(touching, axis=1)].min())), worth)
     found: list[Border] = []
     if jumps.any():
         if not jumps.all():
@@ -168,16 +171,22 @@ class _Located:
         return (size if box[1] > box[0] else 1), (size if box[3] > box[2] else 1)
 
     def jump(self, brackets: Brackets) -> _Jump:
-        """Locate a jump at more and more nodes, from the brackets at centre and corners."""
-        least = 0.5 * float(np.min(brackets.step))
-        if self.exact.scope.frequency_ratio != 1:
-            return self._halving(brackets, least)
-        border = self._at_folds(brackets)
+        """Locate a jump as the end of the attractive branch, from the brackets at centre and corners."""
+        border = self._end_of_branch(brackets)
         if border is None:
             raise Undecided
-        return _Jump(border, self._depth_above(border))
+        # Engagement must jump there, too: below resonance attraction may raise the amplitude by a jump of its own.
+        bases = _bases(self.box)
+        height = border.height(bases[:, 0], bases[:, 1])
+        room = max(BESIDE, 4 * border.error / float(height.min())) * height
+        sides = orbits_above(self.exact, bases, np.column_stack([height - room, height + room]), [HEIGHT, DEPTH])
+        offsets = sides[..., 0]
+        found = Brackets(height - room, height + room, offsets[:, 0], offsets[:, 1])
+        if not (found.step > 0.5 * float(np.min(brackets.step))).all():
+            raise Undecided
+        return _Jump(border, sides[:, 1, 1])
 
-    def _at_folds(self, brackets: Brackets) -> Border | None:
+    def _end_of_branch(self, brackets: Brackets) -> Border | None:
         """The border as the end of the attractive branch, if that can be followed."""
         bases = _bases(self.box)
         known = folds.start(self.exact, bases, brackets.high)
@@ -217,50 +226,6 @@ class _Located:
         rows, columns = border.coefficients.shape
         return (2 * rows - 1 if tails[0] > enough else rows), (2 * columns - 1 if tails[1] > enough else columns)
 
-    def _depth_above(self, border: Border) -> Array:
-        """Depth of the contact right above the border, after engagement."""
-        bases = _bases(self.box)
-        height = border.height(bases[:, 0], bases[:, 1])
-        room = max(BESIDE, 4 * border.error / float(height.min())) * height
-        return orbits_above(self.exact, bases, (height + room)[:, None], DEPTH)[:, 0]
-
-    def _halving(self, brackets: Brackets, least: float) -> _Jump:
-        bases = _bases(self.box)
-        rough = 0.5 * (brackets.low + brackets.high)
-        guess, spread = _plane(bases, rough, self.box)
-        border = None
-        for size in SIZES:
-            sizes = self._sizes(size)
-            nodes = self._nodes(sizes)
-            centre = guess(nodes) if border is None else border.height(nodes[:, 0], nodes[:, 1])
-            half = max(1.5 * spread, 0.02 * float(centre.max())) if border is None else 4 * border.error
-            located = self._bisect(nodes, centre, np.full(len(nodes), half), least)
-            heights = 0.5 * (located.low + located.high)
-            border = self._border(heights.reshape(sizes), True, EXACT * float(heights.max()))
-            if (size > SIZES[0] and border.error < SMOOTH * float(heights.max())) or sizes == (1, 1):
-                return _Jump(border, self._depth_above(border))
-        if border is not None and border.error < ROUGH * float(heights.max()):
-            return _Jump(border, self._depth_above(border))
-        raise Undecided
-
-    def _bisect(self, bases: Array, centre: Array, half: Array, least: float) -> Brackets:
-        """Locate the jump near `centre`; a step larger than `least` is one."""
-        for _ in range(6):
-            low, high = np.maximum(centre - half, 0.0), centre + half
-            offsets = orbits_above(self.exact, bases, np.column_stack([low, high]), HEIGHT)
-            brackets = Brackets(low, high, offsets[:, 0], offsets[:, 1])
-            missed = ~(brackets.step > least)
-            if not missed.any():
-                break
-            half = np.where(missed, 4 * half, half)
-        else:
-            raise Undecided
-        while (where := brackets.high - brackets.low > EXACT * centre).any():
-            brackets = brackets.halved(self.exact, bases, where)
-        if not (brackets.step > 0.5 * least).all():
-            raise Undecided
-        return brackets
-
     def graze(self, below: Border | None) -> Border:
         """Where the tip just touches: the depth of the contact passes zero."""
         border = None
@@ -275,30 +240,32 @@ class _Located:
                 low, high = np.maximum(floor, centre - 8 * border.error), centre + 8 * border.error
             heights = self._root(nodes, low, high)
             border = self._border(heights.reshape(sizes), False, 1e-9 * float(heights.max()))
-            if border.error < SMOOTH * float(heights.max()):
+            if border.error < ROUGH * float(heights.max()):
                 return border
         raise Undecided
 
     def _root(self, bases: Array, low: Array, high: Array) -> Array:
-        """Zero of the depth between low, where the tip touches, and high, where it does not (Illinois)."""
+        """Zeros of the depth between low, where the tip touches, and high, where it does not (Illinois)."""
         depths = orbits_above(self.exact, bases, np.column_stack([low, high]), DEPTH)
         f_low, f_high = depths[:, 0].copy(), depths[:, 1].copy()
         if not ((f_low > 0) & (f_high < 0)).all():
             raise Undecided
-        low, high = low.copy(), high.copy()
-        at = low
+        low, high, at = low.copy(), high.copy(), low.copy()
+        left = np.arange(len(bases))
         for _ in range(40):
-            before, at = at, (low * f_high - high * f_low) / (f_high - f_low)
-            f = orbits_above(self.exact, bases, at[:, None], DEPTH)[:, 0]
+            before = at[left]
+            at[left] = ((low * f_high - high * f_low) / (f_high - f_low))[left]
+            left = left[abs(at[left] - before) > FOUND * at[left]]
+            if not len(left):
+                return at
+            f = orbits_above(self.exact, bases[left], at[left, None], DEPTH)[:, 0]
             if not np.isfinite(f).all():
-                raise Undecided
-            if ((abs(f) < 1e-15) | (abs(at - before) < EXACT * at)).all():  # as depths are as exact as their orbits
                 break
-            up = f > 0
+            touches, outside = left[f > 0], left[~(f > 0)]
             # The end that stays counts half, so that it does not stay for ever.
-            f_high, f_low = np.where(up, 0.5 * f_high, f), np.where(up, f, 0.5 * f_low)
-            low, high = np.where(up, at, low), np.where(up, high, at)
-        return at
+            low[touches], f_low[touches], f_high[touches] = at[touches], f[f > 0], 0.5 * f_high[touches]
+            high[outside], f_high[outside], f_low[outside] = at[outside], f[~(f > 0)], 0.5 * f_low[outside]
+        raise Undecided
 
     def _border(self, heights: Array, sudden: bool, error: float) -> Border:
         coefs = chebyshev.coefficients(heights, [0, 1])
@@ -311,13 +278,3 @@ def _between(box: tuple[float, float, float, float]) -> Array:
     shares = np.array([[0.31, 0.72], [0.62, 0.17], [0.11, 0.41], [0.83, 0.88]])
     low, high = np.array(box[::2]), np.array(box[1::2])
     return np.asarray(low + (high - low) * shares)
-
-
-def _plane(
-    bases: Array, heights: Array, box: tuple[float, float, float, float]
-) -> tuple[Callable[[Array], Array], float]:
-    """Surface through heights at centre and corners, and how far it misses them."""
-    matrix = folds.basis(bases, box)
-    fitted = np.linalg.lstsq(matrix, heights, rcond=None)[0]
-    missed = float(abs(matrix @ fitted - heights).max())
-    return (lambda at: folds.basis(at, box) @ fitted), missed

@@ -5,19 +5,20 @@ adhesion there is none. So the adhesion is a smooth function of the tip offset w
 z_f)^2 + ..., and a few orbits on the branch tell where the end is. They are found from one another, without engagement.
 
 The branch is lost where it ends at any amplitude between the free one and the setpoint. Its end needs the most adhesion
-at the amplitude 3^(-1/2) of the free one, for harmonic orbits at resonance; for a lower setpoint the largest of the
-values around that amplitude counts.
+at the amplitude of theory, Eq. (engagement-4), for harmonic orbits, 3^(-1/2) of the free one at resonance; for a lower
+setpoint the largest of the values around that amplitude counts.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebval2d
 from numpy.typing import NDArray
 
+from phasemap._kernels.engagement.resonance import narrowest
+from phasemap.experiment.lever import lever_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped, scaled
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
@@ -33,7 +34,6 @@ ENOUGH = 4e-4  # where it may end, if orbits nearer to the end are not found
 MOST = 20  # steps of it
 FIRST = (1e-3, 4e-3, 0.01, 0.02)  # how far beyond the end orbits are engaged to begin with, over the adhesion
 SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
-NARROWEST = 1 / math.sqrt(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +97,10 @@ def _around(exact: ExactOrbits, bases: Array, ends: Ends, shares: Array, amplitu
 
 def around(exact: ExactOrbits) -> tuple[float, ...]:
     """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
-    narrowest = NARROWEST * exact.scope.driven_amplitude
-    if exact.amplitude >= narrowest:
+    worst = narrowest(lever_of(exact.scope)) * exact.scope.driven_amplitude
+    if exact.amplitude >= worst:
         return (exact.amplitude,)
-    return (1 - SPREAD) * narrowest, narrowest, (1 + SPREAD) * narrowest
+    return (1 - SPREAD) * worst, worst, (1 + SPREAD) * worst
 
 
 def start(exact: ExactOrbits, bases: Array, adhesion: Array) -> list[Ends] | None:

@@ -37,8 +37,8 @@ def _step(first: Array, second: Array) -> Array:
     return np.where(one_held, np.inf, np.nan_to_num(abs(second - first)))
 
 
-def orbits_above(exact: ExactOrbits, bases: Array, heights: Array, function: int) -> Array:
-    """A function of the orbits at heights (lines, points) above bases (lines, 2)."""
+def orbits_above(exact: ExactOrbits, bases: Array, heights: Array, function: int | list[int]) -> Array:
+    """A function of the orbits at heights (lines, points) above bases (lines, 2), or several along a last axis."""
     return exact(_points(bases, heights).reshape(-1, 3)).reshape(*heights.shape, len(exact.functions))[..., function]
 
 
@@ -64,8 +64,11 @@ def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float =
     beside[:, 1:-1] &= held[:, 2:] | held[:, :-2]
     beside[:, 0] &= held[:, 1]
     beside[:, -1] &= held[:, -2]
-    for where in (beside, ~held & ~beside):
-        if not where.any() or heights[~held].min() > few:
+    lowest = ~held & (heights == np.min(heights, where=~held, initial=np.inf))
+    for where in (lowest, beside & ~lowest, ~held & ~beside & ~lowest):
+        if not where.any():
+            continue
+        if heights[~held].min() > few:
             break
         orbits[where] = exact(points[where])
         if np.isnan(orbits[where][:, HEIGHT]).all():

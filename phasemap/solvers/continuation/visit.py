@@ -29,10 +29,11 @@ class Segment:
     x: np.ndarray  # shape (n,); the control, rising
 
     @cached_property
-    def at_wanted(self) -> dict[int, int]:
-        """Row at each of the values wanted, by the number of the value; the first of several."""
-        places = np.flatnonzero(self.rows[:, col.KIND] == col.WANTED)[::-1]
-        return dict(zip(self.rows[places, col.INDEX].astype(int).tolist(), places.tolist(), strict=True))
+    def at_wanted(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the values wanted that it has rows at, rising, and these rows; of several the first."""
+        places = np.flatnonzero(self.rows[:, col.KIND] == col.WANTED)
+        numbers, first = np.unique(self.rows[places, col.INDEX].astype(int), return_index=True)
+        return numbers, places[first]
 
     def row_at(self, x: float) -> np.ndarray | None:
         """The row at this control, linear between rows; None where the segment does not reach."""
@@ -129,8 +130,8 @@ def walk(
     status, jumps = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump]()
     beside = BESIDE * (float(np.ptp(wanted)) or abs(float(wanted[0])))
     here, values = first, wanted.tolist()
-    taken: dict[Segment, list[tuple[int, int]]] = {}  # values wanted and rows of a segment
-    for k in range(n - 1, -1, -1) if down else range(n):
+    k, last, on = (n - 1, -1, -1) if down else (0, n, 1)
+    while k != last:
         x = values[k]
         for _ in range(MOST_LANDINGS):
             if not isinstance(here, Segment) or here.x[0] <= x <= here.x[-1]:
@@ -146,6 +147,7 @@ def walk(
             if again is None:
                 rows[k] = row
                 here = here if status[k] == col.GOOD else None
+                k += on
                 continue
             here = again
         if here is None:
@@ -155,15 +157,24 @@ def walk(
             if len(there) > 1:
                 status[k] = Status.not_settled.code
         if here is None:
+            k += on
             continue
-        found = here.at_wanted.get(k)
-        status[k] = col.NOT_CONVERGED if found is None else col.GOOD
-        if found is not None:
-            taken.setdefault(here, []).append((k, found))
-    for part, pairs in taken.items():
-        at, of = np.array(pairs).T
-        rows[at], traces[at] = part.rows[of], part.traces[of]
+        end = _passed(here, wanted, k, down)
+        part = slice(end - on, k + 1) if down else slice(k, end)
+        numbers, of = here.at_wanted
+        known = (numbers >= part.start) & (numbers < part.stop)
+        status[part] = col.NOT_CONVERGED
+        status[numbers[known]] = col.GOOD
+        rows[numbers[known]], traces[numbers[known]] = here.rows[of[known]], here.traces[of[known]]
+        k = end
     return Visit(rows, traces, status, jumps, here)
+
+
+def _passed(here: Segment, wanted: np.ndarray, k: int, down: bool) -> int:
+    """The next value wanted on the way that the segment does not reach, after number k, which it does."""
+    if down:
+        return min(int(np.searchsorted(wanted, here.x[0])), k) - 1
+    return max(int(np.searchsorted(wanted, here.x[-1], side="right")), k + 1)
 
 
 def _after(curves: Curves, column: int, here: Segment | OffOrbit | None, x: float) -> np.ndarray | None:

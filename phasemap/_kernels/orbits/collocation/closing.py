@@ -12,6 +12,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import eliminate
 from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.collocation.system import (
+    BEND,
     CHAIN,
     COS,
     COUNT,
@@ -181,6 +182,7 @@ def accept(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) ->
             largest = max(largest, abs(step_w - shift))
             one[W, j] += share * (step_w - gain * one[COS, j])
             one[U, j] += share * step_u
+            one[BEND, j] = a[j] + gain * one[COS, j]
         c, s = math.cos(one[PLACE, EDGE]), math.sin(one[PLACE, EDGE])
         one[PLACE, EDGE_W] += share * (start_w - gain * c - one[PLACE, EDGE_W])
         one[PLACE, EDGE_U] += share * (start_u + gain * s - one[PLACE, EDGE_U])

@@ -14,6 +14,7 @@ from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate
 from phasemap._kernels.orbits.collocation.system import (
     AT,
+    BEND,
     BROKEN,
     CONTACT,
     CONTACTS,
@@ -40,6 +41,7 @@ from phasemap._kernels.orbits.collocation.system import (
     TABLE,
     THETA,
     VALUE,
+    Z0,
     A,
     Orbit,
     U,
@@ -58,6 +60,7 @@ from phasemap._kernels.quadrature import (
     T_S,
 )
 
+SLIP = 1e-3  # of half a contact: series to the second order leave less than a billionth of it
 LONGEST = 5.0  # [rad] of the contact's own oscillation that an element may span
 
 
@@ -219,3 +222,63 @@ def carry_over(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
             else:
                 new[e, W, k - 1], new[e, U, k - 1] = w, u
     new[count, PLACE, EDGE_W], new[count, PLACE, EDGE_U] = new[0, PLACE, EDGE_W], new[0, PLACE, EDGE_U]
+
+
+@kernel(light=True)
+def _slip(one: np.ndarray, bend: float, amplitude: float, z0: float) -> float:
+    """By what angle the tip touches or leaves after the start of an element; `bend` is w'' there."""
+    c, s = math.cos(one[PLACE, EDGE]), math.sin(one[PLACE, EDGE])
+    depth, slope = amplitude * c + one[PLACE, EDGE_W] - z0, one[PLACE, EDGE_U] - amplitude * s
+    slip = -depth / slope
+    return slip - 0.5 * (bend - amplitude * c) * slip * slip / slope
+
+
+@kernel(shared=True, vectors=True)
+def nudge(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
+    """After a step that hardly moved the contact, move its elements along with it, by series about where they were.
+
+    As `lay` and `carry_over` do, without looking for contacts again. False, and nothing done, where there is no single
+    contact, or where it moved by more than SLIP of its half length: then the series would not be exact enough.
+    """
+    head, elements, count = orbit.head, orbit.elements, int(orbit.head[COUNT, ELEMENTS])
+    if head[COUNT, CONTACTS] != 1.0 or p[RELEASE] != 0.0:
+        return False
+    inner = 0
+    while inner < count and elements[inner, PLACE, SIDE] == INSIDE:
+        inner += 1
+    if inner == 0 or inner == count:
+        return False
+    amplitude, z0, begin, end = head[VALUE, A], head[VALUE, Z0], elements[0, PLACE, EDGE], elements[inner, PLACE, EDGE]
+    entry = _slip(elements[0], elements[0, BEND, 0], amplitude, z0)
+    exit_ = _slip(elements[inner], elements[inner - 1, BEND, NODES - 1], amplitude, z0)
+    if not max(abs(entry), abs(exit_)) < 0.5 * SLIP * (end - begin):
+        return False
+    longer = 1.0 + (entry - exit_) / (begin + TWO_PI - end)
+    for e in range(count):
+        one = elements[e]
+        place, table = one[PLACE], tables[int(one[PLACE, TABLE])]
+        origin, scale = place[ORIGIN], place[SCALE]
+        if e < inner:
+            place[ORIGIN] += 0.5 * (entry + exit_)
+            place[SCALE] += 0.5 * (exit_ - entry)
+        else:
+            place[ORIGIN] += exit_ if origin < end + 0.5 * (begin + TWO_PI - end) else entry
+            place[SCALE] *= longer
+        origin, scale = place[ORIGIN] - origin, place[SCALE] - scale
+        for j in range(NODES):
+            t = origin + scale * table[T_S, j]
+            c, s, bend = one[COS, j], one[SIN, j], one[BEND, j]
+            less, sine = 0.5 * t * t * (1.0 - t * t / 12.0), t * (1.0 - t * t / 6.0 * (1.0 - t * t / 20.0))
+            one[THETA, j] += t
+            one[COS, j], one[SIN, j] = c - c * less - s * sine, s - s * less + c * sine
+            one[W, j] += t * (one[U, j] + 0.5 * t * bend)
+            one[U, j] += t * bend
+        t = origin + scale * table[T_NUMBERS, T_FIRST]
+        place[EDGE] += t
+        place[EDGE_W] += t * (place[EDGE_U] + 0.5 * t * one[BEND, 0])
+        place[EDGE_U] += t * one[BEND, 0]
+    last, first = elements[count, PLACE], elements[0, PLACE]
+    last[EDGE], last[EDGE_W], last[EDGE_U] = first[EDGE] + TWO_PI, first[EDGE_W], first[EDGE_U]
+    head[CONTACT, FIRST], head[CONTACT, LAST] = begin + entry, end + exit_
+    head[CONTACT, BROKEN], head[COUNT, LINEAR] = end + exit_, 0.0
+    return True

@@ -16,6 +16,7 @@ from phasemap._kernels.orbits.collocation.elements import carry_over, lay
 from phasemap._kernels.orbits.collocation.system import (
     AT,
     BROKEN,
+    CHANGE,
     CONTACT,
     CONTACTS,
     COS,
@@ -41,6 +42,7 @@ from phasemap._kernels.orbits.collocation.system import (
     TABLE,
     THETA,
     TRANSFER,
+    TURN,
     VALUE,
     Z0,
     A,
@@ -114,6 +116,13 @@ def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
     return 2e-6 if level == 0 else 0.0
 
 
+@kernel
+def settled(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
+    """Whether the last step was one within the tolerance of an exact orbit."""
+    count = orbit.head[COUNT]
+    return count[CHANGE] < tolerance and count[TURN] < DRIVE_TOLERANCE * lever[col.BASE]
+
+
 @kernel(shared=True, vectors=True)
 def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
     """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
@@ -123,6 +132,7 @@ def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, 
     share = 1.0 if change <= limit else limit / change
     turned = abs(head[SYSTEM + RP, RIGHT] - head[VALUE, P]) + abs(head[SYSTEM + RS, RIGHT] - head[VALUE, S])
     change = max(accept(tables, lever, orbit, share), abs(head[SYSTEM + RA, RIGHT]))
+    head[COUNT, CHANGE], head[COUNT, TURN] = change, turned
     if not change < 1e3 * head[VALUE, A]:
         return col.NOT_CONVERGED, change
     if change < tolerance and turned < (COARSE_DRIVE if coarse else DRIVE_TOLERANCE) * lever[col.BASE]:

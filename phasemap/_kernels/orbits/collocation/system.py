@@ -49,16 +49,19 @@ OUTSIDE, INSIDE, NECK = 0.0, 1.0, 2.0
 # Fields of Orbit.elements. At the nodes: angle, its cosine and sine, w, w'. PLACE: the element's number in the tables,
 # its side, origin and scale of its map, and angle, w and w' at its start. LOCAL: seven rows, w'' at the nodes as affine
 # function of (w, w') at the start, (P, S, z0), one, and the change of m. CHAIN: two rows, (w, w') at the start as
-# affine function of the same seven at the start of the period.
-THETA, COS, SIN, W, U, PLACE, LOCAL, CHAIN, FIELDS = 0, 1, 2, 3, 4, 5, 6, 13, 15
+# affine function of the same seven at the start of the period. BEND: w'' at the nodes after a full step.
+THETA, COS, SIN, W, U, PLACE, LOCAL, CHAIN, BEND, FIELDS = 0, 1, 2, 3, 4, 5, 6, 13, 15, 16
 TABLE, SIDE, ORIGIN, SCALE, EDGE, EDGE_W, EDGE_U = 0, 1, 2, 3, 4, 5, 6
-# Rows of Orbit.head. VALUE: P, S, z0, A, m. COUNT: elements, contacts, level of refinement, and whether OPEN and
-# what it was chained from are of the orbit as it stands. TRANSFER: monodromy matrix.
+# Rows of Orbit.head. VALUE: P, S, z0, A, m. COUNT: elements, contacts, level of refinement; whether OPEN and what it
+# was chained from are of the orbit as it stands (1), of where it was before a last small step (KEPT), or neither (0);
+# by how much the last step changed the depth [m], and P and S [m].
+# TRANSFER: monodromy matrix.
 # CONTACT: first and last angle of each contact, and the end of its neck. OPEN: the chained equations, four rows of
 # eight. SYSTEM: the same, solved with the drive's equation and what is held.
 VALUE, COUNT, TRANSFER, CONTACT, OPEN, SYSTEM, HEAD = 0, 1, 2, 3, 12, 16, 23
 P, S, Z0, A, M = 0, 1, 2, 3, 4
-ELEMENTS, CONTACTS, LEVEL, LINEAR = 0, 1, 2, 3
+ELEMENTS, CONTACTS, LEVEL, LINEAR, CHANGE, TURN = 0, 1, 2, 3, 4, 5
+KEPT = 0.5  # of LINEAR
 FIRST, LAST, BROKEN = 0, 1, 2  # of a contact
 AT, GAP = 0, 1  # of an orbit that nowhere enters or leaves contact: angle and d [m] where it comes nearest to doing so
 # Columns of OPEN and SYSTEM, and the order of the seven: w and w' at the start, P, S, z0; then the change of A in the

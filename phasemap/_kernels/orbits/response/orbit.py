@@ -12,7 +12,7 @@ from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import MAXIMUM, at_crossing, near_resonance
 from phasemap._kernels.law import Law
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import reach_of, sticky
 from phasemap._kernels.orbits.response.firm import firm
 from phasemap._kernels.orbits.response.newton import Bench, cut, newton
 from phasemap._kernels.orbits.response.nodes import ALL, ALL_CUT, ENTRY, EXIT, FIELDS, THETA, W, middle_of
@@ -168,6 +168,8 @@ def refine_stiff(
     _begin(guess, e, bench.state)
     if guess[col.G_P] < 0.0:
         return 0  # where the force outside of contact counts as much, `firm` does not know how the branch goes on
+    if sticky(law, p, lever, amplitude):
+        return 0  # nor is that force little enough to follow a step behind
     if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
         return 0
     found = newton(law, p, lever, reach, limits, bench)

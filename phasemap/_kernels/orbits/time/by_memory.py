@@ -19,6 +19,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.law import Law
 
+LEAST = 0.03  # of a dent that a period must leave if the next one is to see it
+
 _NUMBERS, _ADDRESSES = types.CPointer(types.float64), len(Law._fields)
 _SIGNATURE = types.int64(
     *(types.int64,) * _ADDRESSES, _NUMBERS, _NUMBERS, types.float64, types.float64, _NUMBERS, types.int64, _NUMBERS,
@@ -41,12 +43,12 @@ def recovery_of(p: Any, lever: np.ndarray) -> float:
 
 
 @kernel
-def lingering(law: Law, p: Any, lever: np.ndarray) -> int:
-    """Periods of the drive in which a dent falls to 1e-4, 60 at most; 0 where a period leaves less than 3 % of it."""
+def lingering(law: Law, p: Any, lever: np.ndarray) -> float:
+    """Share of a dent that a period of the drive leaves; 0 where that is less than 3 %."""
     if law.memory == 0 or not remembers(p):
-        return 0
-    decay = recovery_of(p, lever) * 2 * math.pi / lever[col.OMEGA]
-    return int(min(9.2 / decay, 60.0)) if decay < 3.5 else 0
+        return 0.0
+    share = math.exp(-recovery_of(p, lever) * 2 * math.pi / lever[col.OMEGA])
+    return share if share > LEAST else 0.0
 
 
 @functools.cache

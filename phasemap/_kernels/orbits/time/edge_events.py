@@ -74,10 +74,10 @@ def to_turn(
 @kernel
 def to_edge(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray,
-) -> None:  # fmt: skip
-    """Shorten a step to the first touch, d at the dent's, the last, q = 0, or a turn of before: Newton in brackets.
+) -> float:  # fmt: skip
+    """Shorten a step to the first touch, d at the dent's, the last, q = 0, or a turn of before, and return its size.
 
-    It begins where the cubic through both ends has its root.
+    Newton's method in brackets begins where the cubic through both ends has its root.
     """
     free = mode == on.FREE
     low, high, whole = 0.0, h, h
@@ -103,14 +103,15 @@ def to_edge(
         if not low <= h <= high:
             h = 0.5 * (low + high)
         step(law, p, c, m, mode, start, u, h, end)
+    return h
 
 
 @kernel
 def to_instant(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray,
     time: float,
-) -> None:  # fmt: skip
-    """Shorten a step in contact to last `time`."""
+) -> float:  # fmt: skip
+    """Shorten a step in contact to last `time`, and return its size."""
     low, high = 0.0, h
     for _ in range(50):
         h -= (end[TAU] - time) / (2 * end[X])
@@ -123,6 +124,7 @@ def to_instant(
             low = h
         else:
             high = h
+    return h
 
 
 @kernel

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 # Entries of a tip's state in time beside z, z', whether it is in contact, and z0: what the contact does; q; D; the
-# integral Y of y inside; how many nodes lie inside and outside; and where the contact last turned [xi].
-MODE, EDGE, SEEN, INSIDE, INNER, OUTER, PEAK, NODES = 4, 5, 6, 7, 8, 9, 10, 11
+# integral Y of y inside; how many nodes lie inside and outside; where the contact last turned [xi]; and the drive phase
+# at which periods begin.
+MODE, EDGE, SEEN, INSIDE, INNER, OUTER, PEAK, BEGIN, NODES = 4, 5, 6, 7, 8, 9, 10, 11, 12
 FREE, GROWING, SHRINKING = 0.0, 1.0, 2.0
 # Of a node: xi, when it was laid, b or y then, its first and second derivatives by xi, and peak; and of what lies
 # between it and the node below it on its stack, the time that the polynomial is of, its variable, and its coefficients.

@@ -29,7 +29,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
-from phasemap._kernels.orbits.time.elements import INNER, MODE, OUTER
+from phasemap._kernels.orbits.time.elements import BEGIN, INNER, MODE, OUTER
 from phasemap._kernels.orbits.time.runge_kutta import (
     BOTTOM,
     COMPLIANCE,
@@ -185,9 +185,9 @@ def _to_instant(
 def march_period(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
 ) -> int:
-    """March from drive phase 0 to 2 pi, as the surface is: see `march_elastic`.
+    """March for a period of the drive, as the surface is: see `march_elastic`.
 
-    Where it remembers, `y` goes on with what `elements` names.
+    Where the law may remember, `y` goes on with what `elements` names, the drive phase at which the period begins too.
     """
     if law.memory != 0:
         if remembers(p):
@@ -200,7 +200,7 @@ def march_period(
 def march_elastic(
     law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
 ) -> int:
-    """March from drive phase 0 to 2 pi over a surface without memory.
+    """March for a period of the drive over a surface without memory, from drive phase 0 on or as y says.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def march_elastic(
         Size of the steps. The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at 0.5, 0.3, 0.15 in nine of
         ten orbits with Q <= 1000. The error is of order 8 in eta and proportional to Q.
     y : ndarray, shape (3,)
-        State at drive phase 0, as `tip` names it, advanced in place. Whether the tip is in contact or neck is left out
+        State as `tip` names it, advanced in place. Whether the tip is in contact or neck is left out
         and not asked for where the law has no neck: depth says it.
     acc : ndarray, shape (6,) or longer
         Filled with what `tip` names. The energy into the surface is by damping, and that of the loop at each release;
@@ -244,6 +244,8 @@ def march_elastic(
         touching, x, deep = True, math.sqrt(x - row[col.RELEASE]), neck
         fixed = drawn
     cosine, sine = 1.0, 0.0
+    if law.memory != 0:
+        cosine, sine = math.cos(y[BEGIN]), math.sin(y[BEGIN])
     cos_part = sin_part = mean = dissipated = virial = air = 0.0
     left = 2 * math.pi / omega
     steps = releases = 0

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force
 from phasemap._kernels.orbits.time.by_memory import lingering
+from phasemap._kernels.orbits.time.elements import OUTER
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import (
     AIR,
@@ -24,8 +26,10 @@ from phasemap._kernels.orbits.time.tip import (
     COS,
     DEEPEST,
     LOST,
+    MARCHED,
     MEAN,
     NOW,
+    PATTERN,
     SIN,
     TOUCHES,
     VIRIAL,
@@ -36,6 +40,7 @@ from phasemap._kernels.orbits.time.tip import (
     amplitude_of,
     carry,
     ring_down,
+    ringing,
 )
 
 if TYPE_CHECKING:
@@ -45,6 +50,8 @@ if TYPE_CHECKING:
 PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
 STRIDE, TO_RELEASE = 0.1, 0.05  # steps of a feedback, of the amplitude, and of the way that a tip must go to come free
 EXPECTED = 0.1  # of the amplitude, by which the longer of these may miss a linear prediction
+CREPT, LONGEST = 1e-4, 1000.0  # of a dent, when it counts as gone; most passes of two periods in which it has to
+ASTRAY, GROWS = 0.01, 30.0  # of the motion, and times the first step: longer ones lead astray meanwhile
 MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for ever
 
 
@@ -64,6 +71,25 @@ def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip
 
 
 @kernel
+def pass_pattern(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, tip: Tip, y: np.ndarray) -> bool:
+    """March y, over the periods after which the motion is taken to repeat itself; tip.acc is their mean."""
+    acc, count = tip.acc, tip.periods[PATTERN]
+    tip.periods[MARCHED] += count
+    done = march_period(law, p, lever, z0, eta, y, acc) >= 0
+    if count == 1 or not done:
+        return done
+    total = acc.copy()
+    for _ in range(count - 1):
+        if march_period(law, p, lever, z0, eta, y, acc) < 0:
+            return False
+        for j in range(len(total)):
+            total[j] = max(total[j], acc[j]) if j == DEEPEST else total[j] + acc[j]
+    for j in range(len(total)):
+        acc[j] = total[j] if j == DEEPEST else total[j] / count
+    return True
+
+
+@kernel
 def pass_from(
     law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray
 ) -> bool:
@@ -72,16 +98,16 @@ def pass_from(
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
     period owes to this one counts in its derivatives.
     """
-    u, acc = tip.u, tip.acc
+    u = tip.u
     carry(u, y)
-    if lingering(law, p, lever) > 0:
+    lasts = lingering(law, p, lever) > 0
+    for again in range(2):
+        if again and not (lasts and y[OUTER] > 0):
+            break
         y[Z], y[V], y[TOUCHES] = z, v, u[TOUCHES]
-        tip.periods[0] += 1
-        if march_period(law, p, lever, z0, eta, y, acc) < 0 or y[TOUCHES] != u[TOUCHES]:
+        if not pass_pattern(law, p, lever, z0, eta, tip, y) or y[TOUCHES] != u[TOUCHES]:
             return False
-    y[Z], y[V], y[TOUCHES] = z, v, u[TOUCHES]
-    tip.periods[0] += 1
-    return march_period(law, p, lever, z0, eta, y, acc) >= 0 and y[TOUCHES] == u[TOUCHES]
+    return True
 
 
 @kernel
@@ -136,6 +162,36 @@ def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -
     return z + z_move * move, v + v_move * move, move
 
 
+@kernel
+def _creep(
+    law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip, ahead: Numbers,
+    y: np.ndarray,
+) -> float:  # fmt: skip
+    """Go on `ahead` by the same derivatives: twice, or until dents that last are at rest (theory, Eq. (memory-10)).
+
+    Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
+    is that over the share of them that a pass of two periods takes.
+    """
+    eta, y_limit, z0_limit = tolerance
+    u, share, (z, v, move) = tip.u, lingering(law, p, lever), ahead
+    most = 2 + int(min(-0.5 * math.log(CREPT) / -math.log(share), LONGEST)) if share > 0 else 2
+    farthest = max(ASTRAY * (math.hypot(u[Z], u[V]) + lever[col.BASE]), GROWS * max(math.hypot(z, v), abs(move)))
+    left = math.inf
+    for i in range(most):
+        u[Z], u[V], u[Z0] = u[Z] + z, u[V] + v, u[Z0] + move
+        if not pass_from(law, p, lever, eta, tip, u[Z], u[V], u[Z0], y):
+            return math.inf
+        carry(y, u)
+        error = amplitude_of(lever, tip.acc) - target
+        z, v, move = _ahead(tip.linear, y[Z] - u[Z], y[V] - u[V], error, target > 0.0)
+        left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
+        if share > 0 and not max(math.hypot(z, v), abs(move)) <= farthest:
+            return math.inf
+        if i > 0 and (share == 0 or y[OUTER] == 0 or left <= 1 - share * share):
+            break
+    return left
+
+
 @kernel(shared=True)
 def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
@@ -158,7 +214,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
         z, v, move = _ahead(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
         way = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
         near = way * y_limit <= 1e-4 * (math.hypot(u[Z], u[V]) + lever[col.BASE])
-        moved = False
+        moved, left = False, way
         while way > 1 or not moved:
             trial[Z], trial[V], trial[TOUCHES], trial[Z0] = u[Z] + z, u[V] + v, u[TOUCHES], u[Z0] + move
             if not pass_from(law, p, lever, eta, tip, trial[Z], trial[V], trial[Z0], y):
@@ -172,17 +228,20 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
                 u[i] = trial[i]
             carry(y, u)
             way, moved = left, True
-        if not moved:
+        if moved and way <= 1 and near:  # so near that the derivatives are those at the end
+            left = _creep(law, p, lever, tolerance, target, tip, (z, v, move), y)
+            return left <= 1 or (lingering(law, p, lever) == 0 and left < math.inf)
+        if moved:
+            continue
+        # Where dents last, what is left of the way may be theirs.
+        if not (left <= way and lingering(law, p, lever) > 0):
             return False
-        if way <= 1 and near:  # so near that the derivatives are those at the end
-            for _ in range(2 + lingering(law, p, lever)):
-                u[Z], u[V], u[Z0] = u[Z] + z, u[V] + v, u[Z0] + move
-                if not pass_from(law, p, lever, eta, tip, u[Z], u[V], u[Z0], y):
-                    return False
-                carry(y, u)
-                error = amplitude_of(lever, acc) - target
-                z, v, move = _ahead(linear, y[Z] - u[Z], y[V] - u[V], error, hold)
-            return True
+        before = u.copy()
+        ahead = _ahead(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
+        left = _creep(law, p, lever, tolerance, target, tip, ahead, y)
+        if not (left <= 1 or left <= 0.25 * way):
+            copy(before, u)
+            return False
     return False
 
 
@@ -190,7 +249,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
 def rest(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, most: int, tip: Tip) -> bool:
     """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
     end = tip.periods[0] + most
-    wait = max(3, int(lever[col.OMEGA] / (4 * math.pi * lever[col.ALPHA0])))  # half the lever's decay time
+    wait = max(3, int(0.5 * ringing(lever)))  # half the lever's decay time
     while tip.periods[0] < end:
         if skip(law, p, lever, tolerance, 0.0, tip):
             return True
@@ -238,6 +297,11 @@ def hold_periodic(
         move = max(-stride, min(wanted, stride))
         for j in range(4):
             before[j] = tip.u[j]
+        if law.memory != 0:
+            # A slow feedback takes the orbit along. A tip moved without it may lose a surface that it only just
+            # reaches, grow towards its free amplitude, and land on the other side of the resonance.
+            z, v = relaxed(tip.linear, tip.linear[BY_Z0, Z], tip.linear[BY_Z0, V])
+            tip.u[Z], tip.u[V] = tip.u[Z] - z * move, tip.u[V] - v * move
         tip.u[Z0] -= move
         if abs(move) > STRIDE * amplitude:
             if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[0]), tip):

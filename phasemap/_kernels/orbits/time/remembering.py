@@ -43,7 +43,7 @@ from phasemap._kernels.orbits.time.edge import (
     work_from_far,
 )
 from phasemap._kernels.orbits.time.edge_events import find_edge, record, record_between, to_edge, to_instant, to_turn
-from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, turning
+from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, root_of, turning
 from phasemap._kernels.orbits.time.runge_kutta import turn
 from phasemap._kernels.orbits.time.tip import AIR, COS, DEEPEST, LOST, MEAN, SIN, TOUCHES, VIRIAL, Z
 
@@ -185,7 +185,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         record(m, c, mode, u, 0.0, speed_of(law, p, c, m, mode, (0.0, 1.0, 0.0), u))
     deep = reach(law, p, plain, max(u[X], 0.0), v, snap + 2 * HARD * HARD * math.hypot(y[Z], v)) if mode > 0 else 0.0
     highest, grade, gone, turned = d, 1.0, 0.0, 0.0
-    cosine, sine, left = 1.0, 0.0, 2 * math.pi / omega
+    cosine, sine, left = math.cos(m[on.BEGIN]), math.sin(m[on.BEGIN]), 2 * math.pi / omega
     sums = np.zeros(SUMS)
     if mode == on.FREE and dent == 0:
         sums[OF_LOSS] = -work_from_far(law, p, d) * compliance
@@ -230,22 +230,28 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         if not touching:
             if end[X] > dent_at(c, gone + end[TAU]):
                 what = 1
-                to_edge(law, p, c, m, mode, start, u, h, end)
+                h = to_edge(law, p, c, m, mode, start, u, h, end)
         else:
             if mode == on.SHRINKING and end[X] <= 0:
                 what = 2
-                to_edge(law, p, c, m, mode, start, u, h, end)
+                h = to_edge(law, p, c, m, mode, start, u, h, end)
                 speed = speed_of(law, p, c, m, mode, start, end)
             if what == 0 and (speed < 0) == (mode == on.GROWING):
                 what = 3
                 h = to_turn(law, p, c, m, mode, start, u, h, end)
             if mode == on.GROWING and u[X] < on.passing(m) < (1 - beyond) * end[X]:
                 what = 4
-                to_edge(law, p, c, m, mode, start, u, h, end)
+                h = to_edge(law, p, c, m, mode, start, u, h, end)
                 end[X] = (1 + NUDGE) * on.passing(m)
             if end[TAU] >= left:
-                to_instant(law, p, c, m, mode, start, u, h, end, left)
+                h = to_instant(law, p, c, m, mode, start, u, h, end, left)
                 what, end[TAU], whole = 0, left, False
+            if v > 0 > end[V] and m[on.OUTER] > 0:  # over a dent the contact still grows where the tip is deepest
+                speed = speed_of(law, p, c, m, mode, start, end)
+                part = root_of(v, u[SLOPES + V], end[V], end[SLOPES + V], h)
+                step(law, p, c, m, mode, start, u, part, trial)
+                more = h * trial[V] ** 2 * trial[X] / (v - end[V])
+                highest = max(highest, depth_of(m, c, mode, trial, gone + trial[TAU]) + more)
         if mode == on.GROWING and not kelvin and m[on.OUTER] == 0 and (what == 3 or (what == 0 and whole)):
             record_between(m, c, u, end, h, gone)
         left -= end[TAU]
@@ -284,7 +290,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             )  # fmt: skip
         elif what == 3 and mode == on.GROWING:
             bend = u[SLOPES + V]
-            highest = max(highest, depth_of(m, c, mode, u, gone) - u[V] ** 2 * u[X] / bend)
+            if m[on.OUTER] == 0:
+                highest = max(highest, depth_of(m, c, mode, u, gone) - u[V] ** 2 * u[X] / bend)
             on.turn_back(m, u[X] * u[X], gone, recovery, rate)
             mode, grade, turned = on.SHRINKING, AFTER_TURN, gone
         elif what == 3:

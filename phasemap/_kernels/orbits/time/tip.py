@@ -1,4 +1,4 @@
-"""A tip in time: its state at drive phase 0, what a period gives, and how the next one changes with the state."""
+"""A tip in time: its state where periods begin, what one gives, and how the next one changes with the state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.orbits.time.elements import STATE
+from phasemap._kernels.orbits.time.elements import BEGIN, STATE
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -23,6 +23,8 @@ COS, SIN, MEAN, LOST, VIRIAL, DEEPEST, AIR, GIVEN = 0, 1, 2, 3, 4, 5, 6, 7
 # Of the linear map of one period: the changes of z and z' and the amplitude, now, and their derivatives.
 NOW, BY_Z, BY_V, BY_Z0 = 0, 1, 2, 3
 AMPLITUDE = 2
+# Of the periods of a tip.
+MARCHED, PATTERN = 0, 1
 
 
 class Tip(NamedTuple):
@@ -31,13 +33,13 @@ class Tip(NamedTuple):
     Attributes
     ----------
     u : ndarray, shape (4,) or longer
-        State at drive phase 0.
+        State at the beginning of a period: at drive phase 0, or over a surface that remembers where `swing` puts it.
     acc : ndarray, shape (7,)
         What the last period gave, as `march_period` has it.
     linear : ndarray, shape (4, 3)
         The change of z, that of z' and the amplitude A of a period from u, and their derivatives by z, z' and z0.
-    periods : ndarray of int, shape (1,)
-        How many were marched.
+    periods : ndarray of int, shape (2,)
+        How many were marched, and after how many the motion is taken to repeat itself.
     """
 
     u: np.ndarray
@@ -48,22 +50,49 @@ class Tip(NamedTuple):
 
 @kernel
 def tip_in(u: np.ndarray) -> Tip:
-    """Return a tip in this state."""
-    return Tip(u, np.zeros(GIVEN), np.zeros((4, 3)), np.zeros(1, np.int64))
+    """Return a tip in this state, none of whose periods was marched."""
+    tip = Tip(u, np.zeros(GIVEN), np.zeros((4, 3)), np.ones(2, np.int64))
+    tip.periods[0] = 0
+    return tip
+
+
+@kernel(light=True)
+def swing(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarray) -> None:
+    """Fill a state at u[Z0] with a harmonic motion about `mean`, with (z, v) at drive phase 0.
+
+    Over a surface that remembers a period begins where such a tip is farthest from it: there a tap is not cut in two,
+    and what the surface has to remember is least. Where the tip never leaves, that is least where it is deepest and
+    the contact is widest, and a period begins there.
+    """
+    u[Z], u[V] = z, v
+    if len(u) > BEGIN:
+        across, along = z - mean, v / lever[col.OMEGA]
+        size, leaves = math.hypot(across, along), mean - math.hypot(across, along) < u[Z0]
+        u[Z], u[V] = mean - size if leaves else mean + size, 0.0
+        u[BEGIN] = math.atan2(along, across) + (math.pi if leaves else 0.0)
 
 
 @kernel
-def new_tip(law: Law, z: float, v: float, z0: float) -> Tip:
-    """Return a tip out of contact, or as its depth says, over a surface that nothing has touched."""
+def new_tip(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: float) -> Tip:
+    """Return a tip as `swing` has it, out of contact or as its depth says, over a surface that nothing has touched."""
     u = np.zeros(STATE if law.memory != 0 else 4)
-    u[Z], u[V], u[Z0] = z, v, z0
+    u[Z0] = z0
+    swing(lever, mean, z, v, u)
     return tip_in(u)
 
 
 @kernel
+def ringing(lever: np.ndarray) -> float:
+    """Periods in which what disturbs a motion falls to 1/e: for the free lever, or as a longer lever says."""
+    if len(lever) > col.RINGING:
+        return float(lever[col.RINGING])
+    return float(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0]))
+
+
+@kernel
 def ring_down(lever: np.ndarray) -> int:
-    """Periods in which the amplitude of the free lever falls to 1/e, Q / pi at resonance; at least 1."""
-    return int(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0])) + 1
+    """Whole periods in which the amplitude falls to 1/e, for the free lever Q / pi at resonance; at least 1."""
+    return int(ringing(lever)) + 1
 
 
 @kernel

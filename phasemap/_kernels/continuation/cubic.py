@@ -1,0 +1,110 @@
+"""Cubics between two points of a curve: where an entry passes a value, just reaches one, or turns twice."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.path import (
+    AP,
+    DA,
+    DM,
+    DZ,
+    LENGTH,
+    MP,
+    RATE,
+    ZP,
+    Path,
+    answer,
+    control,
+    row_of,
+    scales,
+)
+
+AT_FOLD = 3e-3  # change of the control over its scale, per step of one
+
+
+@kernel
+def cubic_slopes(path: Path, reach: float, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Factors of the derivatives at two points that make them slopes of the cubics from one (0) to the other (1).
+
+    The parameter of the cubics is the distance from the plane across the curve at the first point: the arclength is not
+    the same in the scaled coordinates of both points. See theory, Eq. (continuation-4).
+    """
+    r_z, r_a, r_m = row_of(path, reach, before)
+    length = r_z * (after[ZP] - before[ZP]) + r_a * (after[AP] - before[AP]) + r_m * (after[MP] - before[MP])
+    first = r_z * before[DZ] + r_a * before[DA] + r_m * before[DM]
+    last = r_z * after[DZ] + r_a * after[DA] + r_m * after[DM]
+    return length / first, length / max(last, 0.5 * first)
+
+
+@kernel
+def wavy(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
+
+    Of a pair of folds within one step nothing else would be seen.
+    """
+    by_one, by_two = cubic_slopes(path, reach, before, point)
+    u, v = scales(path, reach, point[ZP], point[AP])
+    for index, scale in ((control(path), u), (answer(path), v)):
+        one, two, rise = by_one * before[RATE + index], by_two * point[RATE + index], point[index] - before[index]
+        cubic, square = one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
+        # The slope one + 2 square t + 3 cubic t^2 has its own extreme at t = -square / 3 cubic.
+        if one * two > 0.0 and cubic * one > 0.0 and 0.0 < -square / (3.0 * cubic) < 1.0:
+            if (square * square / (3.0 * cubic) - one) * one > AT_FOLD * scale * abs(by_one * one):
+                return True
+    return False
+
+
+@kernel
+def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: float) -> float:
+    """Where to step instead if an entry (`index`) may just reach `value` and turn between two points; 0 if not.
+
+    The extreme is that of the cubic through both points and slopes. It asks for a point there when `value` lies beyond
+    both ends, on the side of the extreme and not far outside it, so that a pair of crossings is not stepped over.
+    """
+    slope = index + RATE
+    one, two, length = before[slope], point[slope], point[LENGTH]
+    if one * two >= 0.0 or length < 1e-5:
+        return 0.0
+    rise = (point[index] - before[index]) / length
+    cubic, square = one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
+    # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
+    root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
+    t = -one / (square + root) if square > 0.0 else -one / (square - root)
+    if not 0.02 < t < 0.98:
+        return 0.0
+    extreme = before[index] + length * t * (one + t * (square + t * cubic))
+    end = min(before[index], point[index]) if one < 0.0 else max(before[index], point[index])
+    beyond, reached = value - end, extreme - end
+    if beyond * reached <= 0.0 or abs(beyond) > 3.0 * abs(reached) + 1e-3 * abs(point[index]) * length:
+        return 0.0
+    return t * length
+
+
+@kernel
+def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
+    """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
+    cubic, square = rise + end - 2.0 * (two - one), 3.0 * (two - one) - 2.0 * rise - end
+    return one + t * (rise + t * (square + t * cubic))
+
+
+@kernel
+def length_at(one: float, rise: float, two: float, end: float, value: float) -> float:
+    """Where (0 ... 1) the cubic of `hermite` passes a value between `one` and `two`."""
+    low, high = 0.0, 1.0
+    at = (value - one) / (two - one)
+    for _ in range(30):
+        x = hermite(one, rise, two, end, at) - value
+        if (x > 0.0) == (two > one):
+            high = at
+        else:
+            low = at
+        slope = rise + at * (2.0 * (3.0 * (two - one) - 2.0 * rise - end) + 3.0 * at * (rise + end - 2.0 * (two - one)))
+        step = x / slope if slope != 0.0 else math.inf
+        if abs(step) < 1e-12:
+            break
+        at = at - step if low < at - step < high else 0.5 * (low + high)
+    return at

@@ -1,0 +1,202 @@
+"""Where Newton's method begins if the contact throws the lever back: with the motion after a kick.
+
+A lever in liquid takes in-phase forces P of the order of its amplitude, and bends by as much: the tip comes to a soft
+sample or with a soft lever far faster than in a harmonic orbit that goes equally deep, and from such an orbit Newton's
+method does not converge. But a contact is short, and what the lever does after a kick of first harmonic J at an angle
+phi has a closed form: theory, Eq. (collocation-6). Energy tells phi, the drive J, and the equation of motion in contact
+how fast the tip comes, how deep it goes and for how long: theory, Eq. (collocation-7).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_force
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.collocation.elements import lay
+from phasemap._kernels.orbits.collocation.system import (
+    BROKEN,
+    CONTACT,
+    CONTACTS,
+    COUNT,
+    EDGE,
+    EDGE_U,
+    EDGE_W,
+    ELEMENTS,
+    FIRST,
+    LAST,
+    PLACE,
+    THETA,
+    VALUE,
+    Z0,
+    A,
+    Orbit,
+    P,
+    S,
+    U,
+    W,
+)
+from phasemap._kernels.orbits.response.nodes import first_harmonic, periods_before
+from phasemap._kernels.quadrature import NODES
+
+LIFT = 0.75  # of P: w of a short contact, sum over P/(n^2 - 1)
+LONGEST = 1.5  # [rad] from where the tip touches to where it is deepest: a longer contact is no kick
+STRIDE, SHORTER, SLOWER = 0.1, 0.3, 0.25  # a step [rad]: at most, of the contact's own oscillation, of a stop
+MOST_STRIDES, MOST_TURNS, MOST_SPEEDS = 400, 8, 40
+KNOWN, ROUGHLY = 3e-3, 1e-2  # share of the drive to which J is known, and of J to which the speed gives it
+# Entries of a hit: J, phi, d' where it begins, depth, half of its length [rad], loss of d'^2/2 in it.
+KICK, ANGLE, SPEED, DEPTH, HALF, LOSS, HIT = 0, 1, 2, 3, 4, 5, 6
+
+
+@kernel
+def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
+    """Return w and w' at an angle after a kick of first harmonic one, less mean and first harmonic."""
+    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
+    e_re, e_im = periods_before(a, nu)
+    grow = math.exp(a * angle)
+    c, s = grow * math.cos(nu * angle), grow * math.sin(nu * angle)
+    re, im = c * (e_re + 1.0) - s * e_im, c * e_im + s * (e_re + 1.0)
+    share = -math.pi / (omega * omega * nu)
+    h_re, h_im = first_harmonic(omega, alpha0, 1.0, 0.0)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    w = share * im + 0.5 + h_re * cosine - h_im * sine
+    return w, share * (a * im + nu * re) - h_re * sine - h_im * cosine
+
+
+@kernel
+def bounce(law: Law, p: np.ndarray, lever: np.ndarray, turn: float, hit: np.ndarray) -> bool:
+    """Fill depth, half length and loss of a contact that begins with its speed, d'' = -g/omega^2 - turn.
+
+    False if it lasts too long.
+    """
+    omega = lever[col.OMEGA]
+    share = 1.0 / (lever[col.STIFFNESS] * omega * omega)
+    speed = hit[SPEED]
+    d, v, t, loss = 0.0, speed, 0.0, 0.0
+    a = -share * contact_force(law, 0.0, p) - turn
+    for _ in range(MOST_STRIDES):
+        stiff = max(share * contact_slope(law, max(d, 1e-3 * speed), p), 1.0)
+        step = min(min(STRIDE, SHORTER / math.sqrt(stiff)), SLOWER * speed / max(abs(a), 1e-300))
+        half_way = v + 0.5 * step * a
+        deeper = d + step * half_way
+        a = -share * contact_force(law, deeper, p) - turn
+        if p[col.DAMPING] != 0.0:
+            gamma = 2.0 / omega * damping(law, max(deeper, 0.0), p)
+            a -= gamma * half_way
+            loss += gamma * half_way * half_way * step
+        v_after = half_way + 0.5 * step * a
+        if v_after <= 0.0:
+            rest = step * v / (v - v_after)
+            hit[DEPTH], hit[HALF], hit[LOSS] = d + 0.5 * v * rest, t + rest, 2.0 * loss
+            return True
+        d, v, t = deeper, v_after, t + step
+        if t > LONGEST:
+            return False
+    return False
+
+
+@kernel
+def kick_at(law: Law, p: np.ndarray, lever: np.ndarray, speed: float, turn: float, hit: np.ndarray) -> float:
+    """First harmonic J of the force of a contact that begins with a speed; NaN if it lasts too long."""
+    hit[SPEED] = speed
+    if not bounce(law, p, lever, turn, hit):
+        return math.nan
+    squared, outside = lever[col.OMEGA] ** 2, 0.0
+    if p[col.LONGRANGE] != 0.0:
+        outside = reach_of(law, p) * longrange_force(law, 0.0, p) / (lever[col.STIFFNESS] * squared * speed)
+    return 2.0 * squared / math.pi * (speed - turn * hit[HALF] + outside)
+
+
+@kernel
+def speed_for(law: Law, p: np.ndarray, lever: np.ndarray, kick: float, turn: float, hit: np.ndarray) -> bool:
+    """Fill the hit with the contact whose force has a first harmonic `kick`; False if it lasts too long."""
+    low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick / lever[col.OMEGA] ** 2, 0.0
+    for _ in range(MOST_SPEEDS):
+        f_high = kick_at(law, p, lever, high, turn, hit) - kick
+        if not f_high < 0.0:
+            break
+        low, f_low = high, f_high
+        high *= 1.5
+    if not f_high >= 0.0:
+        return False
+    for _ in range(MOST_SPEEDS):
+        speed = (low * f_high - high * f_low) / (f_high - f_low)
+        f = kick_at(law, p, lever, speed, turn, hit) - kick
+        if not abs(f) > ROUGHLY * kick:
+            return not math.isnan(f)
+        # The end that stays counts less, so that it does not stay for ever.
+        if f > 0.0:
+            high, f_high, f_low = speed, f, 0.6 * f_low
+        else:
+            low, f_low, f_high = speed, f, 0.6 * f_high
+    return False
+
+
+@kernel
+def find_hit(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, hit: np.ndarray) -> bool:
+    """Fill the hit that takes the drive at this amplitude; False where no short contact does."""
+    base, omega = lever[col.BASE], lever[col.OMEGA]
+    stiff, damped = amplitude * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * amplitude
+    mean_slope = 0.5 * (after_kick(lever, 0.0)[1] + after_kick(lever, 2.0 * math.pi)[1])
+    kick, loss = base, 0.0
+    for _ in range(MOST_TURNS):
+        sine = (mean_slope * kick - omega * omega * loss / (math.pi * kick)) / amplitude
+        if not abs(sine) < 1.0:
+            return False
+        cosine, before = math.sqrt(1.0 - sine * sine), kick
+        # (J cos(phi) + A (1 - omega^2))^2 + (2 alpha0 omega A - J sin(phi))^2 = u0^2
+        half, rest = stiff * cosine - damped * sine, stiff * stiff + damped * damped - base * base
+        if not half * half > rest:
+            return False
+        kick = math.sqrt(half * half - rest) - half
+        if not kick > 0.0 or not speed_for(law, p, lever, kick, amplitude * cosine - LIFT * kick, hit):
+            return False
+        hit[KICK], hit[ANGLE], loss = kick, math.asin(sine), hit[LOSS]
+        if abs(kick - before) < KNOWN * base:
+            break
+    return hit[HALF] < LONGEST
+
+
+@kernel
+def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: np.ndarray, theta: float) -> tuple[float, float]:
+    """Return w, less its mean, and w' at an angle: in contact of a quartic that has its depth and speed."""
+    angle, kick, half, depth = theta - hit[ANGLE], hit[KICK], hit[HALF], hit[DEPTH]
+    if abs(angle) < half:
+        x = angle / half
+        flat = 0.5 * hit[SPEED] * half / depth - 1.0
+        d = depth * (1.0 - x * x) * (1.0 + flat * x * x)
+        rate = depth * 2.0 * x * (flat * (1.0 - 2.0 * x * x) - 1.0) / half
+        return d + e - amplitude * math.cos(theta), rate + amplitude * math.sin(theta)
+    w, u = after_kick(lever, angle % (2.0 * math.pi))
+    return kick * w, kick * u
+
+
+@kernel
+def begin_impact(
+    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, amplitude: float, level: int
+) -> bool:
+    """Set the motion after a kick that takes the drive at this amplitude; False where no short contact does."""
+    hit, head = np.zeros(HIT), orbit.head
+    if p[col.RELEASE] != 0.0 or not find_hit(law, p, lever, amplitude, hit):
+        return False
+    kick, angle, half = hit[KICK], hit[ANGLE], hit[HALF]
+    lifted = after_kick(lever, half)[0] + after_kick(lever, 2.0 * math.pi - half)[0]
+    e, mean = amplitude * math.cos(angle) * math.cos(half) + 0.5 * kick * lifted, -0.5 * kick
+    head[VALUE, A], head[VALUE, Z0] = amplitude, e + mean
+    head[VALUE, P], head[VALUE, S] = kick * math.cos(angle), kick * math.sin(angle)
+    head[COUNT, CONTACTS] = 1
+    head[CONTACT, FIRST], head[CONTACT, LAST], head[CONTACT, BROKEN] = angle - half, angle + half, angle + half
+    laid = lay(law, p, lever, tables, orbit, orbit, level)
+    for i in range(int(head[COUNT, ELEMENTS]) + 1):
+        one = orbit.elements[i]
+        for j in range(NODES):
+            w, u = motion_of(lever, amplitude, e, hit, one[THETA, j])
+            one[W, j], one[U, j] = mean + w, u
+        w, u = motion_of(lever, amplitude, e, hit, one[PLACE, EDGE])
+        one[PLACE, EDGE_W], one[PLACE, EDGE_U] = mean + w, u
+    return laid

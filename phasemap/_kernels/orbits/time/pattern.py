@@ -1,0 +1,83 @@
+"""Motions that repeat themselves after some periods of the drive: found by Newton's method on the map of so many.
+
+Far from the resonance a lever rings at its own frequency while it taps at that of the drive, until both lock: the tip
+comes by the same state after n periods, and the map of n periods has an orbit there. See theory, Eq. (time-7).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, skip
+from phasemap._kernels.orbits.time.tip import MARCHED, MEAN, PATTERN, Z0, Tip, V, Z
+
+if TYPE_CHECKING:
+    from phasemap._kernels.law import Law
+
+LONGEST = 32  # periods after which a motion may repeat itself
+LOOKED_AT = 3 * LONGEST  # periods that are compared with one another
+NEAR = (
+    0.1  # of the way that the tip goes, by which states n periods apart may differ where Newton's method is tried, and
+)
+CLOSE = 4.0  # over the least of these differences: a multiple of n, and what comes nearest by chance
+TRIED = 2  # such n, the least first, and 1 in any case
+SAME = 1e-3  # of the free amplitude, below which a fraction of n may do
+
+
+@kernel
+def apart(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, tip: Tip) -> float:
+    """How far [m] the tip, which stays where it is, would be after so many periods."""
+    y = tip.u.copy()
+    tip.periods[MARCHED] += count
+    for _ in range(count):
+        if march_period(law, p, lever, tip.u[Z0], eta, y, tip.acc) < 0:
+            return math.inf
+    return math.hypot(y[Z] - tip.u[Z], (y[V] - tip.u[V]) / lever[col.OMEGA])
+
+
+@kernel
+def shorten(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+    """Put a tip that is at rest on a pattern to rest on the shortest one that it repeats; as `skip`."""
+    count = tip.periods[PATTERN]
+    for n in range(1, count):
+        if count % n == 0 and apart(law, p, lever, tolerance.eta, n, tip) < SAME * free_amplitude(lever):
+            tip.periods[PATTERN] = n
+            if skip(law, p, lever, tolerance, target, tip):
+                return True
+    tip.periods[PATTERN] = count
+    return skip(law, p, lever, tolerance, target, tip)
+
+
+@kernel
+def find_pattern(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+    """Let some periods pass, and skip the transient to the pattern to which the motion decays, if it does; as `skip`.
+
+    Of the n for which all states n periods apart are nearest to each other the least counts.
+    """
+    u, way, size = tip.u, np.empty((LOOKED_AT, 2)), free_amplitude(lever)
+    for i in range(LOOKED_AT):
+        way[i, Z], way[i, V] = u[Z], u[V] / lever[col.OMEGA]
+        if not pass_period(law, p, lever, tolerance.eta, tip):
+            return False
+        size = max(size, math.hypot(way[i, Z] - tip.acc[MEAN], way[i, V]))
+    most, least, tried = np.zeros(LONGEST + 1), math.inf, 0
+    for n in range(1, LONGEST + 1):
+        for i in range(n, LOOKED_AT):
+            most[n] = max(most[n], math.hypot(way[i, Z] - way[i - n, Z], way[i, V] - way[i - n, V]))
+        least = min(least, most[n])
+    for n in range(1, LONGEST + 1):
+        near = most[n] < NEAR * size and (n == 1 or most[n] < CLOSE * least)
+        if near and tried < TRIED:
+            tried += 1 if n > 1 else 0
+            tip.periods[PATTERN] = n
+            if skip(law, p, lever, tolerance, target, tip):
+                return shorten(law, p, lever, tolerance, target, tip)
+    tip.periods[PATTERN] = 1
+    return False
