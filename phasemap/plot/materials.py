@@ -9,6 +9,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import FAILED, MAPS
+from phasemap.plot.figure import draw_scale_bar, side_lengths
 from phasemap.plot.region_fit import SHOWN, regions
 
 if TYPE_CHECKING:
@@ -69,16 +70,22 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.invert returned")
     if "region" in ds["flag"].dims:
         return regions(ds, path, overwrite)
-    said = [str(ds.attrs.get("verdict", "")), "grey, hatched: not determined, or poor fit    green: no solution"]
     rows, columns = ds["flag"].shape
+    measured = "x" in ds.coords and "y" in ds.coords
+    wide, high_up = side_lengths(ds) if measured else (float(columns), float(rows))
+    extent = 0.0, wide, high_up, 0.0
     tall = WIDE * min(max(rows / columns, 0.2), 2.0)
     title = f"inversion of {ds.sizes.get('image', 0)} images   ·   {columns} × {rows} pixels"
-    page = Page(LEFT + 3 * STEP, 2 * (TITLE + tall) + BELOW, [title], notes=said)
     masks = dict(zip(_meanings(ds), 1 << np.arange(8), strict=False))
     flags = ds["flag"].values.astype(int)
     lost = flags & (masks.get("no_orbit", 0) | masks.get("no_data", 0)) != 0
+    unsure = {name: flags & (masks.get(f"{name}_not_determined", 0) | masks.get("poor_fit", 0)) != 0 for name in SHOWN}
+    marks = ["grey, hatched: not determined, or poor fit"] * any((one & ~lost).any() for one in unsure.values())
+    marks += ["green: no solution"] * bool(lost.any())
+    said = [str(ds.attrs.get("verdict", "")), *(["    ".join(marks)] if marks else [])]
+    page = Page(LEFT + 3 * STEP, 2 * (TITLE + tall) + BELOW, [title], notes=said)
     for i, (name, (label, factor)) in enumerate(SHOWN.items()):
-        hatched = flags & (masks.get(f"{name}_not_determined", 0) | masks.get("poor_fit", 0)) != 0
+        hatched = unsure[name]
         values = factor * ds[name].values
         sure = values[np.isfinite(values) & ~hatched]
         sure = sure if sure.size else values[np.isfinite(values)]
@@ -89,8 +96,10 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
         )):  # fmt: skip
             axes = page.picture(LEFT + i * STEP, TITLE + row * (TITLE + tall), WIDE, tall, head)
             axes.title.set_fontsize(10 - row)
-            image = axes.imshow(shown, cmap=cmap, norm=norm, aspect="auto", interpolation="nearest")
-            _mark(axes, hatched & ~lost & (row == 0), lost)
+            image = axes.imshow(shown, cmap=cmap, norm=norm, extent=extent, aspect="auto", interpolation="nearest")
+            _mark(axes, hatched & ~lost & (row == 0), lost, extent)
+            if measured and i == row == 0:
+                draw_scale_bar(axes, wide)
             bar = page.bar(image, [axes], extend="max" if row else "neither")
             if row == 0:
                 _few_numbers(bar.ax, image)
@@ -119,18 +128,21 @@ def _few_numbers(axes: Axes, image: AxesImage) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray) -> None:
+def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray, extent: tuple[float, float, float, float]) -> None:
     """Show one set of pixels grey and hatched, and another green."""
     from matplotlib.colors import ListedColormap
 
     for pixels, color in ((hatched, UNSURE), (lost, FAILED)):
         if pixels.any():
             overlay = np.ma.masked_where(~pixels, np.ones(pixels.shape))
-            axes.imshow(overlay, cmap=ListedColormap([color]), aspect="auto", interpolation="nearest")
+            axes.imshow(overlay, cmap=ListedColormap([color]), extent=extent, aspect="auto", interpolation="nearest")
     if hatched.any():
         padded = np.pad(hatched.astype(float), 1, mode="edge")
-        y, x = (np.arange(-1, count + 1) for count in hatched.shape)
+        y, x = (
+            (np.arange(-1, count + 1) + 0.5) * side / count
+            for count, side in zip(hatched.shape, (extent[2], extent[1]), strict=True)
+        )
         areas = axes.contourf(x, y, padded, levels=[0.5, 1.5], colors="none", hatches=["////////"])
         areas.set_edgecolor("0.6")
         areas.set_linewidth(0)
-    axes.set(xticks=[], yticks=[], xlim=(-0.5, lost.shape[1] - 0.5), ylim=(lost.shape[0] - 0.5, -0.5))
+    axes.set(xticks=[], yticks=[], xlim=extent[:2], ylim=extent[2:])
