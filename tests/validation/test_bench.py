@@ -24,7 +24,7 @@ import phasemap.validation.bench
 from phasemap.cli import main
 from phasemap.io.netcdf import load as read
 from phasemap.io.netcdf import save
-from phasemap.validation.bench import cases, picture
+from phasemap.validation.bench import cases, extras, picture
 from phasemap.validation.bench import measure as measuring
 from phasemap.validation.bench.compiling import of_solvers
 from phasemap.validation.bench.curves import measure_curves
@@ -287,6 +287,16 @@ def test_the_table_says_times_errors_failures_and_what_was_left_out() -> None:
     assert "| fast | 1.0e-5 / 44 / 45 |" in said
     assert "not installed: heyoka." in said
     assert "it bounds the true one on 1 of 2 pixels" in said
+
+
+def test_the_table_has_what_more_than_an_image_costs(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, size in (("QUICK_SIZE", 32), ("SOLVED", 8), ("QUICK_TURNS", 1)):
+        monkeypatch.setattr(extras, name, size)
+    measured = extras.measure_extras(True, 1, lambda text: None)
+    assert (measured.extra_time > 0).all() and (measured.extra_plain > 0).all()
+    said = table(made_up().merge(measured).assign_attrs(made_up().attrs))
+    for name in ("four derived channels, interpolated", "a second mode, solved", "one relaxation time, marched"):
+        assert f"| {name} | " in said
 
 
 def test_the_table_has_images_on_one_core_and_on_all_and_curves() -> None:

@@ -34,12 +34,13 @@ def bench(
     `quick`: repeat timings less often, and do not time compilation from scratch.
     Returns dims ("regime", "solver", "case"): phase_error [degree], height_error [m], result (flags), time,
         period_time, compile_time [s], the parameters of the cases and the references; ("image",): whole images in
-        which every pixel differs; and ("curve",): whole curves. `phasemap.validation.bench.report.table` and
-        `phasemap.validation.bench.picture.draw` show it.
+        which every pixel differs; ("curve",): whole curves; and ("extra",): images with more than usual.
+        `phasemap.validation.bench.report.table` and `phasemap.validation.bench.picture.draw` show it.
     """
     whole("pixels", pixels, 1)
     whole("seed", seed, 0)
     from phasemap.validation.bench.curves import measure_curves
+    from phasemap.validation.bench.extras import measure_extras
     from phasemap.validation.bench.images import measure_images
     from phasemap.validation.bench.measure import Plan, measure
     from phasemap.validation.bench.peers import installed
@@ -48,5 +49,6 @@ def bench(
     present, absent = installed() if peers else ([], [])
     say = progress or (lambda text: None)
     measured = to_dataset(measure(Plan.of(pixels, seed, quick), present, absent, say))
-    images, curves = measure_images(quick, seed, say), measure_curves(say)
-    return measured.merge(images).merge(curves).assign_attrs(measured.attrs | images.attrs | curves.attrs)
+    images, curves, extras = measure_images(quick, seed, say), measure_curves(say), measure_extras(quick, seed, say)
+    attributes = measured.attrs | images.attrs | curves.attrs
+    return measured.merge(images).merge(curves).merge(extras).assign_attrs(attributes)

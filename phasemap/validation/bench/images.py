@@ -35,6 +35,7 @@ _AIR = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9))
 _SOFT = Microscope(Cantilever(2.0, 70e3, 150.0), Tip(10e-9), Drive(30e-9))
 _SMALL = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(14e-9))
 _SOFT_AND_SMALL = Microscope(Cantilever(3.0, 75e3, 200.0), Tip(10e-9), Drive(14e-9))
+_ABOVE_RESONANCE = Microscope(Cantilever(3.0, 75e3, 200.0), Tip(10e-9), Drive(60e-9, frequency=75.75e3))
 _LIQUID = Microscope(Cantilever(0.1, 10e3, 2.0), Tip(10e-9), Drive(14e-9))
 
 
@@ -61,6 +62,7 @@ MAPS = (
     Map("borders, small amplitude", _SMALL, 0.9, (1e8, 1e10), (0.01, 0.15), (1e-3, 0.1), BORDERS),
     Map("the same at a lower setpoint", _SMALL, 0.7, (1e8, 1e10), (0.01, 0.15), (1e-3, 0.1), BORDERS),
     Map("borders, soft lever", _SOFT_AND_SMALL, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), BORDERS),
+    Map("the same at 1.01 of the resonance", _ABOVE_RESONANCE, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), BORDERS),
     Map("in liquid, Q = 2", _LIQUID, 0.7, (1e7, 1e9), (1e-4, 0.02), (1e-3, 0.1), BORDERS),
 )
 

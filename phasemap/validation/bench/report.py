@@ -33,6 +33,10 @@ CURVES = (
     "Curves of {points} values there and back, on one core, from the material to the Dataset, with both branches, "
     "folds and all exact orbits behind."
 )
+EXTRAS = (
+    "What more than height, phase and energies costs: processor time of an image without and with it, on one core, of "
+    "materials among which the tip is attracted and repelled."
+)
 
 
 def _images(ds: xr.Dataset) -> str:
@@ -65,6 +69,15 @@ def _curves(ds: xr.Dataset) -> str:
     return "\n".join(lines)
 
 
+def _extras(ds: xr.Dataset) -> str:
+    """The table of images with more."""
+    lines = ["| image with | time without it [ms] | with it [ms] | times as long |", "| --- | --- | --- | --- |"]
+    columns = (ds[name].values for name in ("extra", "extra_plain", "extra_time"))
+    for name, plain, time in zip(*columns, strict=True):
+        lines.append(f"| {name} | {1e3 * plain:.3g} | {1e3 * time:.3g} | {time / plain:.3g} |")
+    return "\n".join(lines)
+
+
 def table(ds: xr.Dataset) -> str:
     """Rank the methods at equal error, then give each tolerance's time, errors and failures.
 
@@ -78,6 +91,8 @@ def table(ds: xr.Dataset) -> str:
         parts += [IMAGES.format(threads=ds.attrs["image_threads"], checked=ds.attrs["image_checked"]), _images(ds)]
     if "curve" in ds.dims:
         parts += [CURVES.format(points=ds.attrs["curve_points"]), _curves(ds)]
+    if "extra" in ds.dims:
+        parts += [EXTRAS, _extras(ds)]
     parts += ["<details><summary>Every tolerance: time, errors and failures</summary>"]
     parts += [
         "Time per distinct pixel on one core [µs], time of compilation [s], and failures of all cases.",
