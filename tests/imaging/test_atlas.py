@@ -17,6 +17,7 @@ from phasemap.imaging.interpolation import Atlas, ExactOrbits
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.imaging.interpolation.borders import Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
+from phasemap.imaging.interpolation.exact_orbits import DEPTH
 from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -207,6 +208,16 @@ def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
 
 
 class TestParts:
+    def test_an_orbit_without_contact_is_as_deep_whichever_way_it_is_found(self) -> None:
+        exact = ExactOrbits(SOFT, 0.7 * SOFT.driven_amplitude, Axes(True, 0.0), 1)
+        adhesion = np.linspace(0.1, 0.14, 5)
+        points = np.column_stack([np.full(5, np.log(5e8)), np.full(5, 0.01), adhesion])
+        engaged_there = exact(points)
+        near = exact.near(points, engaged_there, np.full(5, 1e-10))
+        assert (engaged_there[:, DEPTH] < 0).all()
+        # The solvers agree on the height to 1e-14 m; the depth is that of the orbit between two nodes.
+        assert np.allclose(near[:, DEPTH], engaged_there[:, DEPTH], rtol=0, atol=3e-14)
+
     def test_a_jump_lies_where_engagement_jumps(self) -> None:
         exact = ExactOrbits(AIR, 0.7 * AIR.driven_amplitude, Axes(True, 0.0), 1)
         stiffness = np.log(np.array([2e9, 6e9]))

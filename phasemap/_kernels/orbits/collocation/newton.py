@@ -194,7 +194,9 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
     mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0
     loop = 0.0  # what a law with hysteresis keeps
-    theta0, w0, u0 = 0.0, 0.0, -math.inf  # of the node before
+    # Of the node before: the tip may be deepest between the last and the first.
+    last = orbit.elements[int(head[COUNT, ELEMENTS]) - 1]
+    theta0, w0, u0 = last[THETA, NODES - 1] - 2.0 * math.pi, last[W, NODES - 1], last[U, NODES - 1]
     x, y = needed(lever, amplitude, head[VALUE, P], head[VALUE, S])
     for e in range(int(head[COUNT, ELEMENTS])):
         one = orbit.elements[e]
