@@ -39,51 +39,74 @@ def _jumps(law: Law, p: np.ndarray, entry: float, release: float) -> float:
 def _harmonics(at: np.ndarray, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
     """Harmonics `first` ... of what is at the nodes with their weights: sums of it with cos(n theta) and -sin(n theta).
 
-    From node to node nothing depends on what was before, so that several go at once: all nodes first, then the next n.
+    By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: two harmonics in a pass over the nodes, between which
+    nothing is stored.
 
     Parameters
     ----------
     at : ndarray, shape (ROWS, MOST)
         The nodes.
-    load : ndarray, shape (MOST,)
+    load : ndarray, shape (5, MOST)
+        First the load of each node; the rest is room.
     out : ndarray, shape (2, any)
-        Filled.
+        Filled; an even number of harmonics where `first` is odd, and else an odd one.
     """
-    cosines, sines = at[COS].copy(), at[SIN].copy()
-    for n in range(1, first + out.shape[1]):
-        re, im = 0.0, 0.0
+    cosine, sine, even, odd, even_last, odd_last = at[COS], at[SIN], load[1], load[2], load[3], load[4]
+    for j in range(count):
+        even[j], odd[j] = load[0, j] * cosine[j], load[0, j] * sine[j]
+        even_last[j], odd_last[j] = load[0, j], 0.0
+    for n in range(1, first + out.shape[1], 2):
+        re, im, re_next, im_next = 0.0, 0.0, 0.0, 0.0
         for j in range(count):
-            c, s = cosines[j], sines[j]
-            re += load[j] * c
-            im -= load[j] * s
-            cosines[j], sines[j] = c * at[COS, j] - s * at[SIN, j], s * at[COS, j] + c * at[SIN, j]
+            turn, c, s = 2.0 * cosine[j], even[j], odd[j]
+            c_next, s_next = turn * c - even_last[j], turn * s - odd_last[j]
+            re += c
+            im -= s
+            re_next += c_next
+            im_next -= s_next
+            even_last[j], odd_last[j] = c_next, s_next
+            even[j], odd[j] = turn * c_next - c, turn * s_next - s
         if n >= first:
             out[0, n - first], out[1, n - first] = re, im
+        out[0, n + 1 - first], out[1, n + 1 - first] = re_next, im_next
 
 
 @kernel
-def _sidebands(lever: np.ndarray, second: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
-    """Fill in the sum of |K_n|^2 chi(omega2 + n omega) over harmonics K_n of the slope, n of both signs.
+def _yields(lever: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """How both modes yield to forces at the sidebands omega2 + n omega and omega2 - n omega, n = 0 ... TURNS [m/N].
 
-    Where the second mode moves, the slope that comes and goes makes forces at the sidebands of its frequency. To these
-    both modes yield, with the compliance chi, and what they do acts back: to second order in the slope.
+    Returns an array of shape (2, 1 + TURNS): sums of the compliance chi, real and imaginary part.
     """
     drive, own = lever[col.OMEGA], lever[col.OMEGA] / second[col.OMEGA]  # over the first mode's resonance
-    inverse = 1.0 / own
-    re, im = 0.0, 0.0
+    out = np.zeros((2, 1 + TURNS))
     for n in range(-TURNS, TURNS + 1):
-        power = row[GRADIENT] ** 2 if n == 0 else slopes[0, abs(n) - 1] ** 2 + slopes[1, abs(n) - 1] ** 2
         for mode in range(2):
             if mode == 1 and n == 0:
                 continue  # the second mode itself
             turned, alpha0, stiffness = 1.0, lever[col.ALPHA0], lever[col.STIFFNESS]
             if mode == 1:
-                turned, alpha0, stiffness = inverse, second[col.ALPHA0], second[col.STIFFNESS]
+                turned, alpha0, stiffness = 1.0 / own, second[col.ALPHA0], second[col.STIFFNESS]
             w = (own + n * drive) * turned
             x, y = 1.0 - w * w, 2.0 * alpha0 * w
-            below = power / (stiffness * (x * x + y * y))
-            re += below * x
-            im -= below * y
+            below = 1.0 / (stiffness * (x * x + y * y))
+            out[0, abs(n)] += below * x
+            out[1, abs(n)] -= below * y
+    return out
+
+
+@kernel
+def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
+    """Fill in the sum of |K_n|^2 chi(omega2 + n omega) over harmonics K_n of the slope, n of both signs.
+
+    Where the second mode moves, the slope that comes and goes makes forces at the sidebands of its frequency. To these
+    both modes yield, with the compliance chi, and what they do acts back: to second order in the slope.
+    """
+    power = row[GRADIENT] ** 2
+    re, im = power * yields[0, 0], power * yields[1, 0]
+    for n in range(TURNS):
+        power = slopes[0, n] ** 2 + slopes[1, n] ** 2
+        re += power * yields[0, n + 1]
+        im += power * yields[1, n + 1]
     row[SIDEBANDS], row[SIDEBANDS + 1] = re, im
 
 
@@ -104,7 +127,7 @@ def _slopes(law: Law, p: np.ndarray, at: np.ndarray, count: int, load: np.ndarra
             if d > 0.0:
                 drag += 2.0 * weight * damping(law, d, p)
         gradient += weight * slope
-        load[j] = weight * slope / (2.0 * math.pi)
+        load[0, j] = weight * slope / (2.0 * math.pi)
     return gradient, drag
 
 
@@ -121,7 +144,7 @@ def _pushes(law: Law, p: np.ndarray, lever: np.ndarray, at: np.ndarray, count: i
             g = inverse_k * contact_force(law, d, p)
             if d > 0.0:
                 g += 2.0 * damping(law, d, p) * lever[col.OMEGA] * at[RATE, j]
-        load[j] = at[WEIGHT, j] * g / math.pi
+        load[0, j] = at[WEIGHT, j] * g / math.pi
 
 
 @kernel
@@ -146,7 +169,9 @@ def force_rows(
     of stiffness 0 where there is none: SIDEBANDS are filled in with one. WAVES are filled in where `harmonics` of the
     motion are wanted.
     """
-    path, slopes, waves, load = new_path(), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS)), np.zeros(MOST)
+    path, slopes, waves, load = new_path(), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS)), np.zeros((5, MOST))
+    bimodal = second[col.STIFFNESS] > 0.0
+    yields = _yields(lever, second) if bimodal else np.zeros((2, 1 + TURNS))
     for i in range(len(rows)):
         row, p = out[i], parameters(rows[i])
         if not moves(row):
@@ -157,9 +182,9 @@ def force_rows(
         gradient, drag = _slopes(law, p, path.at, count, load)
         gradient += _jumps(law, p, entry, release)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
-        if second[col.STIFFNESS] > 0.0:
+        if bimodal:
             _harmonics(path.at, count, load, 1, slopes)
-            _sidebands(lever, second, slopes, row)
+            _sidebands(yields, slopes, row)
         if harmonics:
             _pushes(law, p, lever, path.at, count, load)
             _harmonics(path.at, count, load, 2, waves)
