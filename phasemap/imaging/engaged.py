@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -19,10 +18,11 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation import Atlas, ExactOrbits, build
 from phasemap.imaging.interpolation.axes import Axes
-from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, functions_of
+from phasemap.imaging.interpolation.exact_orbits import functions_of
 from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
+from phasemap.imaging.tolerances import tolerances_of
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.energy import close
 
@@ -34,8 +34,6 @@ Numbers = Callable[[slice], NDArray[np.int32]]
 FEW = 1 << 13  # distinct materials up to which an atlas does not pay
 MOST = 1 << 19  # distinct materials that are kept at a time
 FINER = 0.1  # accuracy of what an atlas is made of, over that of the image
-DEEPEST = 30.0  # error of the indentation, over that of the height
-SHARE, SOME, TINY = 1e-3, 64, 1e-300  # error of an integral over its size, points that tell that, and the least of it
 REST = 1 << 16  # pixels without an interpolant that are solved together
 
 
@@ -201,32 +199,6 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
         **OF_ORBITS,
     }  # fmt: skip
     return sorted({column for name in names for column in needed.get(name, ())} - {ADHESION_LOSS})
-
-
-def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:
-    """Largest errors of functions: lengths as the height, energies as what the phase's error does to them.
-
-    Those of integrals over orbits are a share of what they are on average at some points of the sample.
-
-    The indentation is allowed more: the solvers give the deepest of the points at which they evaluate the force, and
-    which one that is changes from material to material.
-    """
-    phase, height = math.radians(job.accuracy.phase), job.accuracy.height
-    # The drive's work per cycle is pi k u0 A cos(phase), the virial of the harmonic orbit k u0 A sin(phase) / 2.
-    energy = job.scope.cantilever.stiffness * job.scope.base_amplitude * job.amplitude * phase
-    limits = {
-        col.TIP_OFFSET: height, col.MEAN: height, col.INDENTATION: DEEPEST * height, col.PHASE: phase,
-        col.DISSIPATION: math.pi * energy, col.VIRIAL: 0.5 * energy,
-    }  # fmt: skip
-    common = np.array([limits[column] for column in FUNCTIONS])
-    if exact.functions == FUNCTIONS or not len(sample):
-        return common
-    known = np.abs(exact(sample[:SOME], in_time=False)[:, len(FUNCTIONS) :])
-    usual = np.nanmean(known, axis=0) if np.isfinite(known).any() else np.ones(known.shape[1])
-    pairs = {column: pair for pair in OF_ORBITS.values() for column in pair}
-    size = dict(zip(exact.functions[len(FUNCTIONS) :], usual, strict=True))
-    of_pair = [max(*(size[part] for part in pairs[column]), TINY) for column in size]
-    return np.append(common, SHARE * np.array(of_pair))
 
 
 def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Array:

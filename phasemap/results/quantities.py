@@ -170,7 +170,7 @@ def _mode2_shift(motion: Motion) -> Array:
 
 
 @_once
-def _mode2_answer(motion: Motion) -> Array:
+def answer_of(motion: Motion) -> Array:
     """Drive over answer of the second mode at its free resonance, 1/Q2 without a surface (complex)."""
     mode, stiffer, lossy = _second(motion)
     return np.asarray(stiffer + 1j * (1 / mode.quality_factor + lossy))
@@ -181,14 +181,14 @@ def _mode2_amplitude(motion: Motion) -> Array:
     mode, _, lossy = _second(motion)
     if mode.detection == "fm":  # a loop holds it
         return np.where(np.isfinite(lossy), mode.free_amplitude, np.nan)
-    return np.asarray(mode.free_amplitude / mode.quality_factor / np.abs(_mode2_answer(motion)))
+    return np.asarray(mode.free_amplitude / mode.quality_factor / np.abs(answer_of(motion)))
 
 
 def _mode2_phase(motion: Motion) -> Array:
     mode, _, lossy = _second(motion)
     if mode.detection == "fm":
         return np.where(np.isfinite(lossy), 0.0, np.nan)
-    return np.degrees(np.pi / 2 - np.angle(_mode2_answer(motion)))
+    return np.degrees(np.pi / 2 - np.angle(answer_of(motion)))
 
 
 @_once

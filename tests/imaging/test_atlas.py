@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tracemalloc
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ import phasemap as pm
 from phasemap import generate
 from phasemap._kernels import columns as col
 from phasemap._kernels.materials import interpolate as kernel
+from phasemap.imaging import engaged
 from phasemap.imaging.interpolation import Atlas, ExactOrbits
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.imaging.interpolation.borders import Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
 from phasemap.imaging.interpolation.exact_orbits import DEPTH
+from phasemap.imaging.tolerances import OF_ANSWER
 from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -205,6 +208,58 @@ def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
     # Two float maps and the status are returned. The rest is blocks of 2^15 pixels, the same for an image of any size,
     # but for the digests that are sorted to count the materials, 8 bytes a pixel up to 2^22 of them.
     assert peak - image.nbytes < 64 * 2**20
+
+
+def with_second_mode(scope: pm.Microscope) -> pm.Microscope:
+    lever = scope.cantilever
+    # The second mode of a uniform beam is 6.27 times as fast, and 39 times as stiff.
+    mode = pm.Mode(
+        39.3 * lever.stiffness, 6.27 * lever.resonance_frequency, 1.5 * lever.quality_factor, 0.1e-9, detection="am"
+    )
+    return replace(scope, drive=replace(scope.drive, second=mode))
+
+
+class TestSecondMode:
+    """Integrals over orbits that a second mode asks for, interpolated as the orbits are."""
+
+    @pytest.mark.parametrize("case", [CASES[0], CROSSING, CASES[3], CASES[5]], ids=lambda case: case.name)
+    def test_its_answer_is_that_of_solved_pixels(self, case: Case) -> None:
+        scope, surface = with_second_mode(case.scope), case.surface()
+        variables = ("solver", "mode2_amplitude", "mode2_phase")
+        image = pm.simulate(surface, scope, case.setpoint, variables=variables)
+        rows, columns = np.divmod(np.random.default_rng(3).choice(SIDE**2, 400, replace=False), SIDE)
+        values = {
+            name: np.asarray(getattr(surface, name))[rows, columns] for name in ("modulus", "adhesion", "damping")
+        }
+        some = pm.Surface(**{name: value[None] for name, value in values.items()}, pixel_size=1e-9)
+        solved = pm.simulate(some, scope, case.setpoint, solver="orbit", variables=variables)
+        there = image.solver.values[rows, columns] == SOLVER_NAMES.index("interpolated")
+        assert there.mean() > 0.9 * case.interpolated
+
+        def answer(amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
+            return 1e-10 / amplitude * np.exp(1j * np.radians(90 - phase))
+
+        found = answer(*(image[name].values[rows, columns][there] for name in variables[1:]))
+        true = answer(*(solved[name].values.ravel()[there] for name in variables[1:]))
+        # Four integrals make the answer, each within OF_ANSWER of its usual size.
+        assert abs(found - true).max() < 4 * OF_ANSWER * abs(true).mean()
+
+    def test_it_takes_about_as_many_orbits_as_the_image_without_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        asked: list[int] = []
+        inner = engaged.build
+
+        def build(exact: ExactOrbits, *rest: Any) -> Atlas:
+            atlas = inner(exact, *rest)
+            asked.append(exact.asked + (exact.bare.asked if exact.bare is not exact else 0))
+            return atlas
+
+        monkeypatch.setattr(engaged, "build", build)
+        for scope in (AIR, with_second_mode(AIR)):
+            pm.simulate(CROSSING.surface(), scope, 0.7)
+        plain, bimodal = asked
+        # A row of nodes may be added along one coordinate of a cell, which is no more than half of all orbits; where
+        # integrals were rough next to a graze or not continuous, cells were halved again and again.
+        assert bimodal < 1.5 * plain
 
 
 class TestParts:

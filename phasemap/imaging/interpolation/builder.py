@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, OUTSIDE
 from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
-from phasemap.imaging.interpolation.cells import Cell, Piece, best_form, fit
+from phasemap.imaging.interpolation.cells import Cell, Piece, best_of, fit
 from phasemap.imaging.interpolation.chebyshev import unscaled
 from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
@@ -82,7 +80,7 @@ class _Builder:
         low, high = box[4], box[5]
         try:
             few = self._few_above(box, materials)
-            borders = find_borders(self.exact, (box[0], box[1], box[2], box[3]), low, high, few)
+            borders = find_borders(self.exact.bare, (box[0], box[1], box[2], box[3]), low, high, few)
         except Undecided as undecided:
             if undecided.below is not None:
                 return self._cut_lines(box, undecided.below, materials, depth)
@@ -133,13 +131,14 @@ class _Builder:
     def _layer(self, box: Box, lower: float | Border, upper: float | Border, materials: Array, depth: int) -> int:
         if not self._budget(materials):
             return self._node(LEAF, OUTSIDE)
-        cell = Cell((*box[:4], 0.0, 1.0), lower, upper)
-        cell = replace(cell, form=best_form(self.exact, cell, self.tolerances))
         x0, x1 = materials[:, 0], materials[:, 1]
         low = lower.height(x0, x1) if isinstance(lower, Border) else lower
         high = upper.height(x0, x1) if isinstance(upper, Border) else upper
         share = min(max(MARGIN, LEFT / (self.weight * len(materials))), WIDEST)
-        cell = cell.margins(float(np.min(high - low)), share)
+        whole = Cell((*box[:4], 0.0, 1.0), lower, upper)
+        grazes = self.exact is not self.exact.bare
+        cells = [cell.margins(float(np.min(high - low)), share, grazes) for cell in whole.forms()]
+        cell = best_of(self.exact, cells, self.tolerances)
         outside = (abs(cell.inside(materials)) > 1).any(axis=1)
         return self.cell(cell, materials[~outside], depth)
 

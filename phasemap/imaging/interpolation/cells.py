@@ -57,13 +57,26 @@ class Cell:
         places = (points[:, 0], points[:, 1], _place((points[:, 2] - low) / thickness, self.form))
         return np.column_stack([scaled(place, *self.side(axis)) for axis, place in enumerate(places)])
 
-    def margins(self, thickness: float, least: float) -> Cell:
-        """Leave out what is too near to a jump for the border's error, at least the share `least` of the layer."""
-        low, high = self.side(2)
-        if isinstance(self.lower, Border) and self.lower.sudden:
-            low = float(_place(np.array(max(least, 4 * self.lower.error / thickness)), self.form))
-        if isinstance(self.upper, Border) and self.upper.sudden:
-            high = float(_place(np.array(1 - max(least, 4 * self.upper.error / thickness)), self.form))
+    def forms(self) -> list[Cell]:
+        """The layer with each form of u that its ends allow."""
+        lower, upper = isinstance(self.lower, Border), isinstance(self.upper, Border)
+        forms = [PLAIN] + [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
+        return [replace(self, form=form) for form in forms]
+
+    def margins(self, thickness: float, least: float, grazes: bool) -> Cell:
+        """Leave out what is too near to a border for its error: of a jump at least the share `least` of the layer.
+
+        Where the tip grazes only if `grazes`: integrals over contacts go with the root of the distance.
+        """
+
+        def margin(end: End) -> float:
+            if not isinstance(end, Border) or not (end.sudden or grazes):
+                return 0.0
+            return max(least if end.sudden else 0.0, 4 * end.error / thickness)
+
+        low, high = (
+            float(_place(np.array(share), self.form)) for share in (margin(self.lower), 1 - margin(self.upper))
+        )
         return replace(self, box=(*self.box[:4], low, high))
 
     def level(self, u: float) -> End:
@@ -258,17 +271,14 @@ class _Trial:
         return Piece(self.cell, coefs, (estimates + FLOOR * self.tolerances)[[HEIGHT, PHASE]])
 
 
-def best_form(exact: ExactOrbits, cell: Cell, tolerances: Array) -> int:
-    """The form of u along which orbits in the middle of a layer change most evenly."""
-    forms = [PLAIN]
-    lower, upper = isinstance(cell.lower, Border), isinstance(cell.upper, Border)
-    forms += [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
-    if len(forms) == 1:
-        return PLAIN
-    middle = [0.5 * sum(cell.side(axis)) for axis in (0, 1)]
-    line = (middle[0], middle[0], middle[1], middle[1], *cell.side(2))
-    rough = {}
-    for form in forms:
-        tails = Fit(exact, replace(cell, box=line, form=form), 17).tails(tolerances)
-        rough[form] = float(np.nan_to_num(tails, nan=np.inf).max())
-    return min(forms, key=lambda form: rough[form])
+def best_of(exact: ExactOrbits, cells: list[Cell], tolerances: Array) -> Cell:
+    """The cell, of the same layer with several forms of u, along whose middle orbits change most evenly."""
+    if len(cells) == 1:
+        return cells[0]
+    rough = []
+    for cell in cells:
+        middle = [0.5 * sum(cell.side(axis)) for axis in (0, 1)]
+        line = (middle[0], middle[0], middle[1], middle[1], *cell.side(2))
+        tails = Fit(exact, replace(cell, box=line), 17).tails(tolerances)
+        rough.append(float(np.nan_to_num(tails, nan=np.inf).max()))
+    return cells[int(np.argmin(rough))]

@@ -49,6 +49,8 @@ class ExactOrbits:
         self.asked = 0
         self.functions = functions_of(names)
         self._names = names
+        # The same orbits without the integrals, which borders do not ask for
+        self.bare = self if self.functions == FUNCTIONS else ExactOrbits(scope, amplitude, axes, workers, accuracy)
         self._workers, self._accuracy = workers, accuracy or Accuracy()
 
     def _work(self, points: Array, amplitude: float | None) -> Work:

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import values_of
-from phasemap.imaging.engaged import DEEPEST
+from phasemap.imaging.tolerances import DEEPEST
 from phasemap.results.variables import IMAGE_VARIABLES
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import MEAN, Picture
@@ -61,7 +61,7 @@ def allowed(
     An error e of the phase is one of the force's first harmonic, k u0 e, of the drive's work, pi k u0 A e, and of the
     virial, k u0 A e / 2; of a force that acts for a part of the period the mean is at most half the first harmonic.
     Twice as much is allowed, and more for the virial. Approximate pixels, averaged or interpolated ones, are as exact
-    as the image was asked to be (`imaging.engaged.tolerances_of`). Of irregular motion the means of phase and height
+    as the image was asked to be (`imaging.tolerances.tolerances_of`). Of irregular motion the means of phase and height
     are compared.
     """
     claims, lever = picture.claims, lever_of(picture.claims.microscope)
