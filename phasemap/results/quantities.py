@@ -230,15 +230,21 @@ def _disturbed(motion: Motion) -> Array:
 
     A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
     proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
-    modes do at sidebands beyond second order of the slope goes with the largest force over k A, and a quarter of that
-    covers all that was found in time. Of Hertz's tap that force is 4 sqrt(2)/3 <k>2 sqrt(A D): by the slope, from
-    which adhesion takes less than from the virial.
+    modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and a
+    quarter of that covers all that was found in time.
+
+    For a short tap, d = D - A theta^2/2, that force is F2 = 4 sqrt(2)/3 <k>2 sqrt(A D) by the mean slope and
+    F1 = 4 sqrt(2)/3 <k>1 A sqrt(A/D) by the virial. An attraction F0 that lasts through contact takes 16/(3 pi) F0 from
+    F1, and its rise to F0 outside 4/(3 pi) F0 from F2; outside it takes more from F1. So at most (F2 - F1)/3 is to be
+    added to F2.
     """
     with np.errstate(all="ignore"):
-        deep = np.maximum(motion.orbit["indentation"], 0.0)
-        force = 4 * np.sqrt(2) / 3 * np.abs(_stiffness_2(motion)) / motion.lever[col.STIFFNESS]
-        share: Array = 0.5 * _too_large(motion) ** 2 + force * np.sqrt(deep / motion.amplitude) / 4
-    return share
+        share = np.sqrt(np.maximum(motion.orbit["indentation"], 0.0) / motion.amplitude)
+        scale = 4 * np.sqrt(2) / 3 / motion.lever[col.STIFFNESS]
+        by_slope, by_virial = scale * np.abs(_stiffness_2(motion)) * share, scale * _stiffness_1(motion) / share
+        force = by_slope + np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0) / 3
+        rest: Array = 0.5 * _too_large(motion) ** 2 + force / 4
+    return rest
 
 
 LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"
@@ -305,7 +311,7 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "bimodal_modulus_bound", "largest share by which the bimodal modulus differs from two modes in time", "1",
-            _disturbed, "half the square of mode2_over_depth, and a quarter of the largest force over k A",
+            _disturbed, "half the square of mode2_over_depth, and a quarter of the largest force of contact over k A",
             (*OF_SECOND, "indentation"), bimodal=True,
         ),
     )
