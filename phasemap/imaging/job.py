@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
@@ -20,6 +21,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.materials.survey import Place, Survey
 from phasemap.results.quantities import needs_of
+from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
@@ -105,9 +107,16 @@ class Job:
         """Variables of distinct materials, one entry a material."""
 
         def solve(some: Array, later: Progress | None) -> Values:
-            work = self.work(some)
-            rows, status, used = run(self.solver, work, self.accuracy, threads=self.workers, progress=later)
-            return values_of(self.names, self.widened(rows, used, work, some), status, used, self.scope)
+            bare = cache(partial(self._bare, some))
+
+            def widen(part: Work, rows: Array, used: NDArray[np.int8], at: NDArray[np.intp]) -> Array:
+                return widened(rows, part, used, self.scope, lambda: bare()[at], self.needs)
+
+            more = None if set(OF_ORBITS).isdisjoint(self.needs) else widen
+            rows, status, used = run(
+                self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later, widen=more
+            )
+            return values_of(self.names, rows, status, used, self.scope)
 
         return self.in_chunks(materials, solve, progress)
 
@@ -118,11 +127,10 @@ class Job:
 
     def widened(self, rows: Array, used: NDArray[np.int8], work: Work, materials: Array) -> Array:
         """Result rows of materials, shape (..., n, COLUMNS), with what the variables asked for need besides."""
+        return widened(rows, work, used, self.scope, partial(self._bare, materials), self.needs)
 
-        def bare() -> Array:
-            return bare_rows(self.properties(materials)[0], self.scope, film_of(materials))
-
-        return widened(rows, work, used, self.scope, bare, self.needs)
+    def _bare(self, materials: Array) -> Array:
+        return bare_rows(self.properties(materials)[0], self.scope, film_of(materials))
 
     def in_chunks(
         self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.orbits.kept import COUNT, KEEPING
 from phasemap._kernels.wide import WIDE
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
@@ -16,6 +17,8 @@ from phasemap.results.variables import HARMONICS, OF_ADHESION, OF_FORCES
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
+
+NONE = np.zeros((0, 0))  # rows with nodes
 
 
 def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
@@ -28,7 +31,9 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
 
 
-def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, virial: bool = True) -> Array:
+def with_adhesion(
+    rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, virial: bool = True, kept: Array = NONE
+) -> Array:
     """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
 
     The attraction is the force less that of the same contact without adhesion and bias. All are good to 0.1 %: the tip
@@ -38,17 +43,20 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
     `used` (shape (..., n)): codes of the solvers that made the rows.
     `bare` (shape (n, 12)): see `bare_rows`.
     `virial`: whether that is wanted; without it the taps alone are followed.
+    `kept` (shape (n, KEEPING)): rows with nodes of the same orbits, for rows of shape (n, ...).
     Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit, or one that taps twice.
     """
     from phasemap._kernels.rows.adhesion import adhesion_rows
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        adhesion_rows(work.law, work.rows, bare, work.lever, codes == col.AVERAGING, virial, some)
+        adhesion_rows(work.law, work.rows, bare, work.lever, codes == col.AVERAGING, virial, kept, some)
     return _as_seen(wide, rows)
 
 
-def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope, *, harmonics: bool = True) -> Array:
+def with_forces(
+    rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope, *, harmonics: bool = True, kept: Array = NONE
+) -> Array:
     """Result rows with the mean slope of the force [N/m], the mean damping [1] and the harmonics of the tip [m].
 
     All are good to 0.1 % of the largest harmonic, however hard the tap: the tip is followed by the equation of motion.
@@ -57,6 +65,7 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
     `rows`, `work`, `used`: as for `with_adhesion`.
     `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
     `harmonics`: whether those of the tip are wanted.
+    `kept`: as for `with_adhesion`.
     """
     from phasemap._kernels.rows.forces import force_rows
 
@@ -65,7 +74,7 @@ def with_forces(rows: Array, work: Work, used: NDArray[np.int8], scope: Microsco
         frequency = scope.frequency_ratio * scope.cantilever.resonance_frequency
         second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, harmonics, some)
+        force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, harmonics, kept, some)
     return _as_seen(wide, rows)
 
 
@@ -75,13 +84,18 @@ def widened(
 ) -> Array:  # fmt: skip
     """Result rows with what variables of these names need besides; the same rows where none needs anything.
 
-    `rows`, `work`, `used`, `scope`: as for `with_adhesion` and `with_forces`.
+    `rows`, `work`, `used`, `scope`: as for `with_adhesion` and `with_forces`, or rows of `solvers.run` with nodes.
     `bare`: makes what `bare_rows` returns.
     """
+    kept = NONE
+    if rows.shape[-1] == KEEPING:
+        # What was solved in another way since is not at these nodes.
+        rows[used != col.CORRECTED, COUNT] = np.nan
+        kept, rows = rows, rows[:, : col.COLUMNS]
     if not set(OF_ADHESION).isdisjoint(names):
-        rows = with_adhesion(rows, work, used, bare(), virial="adhesion_virial" in names)
+        rows = with_adhesion(rows, work, used, bare(), virial="adhesion_virial" in names, kept=kept)
     if not set(OF_FORCES).isdisjoint(names):
-        rows = with_forces(rows, work, used, scope, harmonics=not set(HARMONICS).isdisjoint(names))
+        rows = with_forces(rows, work, used, scope, harmonics=not set(HARMONICS).isdisjoint(names), kept=kept)
     return rows
 
 

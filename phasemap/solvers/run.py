@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.orbits.kept import KEEPING
 from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.detected_setpoint import hold
@@ -18,34 +21,53 @@ from phasemap.solvers.solver import Solver
 
 Array = np.ndarray
 
+Widen = Callable[[Work, Array, Array, Array], Array]
+"""``widen(part, rows, used, at)``: result rows of a part of the work with what is asked for besides, shape (n, WIDE);
+`rows` may have nodes behind them (`phasemap._kernels.orbits.kept`), and `at` are the numbers of the part."""
+
 
 def run(
-    solver: Solver, work: Work, accuracy: Accuracy, *, threads: int | None = None, progress: Progress | None = None
-) -> tuple[Array, Array, Array]:
+    solver: Solver, work: Work, accuracy: Accuracy, *, threads: int | None = None, progress: Progress | None = None,
+    widen: Widen | None = None,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Solve work in chunks on several threads.
 
-    Returns `rows` (shape (n, COLUMNS)): as the detector sees them.
+    `widen`: adds to the rows of each chunk what their orbits are asked for besides.
+    Returns `rows` (shape (n, COLUMNS), or (n, WIDE) with `widen`): as the detector sees them.
     Returns `status, solver` (shape (n,)).
     """
     if work.lever[col.SHAKER]:
         at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
-        return hold(work, at_amplitudes, accuracy.periods)
+        rows, status, used = hold(work, at_amplitudes, accuracy.periods)
+        return (rows if widen is None else widen(work, rows, used, np.arange(len(work)))), status, used
     if work.law.memory and not isinstance(solver, Remembering):
         check_marches(solver.name)
         solver = Remembering(solver)
     count = len(work)
-    rows = np.full((count, col.COLUMNS), np.nan)
+    rows = np.full((count, col.COLUMNS if widen is None else WIDE), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)
     valid = np.flatnonzero(status == col.GOOD)
     if len(valid) < count:
-        found = run(solver, work.part(valid), accuracy, threads=threads, progress=progress)
+        further = None if widen is None else lambda part, some, by, at: widen(part, some, by, valid[at])
+        found = run(solver, work.part(valid), accuracy, threads=threads, progress=progress, widen=further)
         rows[valid], status[valid], used[valid] = found
         return rows, status, used
     workers = workers_of(threads)
+    chunk = chunk_of(count, workers, solver.rows_per_chunk)
+    rooms: list[Array] = []  # for rows with nodes, each used again by the next chunk: fresh memory is slow
 
     def solve(first: int, last: int) -> None:
-        solver.solve(work, accuracy, first, last, Answers(rows, status, used))
+        if widen is None:
+            solver.solve(work, accuracy, first, last, Answers(rows, status, used))
+            return
+        at = np.arange(first, last)
+        room = rooms.pop() if rooms else np.empty((chunk, KEEPING))
+        part, some = work.part(at), Answers(room[: len(at)], status[first:last], used[first:last])
+        some.rows[:, : col.COLUMNS] = np.nan
+        solver.solve(part, accuracy, 0, len(at), some)
+        rows[at] = widen(part, some.rows, some.solver, at)
+        rooms.append(room)
 
-    spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
+    spread(solve, bounds_of(count, chunk), workers, progress)
     close(rows, work.lever)
     return rows, status, used

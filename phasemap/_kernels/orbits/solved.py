@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT, harmonic
-from phasemap._kernels.orbits.response import nodes as response
-from phasemap._kernels.orbits.response.nodes import ALL, ENTRY, EXIT, FIELDS, THETA, TOUCH, WEIGHTS, N
+from phasemap._kernels.orbits.around import RATE, ROWS, TOUCHES, harmonic
+from phasemap._kernels.orbits.kept import carry
+from phasemap._kernels.orbits.response.nodes import ALL, FIELDS
 from phasemap._kernels.orbits.response.passes import STATE
 from phasemap._kernels.orbits.response.retraced import retrace
 from phasemap._kernels.orbits.tap import MOST, tap
@@ -30,28 +30,6 @@ class Path(NamedTuple):
 def new_path() -> Path:
     """Return empty arrays."""
     return Path(np.zeros((ROWS, MOST)), np.zeros((FIELDS, ALL)), np.zeros(STATE))
-
-
-@kernel(fastmath=ANY_ORDER)
-def _carried(f: np.ndarray, amplitude: float, e: float, longrange: bool, at: np.ndarray) -> tuple[int, float, float]:
-    """Fill nodes from those of the response, those in contact first; returns what `nodes_of` does."""
-    touching = f[THETA, EXIT] > f[THETA, ENTRY]
-    count = 0
-    for part in range(3):
-        first = TOUCH if part == 0 else response.IN if part == 1 else response.OUT
-        if not (touching if part == 0 else longrange):
-            continue
-        for j in range(N):
-            i, k = first + j, count + j
-            at[COS, k], at[SIN, k] = f[response.COS, i], f[response.SIN, i]
-            at[DEPTH, k] = amplitude * f[response.COS, i] + f[response.W, i] - e
-            at[RATE, k] = f[response.U, i] - amplitude * f[response.SIN, i]
-            at[WEIGHT, k], at[TOUCHES, k] = WEIGHTS[j] * f[response.WEIGHT, i], 1.0 if part == 0 else 0.0
-        count += N
-    if not touching:
-        return count, 0.0, 0.0
-    entry = abs(f[response.U, ENTRY] - amplitude * f[response.SIN, ENTRY])
-    return count, entry, abs(f[response.U, EXIT] - amplitude * f[response.SIN, EXIT])
 
 
 @kernel
@@ -87,4 +65,4 @@ def all_nodes_of(
     if averaged or p[col.RELEASE] < 0.0 or not retrace(law, p, lever, row, path.nodes, path.state):
         return nodes_of(law, p, lever, row, averaged, True, path.at)
     e = row[col.TIP_OFFSET] - row[col.MEAN]
-    return _carried(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)
+    return carry(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)

@@ -10,6 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, longrange_force, parameters
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, WEIGHTS, X, moves
+from phasemap._kernels.orbits.kept import COUNT, ENDS, nodes_in
 from phasemap._kernels.orbits.solved import nodes_of
 from phasemap._kernels.orbits.tap import MOST
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
@@ -28,14 +29,16 @@ def _neck(law: Law, p: np.ndarray) -> float:
 
 @kernel
 def adhesion_rows(
-    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, whole: bool, out: np.ndarray
-) -> None:
+    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, whole: bool,
+    kept: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of wide rows of the tip, shape (n, WIDE), of periodic orbits.
 
     `bare` are the rows of the same contacts without adhesion and bias. Rows that are `averaged` have the harmonic orbit
-    only. The virial is filled in only if orbits are followed as a `whole`.
+    only. The virial is filled in only if orbits are followed as a `whole`. `kept` are rows with nodes of their orbits
+    where COUNT is above 0, shape (n, KEEPING) or (0, 0).
     """
-    at = np.zeros((ROWS, MOST))
+    room = np.zeros((ROWS, MOST))
     for i in range(len(rows)):
         row = out[i]
         if not moves(row):
@@ -43,7 +46,11 @@ def adhesion_rows(
         p, without = parameters(rows[i]), parameters(bare[i])
         virial, storage = 0.0, 0.0
         follow = whole or p[col.RELEASE] < 0.0
-        count, _, release = nodes_of(law, p, lever, row, averaged[i], follow, at)
+        at = room
+        if len(kept) > 0 and kept[i, COUNT] > 0.0:
+            at, count, release = nodes_in(kept[i]), int(kept[i, COUNT]), kept[i, ENDS]
+        else:
+            count, _, release = nodes_of(law, p, lever, row, averaged[i], follow, at)
         if count == 0:
             continue
         for j in range(count):

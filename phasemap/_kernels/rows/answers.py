@@ -10,7 +10,7 @@ import numpy as np
 class Answers(NamedTuple):
     """Rows of n materials, or of each of their orbits: every array may have a first axis more, of length SLOTS."""
 
-    rows: np.ndarray  # shape (n, COLUMNS)
+    rows: np.ndarray  # shape (n, COLUMNS), or (n, KEEPING) with room for nodes (`phasemap._kernels.orbits.kept`)
     # status, solver: int8, shape (n,); codes of `phasemap._kernels.columns`
     status: np.ndarray
     solver: np.ndarray

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.collocation.estimate import state_errors
@@ -46,6 +47,6 @@ def rows_beside(
             apart = abs(row[col.TIP_OFFSET] - near[col.TIP_OFFSET]) / amplitude
             if max(apart, abs(row[col.PHASE] - near[col.PHASE])) < SAME:
                 state_errors(law, p, lever, tables, orbit, spare, row)
-                near[:] = row
+                copy(row, near)
                 done[i] = True
                 break

@@ -20,8 +20,9 @@ from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
+from phasemap._kernels.orbits.kept import COUNT, FAINT, keep
 from phasemap._kernels.orbits.response.orbit import new_room, solved
-from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PHASE, report
+from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PARTS, PHASE, E, report
 from phasemap._kernels.rows.answers import Answers
 
 
@@ -66,12 +67,12 @@ def cheap_rows(
     """Orbit of every row in [first, last) after engagement, where the cheap path is good enough; returns how many wait.
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
-    stand. Rows that wait with the status STIFF hold `guess`.
+    stand. Rows that wait with the status STIFF hold `guess`. Rows with room keep the nodes of the orbit (`kept`).
     """
     out, status, solver = answers
     room, guess, waiting = new_room(), np.zeros(col.GUESS), 0
     for i in range(first, last):
-        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i]
+        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
         surety = engage(law, p, lever, amplitude, guess, room.top)
         status[i] = cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room)
@@ -81,6 +82,10 @@ def cheap_rows(
                 copy(guess, row)
         else:
             solver[i] = choose(lever, guess, solved(room), room.state, average, limits, row)
+            if out.shape[1] > col.COLUMNS:
+                out[i, COUNT] = 0.0
+                if room.state[PARTS] == 1.0 and lever[col.BASE] < FAINT * amplitude:
+                    keep(room.nodes, amplitude, room.state[E], p[col.LONGRANGE] != 0.0, out[i])
     return waiting
 
 

@@ -18,6 +18,7 @@ from phasemap._kernels.law import (
     parameters,
 )
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, moves
+from phasemap._kernels.orbits.kept import BEGINS, COUNT, ENDS, nodes_in
 from phasemap._kernels.orbits.solved import all_nodes_of, new_path
 from phasemap._kernels.orbits.tap import MOST
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
@@ -161,13 +162,13 @@ def _answer(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
 @kernel
 def force_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, second: np.ndarray, averaged: np.ndarray, harmonics: bool,
-    out: np.ndarray,
+    kept: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
     """Fill in GRADIENT and DRAG of wide rows of the tip, shape (n, WIDE), that have a periodic orbit.
 
     Rows that are `averaged` have the harmonic orbit only. `second` is the lever of a second mode, shape (5,),
     of stiffness 0 where there is none: SIDEBANDS are filled in with one. WAVES are filled in where `harmonics` of the
-    motion are wanted.
+    motion are wanted. `kept` are rows with nodes of their orbits where COUNT is above 0, shape (n, KEEPING) or (0, 0).
     """
     path, slopes, waves, load = new_path(), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS)), np.zeros((5, MOST))
     bimodal = second[col.STIFFNESS] > 0.0
@@ -176,16 +177,20 @@ def force_rows(
         row, p = out[i], parameters(rows[i])
         if not moves(row):
             continue
-        count, entry, release = all_nodes_of(law, p, lever, row, averaged[i], path)
+        at = path.at
+        if len(kept) > 0 and kept[i, COUNT] > 0.0:
+            at, count, entry, release = nodes_in(kept[i]), int(kept[i, COUNT]), kept[i, BEGINS], kept[i, ENDS]
+        else:
+            count, entry, release = all_nodes_of(law, p, lever, row, averaged[i], path)
         if count == 0:
             continue
-        gradient, drag = _slopes(law, p, path.at, count, load)
+        gradient, drag = _slopes(law, p, at, count, load)
         gradient += _jumps(law, p, entry, release)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
         if bimodal:
-            _harmonics(path.at, count, load, 1, slopes)
+            _harmonics(at, count, load, 1, slopes)
             _sidebands(yields, slopes, row)
         if harmonics:
-            _pushes(law, p, lever, path.at, count, load)
-            _harmonics(path.at, count, load, 2, waves)
+            _pushes(law, p, lever, at, count, load)
+            _harmonics(at, count, load, 2, waves)
             _answer(lever, waves, row)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap.experiment.material import Material
-from phasemap.experiment.properties import film_of, properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
-from phasemap.solvers.integrals import bare_rows, widened
-from phasemap.solvers.problem import material_row
 from phasemap.sweeps.contrasts.dataset import DIMS
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair
 
@@ -25,9 +20,8 @@ Array = NDArray[np.float64]
 
 
 def derived(
-    names: tuple[str, ...], pair: Pair, materials: tuple[Material, Material], labels: tuple[str, str], axes: Axes,
-    engaged: Engaged,
-) -> dict[str, xr.Variable]:  # fmt: skip
+    names: tuple[str, ...], pair: Pair, labels: tuple[str, str], axes: Axes, engaged: Engaged
+) -> dict[str, xr.Variable]:
     """Channels of each material, and of the second less the first under the name with ``_contrast``.
 
     `names`: of `phasemap.results.quantities.CHANNELS`.
@@ -35,19 +29,15 @@ def derived(
     """
     import xarray as xr
 
-    given = [material_row(one) for one in materials]
-    bare = np.concatenate([bare_rows(properties(*one, pair.scope)[0], pair.scope, film_of(one[0])) for one in given])
     values = {name: np.full(engaged.rows.shape[:-1], np.nan) for name in names}
     for i, frequency in enumerate(axes[0]):
         for k, free in enumerate(axes[1]):
-            scope, work = pair.at(frequency, free), pair.work(frequency, free, axes[2])
-            rows = engaged.rows[:, i, k].reshape(-1, col.COLUMNS)
-            used = engaged.solver[:, i, k].reshape(-1)
-            wide = widened(rows, work, used, scope, partial(np.repeat, bare, len(axes[2]), axis=0), _used(names))
-            orbit = {name: FLOATS[name].value(wide) for name in _used(names)}
-            motion = motion_of(scope, wide[:, col.AMPLITUDE], np.degrees(wide[:, col.PHASE]), orbit)
+            rows = engaged.rows[:, i, k]
+            orbit = {name: FLOATS[name].value(rows) for name in pair.needs}
+            scope = pair.at(frequency, free)
+            motion = motion_of(scope, rows[..., col.AMPLITUDE], np.degrees(rows[..., col.PHASE]), orbit)
             for name in names:
-                values[name][:, i, k] = CHANNELS[name].value(motion).reshape(2, -1)
+                values[name][:, i, k] = CHANNELS[name].value(motion)
     found: dict[str, Any] = {}
     for name in names:
         channel = CHANNELS[name]
@@ -59,6 +49,6 @@ def derived(
     return found
 
 
-def _used(names: tuple[str, ...]) -> set[str]:
-    """Integrals over the orbit that these channels are made of."""
-    return {one for name in names for one in (*CHANNELS[name].needs, CHANNELS[name].of_orbit) if one}
+def used_by(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Variables of an orbit that these channels are made of."""
+    return tuple(sorted({one for name in names for one in (*CHANNELS[name].needs, CHANNELS[name].of_orbit) if one}))

@@ -25,7 +25,7 @@ from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.march import check_integrals, check_marches
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
-from phasemap.sweeps.contrasts.channels import derived
+from phasemap.sweeps.contrasts.channels import derived, used_by
 from phasemap.sweeps.contrasts.dataset import DIMS, record
 from phasemap.sweeps.contrasts.edges import borders
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
@@ -159,7 +159,7 @@ def contrast(
     for setpoint in axes[2]:
         check_setpoint(setpoint)
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
-    pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy), workers_of(threads)
+    pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy, used_by(wanted)), workers_of(threads)
     if pair.materials.law.memory:
         check_marches(pair.solver.name)
         check_integrals([name for name in wanted if CHANNELS[name].needs])
@@ -174,7 +174,7 @@ def contrast(
         pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
     found = record(rising, labels, engaged, regime, jumps, inversions)
-    found = found.assign(derived(wanted, pair, (first, second), labels, rising, engaged))
+    found = found.assign(derived(wanted, pair, labels, rising, engaged))
     choice = choose(rising, labels, engaged, regime, jumps)
     best = dict.fromkeys([f"best_{name}" for name in (*DIMS, "contrast")], np.nan)
     if choice.place is not None:
@@ -225,14 +225,14 @@ def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> t
     """Every point of the map: what engaging leads to, and the regimes; shapes (2, *map, ...) and (2, *map)."""
     shape = (2, *(len(values) for values in axes))
     count = shape[3]
-    engaged = Engaged(np.full((*shape, col.COLUMNS), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
+    engaged = Engaged(np.full((*shape, pair.columns), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
     regime = np.zeros(shape, np.int8)
 
     def solve(first: int, last: int) -> None:
         for line in range(first // count, last // count):
             i, k = divmod(line, shape[2])
             work = pair.work(axes[0][i], axes[1][k], axes[2])
-            for whole, part in zip(engaged, pair.engage(work), strict=True):
+            for whole, part in zip(engaged, pair.engage(work, scope=pair.at(axes[0][i], axes[1][k])), strict=True):
                 whole[:, i, k] = part
             regime[:, i, k] = regimes(work).reshape(2, count) | regime_of(engaged.rows[:, i, k])
 

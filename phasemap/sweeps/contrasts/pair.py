@@ -8,15 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.wide import WIDE
 from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import film_of, properties
+from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.both_branches import stable_branches
+from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.orbit import Orbit
-from phasemap.solvers.problem import Work, work_of_material
+from phasemap.solvers.problem import Work, material_row, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
@@ -31,7 +35,7 @@ REGIMES = ("none", "attractive", "repulsive", "bistable")
 class Engaged(NamedTuple):
     """What the controller finds after engaging from far, on each of the two materials."""
 
-    rows: Array  # shape (2, n, COLUMNS)
+    rows: Array  # shape (2, n, COLUMNS), or (2, n, WIDE) where channels need more
     # status, solver: int8, shape (2, n)
     status: Array
     solver: Array
@@ -45,14 +49,21 @@ class Pair:
     scope: Microscope  # its drive is replaced by that of the working point
     solver: Solver
     accuracy: Accuracy
+    bare: Array  # the materials' rows without adhesion, shape (2, 12), as of `phasemap.solvers.integrals.bare_rows`
+    needs: tuple[str, ...]  # variables of an orbit that channels are made of
 
     @classmethod
-    def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
+    def of(
+        cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy,
+        needs: tuple[str, ...],
+    ) -> Pair:  # fmt: skip
         """Make a pair."""
         one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
         law = one.law if one.law.memory else other.law  # the same law, and knowing a memory if one of them has one
         both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
-        return cls(both, scope, solver, accuracy)
+        given = [material_row(material) for material in (first, second)]
+        bare = [bare_rows(properties(*row, scope)[0], scope, film_of(row[0])) for row in given]
+        return cls(both, scope, solver, accuracy, np.concatenate(bare), needs)
 
     def at(self, frequency: float, free_amplitude: float) -> Microscope:
         """The microscope driven at a frequency [Hz] with a free amplitude at resonance [m]."""
@@ -71,10 +82,24 @@ class Pair:
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
 
-    def engage(self, work: Work, solver: Solver | None = None) -> Engaged:
-        """The orbits that the controller finds; on one thread, for callers have theirs."""
-        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1)
-        return Engaged(rows.reshape(2, -1, col.COLUMNS), status.reshape(2, -1), used.reshape(2, -1))
+    @property
+    def columns(self) -> int:
+        """How many a row of the map has."""
+        return col.COLUMNS if set(OF_ORBITS).isdisjoint(self.needs) else WIDE
+
+    def engage(self, work: Work, solver: Solver | None = None, scope: Microscope | None = None) -> Engaged:
+        """The orbits that the controller finds; on one thread, for callers have theirs.
+
+        `scope`: at this working point, where what channels need is wanted.
+        """
+
+        def widen(part: Work, rows: Array, used: Array, at: Array) -> Array:
+            assert scope is not None
+            return widened(rows, part, used, scope, lambda: self.bare[2 * at // len(work)], self.needs)
+
+        more = None if scope is None or self.columns == col.COLUMNS else widen
+        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1, widen=more)
+        return Engaged(rows.reshape(2, -1, rows.shape[-1]), status.reshape(2, -1), used.reshape(2, -1))
 
     def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
         """Phases [degree] of both materials at one working point, shape (2,); NaN where there is no orbit.

@@ -16,6 +16,7 @@ from phasemap._kernels.columns import BASE, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.kept import FAINT
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     COS,
@@ -38,7 +39,6 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E, evaluate, start
 
 PASSES = 2  # where more were needed they contract slowly
-FAINT = 0.01  # of the amplitude: the largest drive
 ALIKE = 3e-4  # of the mean size of the force: what its mean and P may differ from the row's by
 MOST = 0.2  # change of the first force
 AS_DEEP = 5e-4  # of the depth, or without contact of the distance to the pole of the long-range force

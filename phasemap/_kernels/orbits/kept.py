@@ -1,0 +1,56 @@
+"""Nodes of an orbit that stand behind its result row, for integrals over it: what has them need not be followed again.
+
+A row that is longer than COLUMNS has room for them. Those of the lever's response are kept, of an orbit that passes
+found; other solvers leave none. Where the drive is not faint contacts are long, and these nodes are too few for high
+harmonics of what acts in them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT
+from phasemap._kernels.orbits.response import nodes as response
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, THETA, TOUCH, WEIGHTS, N
+
+MOST = 3 * N  # nodes
+FAINT = 0.01  # of the amplitude: the largest drive
+# Columns of the row: how many nodes there are, |dd/dtheta| [m] where contact begins and ends, and the nodes
+COUNT, BEGINS, ENDS, NODES = range(col.COLUMNS, col.COLUMNS + 4)
+KEEPING = NODES + ROWS * MOST
+
+
+@kernel(fastmath=ANY_ORDER)
+def carry(f: np.ndarray, amplitude: float, e: float, longrange: bool, at: np.ndarray) -> tuple[int, float, float]:
+    """Fill nodes from those of the response, those in contact first; returns what `solved.nodes_of` does."""
+    touching = f[THETA, EXIT] > f[THETA, ENTRY]
+    count = 0
+    for part in range(3):
+        first = TOUCH if part == 0 else response.IN if part == 1 else response.OUT
+        if not (touching if part == 0 else longrange):
+            continue
+        for j in range(N):
+            i, k = first + j, count + j
+            at[COS, k], at[SIN, k] = f[response.COS, i], f[response.SIN, i]
+            at[DEPTH, k] = amplitude * f[response.COS, i] + f[response.W, i] - e
+            at[RATE, k] = f[response.U, i] - amplitude * f[response.SIN, i]
+            at[WEIGHT, k], at[TOUCHES, k] = WEIGHTS[j] * f[response.WEIGHT, i], 1.0 if part == 0 else 0.0
+        count += N
+    if not touching:
+        return count, 0.0, 0.0
+    entry = abs(f[response.U, ENTRY] - amplitude * f[response.SIN, ENTRY])
+    return count, entry, abs(f[response.U, EXIT] - amplitude * f[response.SIN, EXIT])
+
+
+@kernel
+def nodes_in(row: np.ndarray) -> np.ndarray:
+    """The nodes behind a row, shape (ROWS, MOST)."""
+    return row[NODES:KEEPING].reshape((ROWS, MOST))
+
+
+@kernel
+def keep(f: np.ndarray, amplitude: float, e: float, longrange: bool, row: np.ndarray) -> None:
+    """Put the nodes of the response behind a row."""
+    row[COUNT], row[BEGINS], row[ENDS] = carry(f, amplitude, e, longrange, nodes_in(row))
