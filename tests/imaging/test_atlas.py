@@ -19,7 +19,7 @@ from phasemap.imaging.interpolation import Atlas, ExactOrbits
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.imaging.interpolation.borders import Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
-from phasemap.imaging.interpolation.exact_orbits import DEPTH, FUNCTIONS
+from phasemap.imaging.interpolation.exact_orbits import DEPTH
 from phasemap.imaging.tolerances import OF_ANSWER
 from phasemap.results.variables import SOLVER_NAMES
 
@@ -260,19 +260,6 @@ class TestSecondMode:
         # A row of nodes may be added along one coordinate of a cell, which is no more than half of all orbits; where
         # integrals were rough next to a graze or not continuous, cells were halved again and again.
         assert bimodal < 1.5 * plain
-
-    def test_integrals_are_continuous_in_the_material(self) -> None:
-        """Each along the adhesion is a smooth function: no step where the way they are found changes."""
-        names = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss")
-        exact = ExactOrbits(with_second_mode(AIR), 0.7 * AIR.driven_amplitude, Axes(True, 0.0), 1, names=names)
-        # On the attractive branch, from a depth of 0.2 nm to one of 0.1 nm
-        adhesion = np.linspace(0.15, 0.17, 101)
-        points = np.column_stack([np.full(101, np.log(3e9)), np.full(101, 0.01), adhesion])
-        values = exact(points)[:, len(FUNCTIONS) :]
-        t = np.linspace(-1, 1, 101)
-        off = values - np.polynomial.chebyshev.chebval(t, np.polynomial.chebyshev.chebfit(t, values, 8)).T
-        # An orbit of the response is good to 1e-6 of its depth; followed anew from its row it was good to 1e-4.
-        assert (abs(off).max(axis=0) < 1e-6 * abs(values).max(axis=0)).all()
 
 
 class TestParts:

@@ -311,6 +311,19 @@ def test_an_orbit_that_is_retraced_is_the_one_that_is_followed(case: Case) -> No
     assert alone[GRADIENT] == retraced[GRADIENT] and np.isnan(alone[WAVES])
 
 
+def test_integrals_are_continuous_in_the_material() -> None:
+    names = ("mean_gradient", "mean_damping", "contact_storage")
+    # On the attractive branch, from a depth of 0.2 nm to one of 0.1 nm
+    air = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    line = pm.Surface(2e9, np.linspace(0.15, 0.17, 101)[None], 0.01, pixel_size=1e-9)
+    image, t = pm.simulate(line, air, 0.7, solver="orbit", variables=names), np.linspace(-1, 1, 101)
+    for name in names:
+        values = image[name].values[0]
+        smooth = np.polynomial.chebyshev.chebval(t, np.polynomial.chebyshev.chebfit(t, values, 8))
+        # An orbit of the response is good to 1e-6 of its depth; followed anew from its row it is good to 1e-4.
+        assert abs(values - smooth).max() < 1e-6 * abs(values).max()
+
+
 def test_higher_harmonics_are_images_where_asked() -> None:
     names = ["amplitude_2", "phase_2", "amplitude_6", "phase"]
     image = pm.simulate(SURFACE, SCOPE, 0.6, variables=names)

@@ -66,14 +66,8 @@ class ExactOrbits:
         Returns an array of shape (n, functions): NaN where no orbit is held.
         """
         work = self._work(points, amplitude)
-        stiffness = self.axes.materials(points.T)[0]
-
-        def widen(part: Work, rows: Array, used: NDArray[np.int8], at: NDArray[np.intp]) -> Array:
-            return self._widened(part, stiffness[at], rows, used)
-
-        more = None if self.functions == FUNCTIONS else widen
-        solver = Orbit(in_time=in_time)
-        return self._functions(*run(solver, work, self._accuracy, threads=self._workers, widen=more)[:2])
+        rows, status, used = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
+        return self._functions(work, points, rows, status, used)
 
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
         """Functions of the orbits next to guesses, without engagement, which is cheaper near a jump.
@@ -102,14 +96,17 @@ class ExactOrbits:
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)
         spread(solve, bounds_of(count, size), self._workers, None)
-        used = np.full(count, col.ORBIT, np.int8)
-        return self._functions(self._widened(work, self.axes.materials(points.T)[0], rows, used), status)
+        return self._functions(work, points, rows, status, np.full(count, col.ORBIT, np.int8))
 
-    def _widened(self, work: Work, stiffness: Array, rows: Array, used: NDArray[np.int8]) -> Array:
-        return widened(rows, work, used, self.scope, lambda: bare_rows(stiffness, self.scope), self._names)
+    def _functions(
+        self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]
+    ) -> Array:
+        def bare() -> Array:
+            return bare_rows(self.axes.materials(points.T)[0], self.scope)
 
-    def _functions(self, rows: Array, status: NDArray[np.int8]) -> Array:
-        values: Array = rows[:, self.functions]
+        # From the row, though the solver may know its nodes: orbits of `near` have none, and what differs between the
+        # two, 1e-4, would be a step in the interpolant.
+        values: Array = widened(rows, work, used, self.scope, bare, self._names)[:, self.functions]
         values[(status != col.GOOD) | col.irregular(rows)] = np.nan
         return values
 
