@@ -107,12 +107,12 @@ class Job:
         """Variables of distinct materials, one entry a material."""
 
         def solve(some: Array, later: Progress | None) -> Values:
-            bare = cache(partial(self._bare, some))
+            bare, needs = cache(partial(self._bare, some)), self.needs
 
             def widen(part: Work, rows: Array, used: NDArray[np.int8], at: NDArray[np.intp]) -> Array:
-                return widened(rows, part, used, self.scope, lambda: bare()[at], self.needs)
+                return widened(rows, part, used, self.scope, lambda: bare()[at], needs)
 
-            more = None if set(OF_ORBITS).isdisjoint(self.needs) else widen
+            more = None if set(OF_ORBITS).isdisjoint(needs) else widen
             rows, status, used = run(
                 self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later, widen=more
             )

@@ -40,7 +40,7 @@ def _jumps(law: Law, p: np.ndarray, entry: float, release: float) -> float:
 def _harmonics(at: np.ndarray, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
     """Harmonics `first` ... of what is at the nodes with their weights: sums of it with cos(n theta) and -sin(n theta).
 
-    By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: two harmonics in a pass over the nodes, between which
+    By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
     nothing is stored.
 
     Parameters
@@ -50,26 +50,28 @@ def _harmonics(at: np.ndarray, count: int, load: np.ndarray, first: int, out: np
     load : ndarray, shape (5, MOST)
         First the load of each node; the rest is room.
     out : ndarray, shape (2, any)
-        Filled; an even number of harmonics where `first` is odd, and else an odd one.
+        Filled.
     """
     cosine, sine, even, odd, even_last, odd_last = at[COS], at[SIN], load[1], load[2], load[3], load[4]
     for j in range(count):
         even[j], odd[j] = load[0, j] * cosine[j], load[0, j] * sine[j]
         even_last[j], odd_last[j] = load[0, j], 0.0
-    for n in range(1, first + out.shape[1], 2):
-        re, im, re_next, im_next = 0.0, 0.0, 0.0, 0.0
+    for n in range(1, first + out.shape[1], 4):
+        re_0, im_0, re_1, im_1, re_2, im_2, re_3, im_3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(count):
-            turn, c, s = 2.0 * cosine[j], even[j], odd[j]
-            c_next, s_next = turn * c - even_last[j], turn * s - odd_last[j]
-            re += c
-            im -= s
-            re_next += c_next
-            im_next -= s_next
-            even_last[j], odd_last[j] = c_next, s_next
-            even[j], odd[j] = turn * c_next - c, turn * s_next - s
-        if n >= first:
-            out[0, n - first], out[1, n - first] = re, im
-        out[0, n + 1 - first], out[1, n + 1 - first] = re_next, im_next
+            turn, c_0, s_0 = 2.0 * cosine[j], even[j], odd[j]
+            c_1, s_1 = turn * c_0 - even_last[j], turn * s_0 - odd_last[j]
+            c_2, s_2 = turn * c_1 - c_0, turn * s_1 - s_0
+            c_3, s_3 = turn * c_2 - c_1, turn * s_2 - s_1
+            re_0, im_0, re_1, im_1 = re_0 + c_0, im_0 - s_0, re_1 + c_1, im_1 - s_1
+            re_2, im_2, re_3, im_3 = re_2 + c_2, im_2 - s_2, re_3 + c_3, im_3 - s_3
+            even_last[j], odd_last[j] = c_3, s_3
+            even[j], odd[j] = turn * c_3 - c_2, turn * s_3 - s_2
+        four = ((re_0, im_0), (re_1, im_1), (re_2, im_2), (re_3, im_3))
+        for k in range(4):
+            i = n + k - first
+            if 0 <= i < out.shape[1]:
+                out[0, i], out[1, i] = four[k]
 
 
 @kernel
