@@ -16,7 +16,7 @@ step, change when the integrator is 10 times less exact, difference from the pol
 frequency ratio, amplitude, phase, stable along every curve followed, thinned, as a picture of it. Each curve has ends:
 how "grazing" (the orbit of one contact per period, or of none, just touches: with a law that has hysteresis or jumps at
 d = 0 the curve stops there), "range", "closed", "start" or "stops" (not followed farther: often the tip is in contact
-at the section); and where. Folds at tip offsets below `range` of the free amplitude are not looked for.
+at the section); and where. Turns of a distance curve are where its amplitude is largest or smallest. Folds at tip offsets below `range` of the free amplitude are not looked for.
 """
 
 import json
@@ -36,11 +36,15 @@ from truth_seeds import averaged, free_state
 HERE = pathlib.Path(__file__).parent
 OUT = (HERE.parent / "data" if (HERE.parent / "data").is_dir() else HERE) / "folds.json"
 FIG4 = FIG3 | dict(quality_factor=1 / 0.0012, free_amplitude=0.152e-9 / 0.0012)
+# Its amplitude turns 40 fm from where its tip offset does.
+SHARP = BASE | dict(stiffness=1.13, quality_factor=253.0, free_amplitude=7.43e-9, tip_radius=10.3e-9, modulus=2.69e8, adhesion=0.108,
+                    damping=0.00395, decay_length=0.3e-9)  # fmt: skip
 CASES = [
     ("fig 3 lever", FIG3, "distance"),
     ("bistable at resonance", W7, "distance"),
     ("small amplitude", SMALL, "distance"),
     ("hard", HARD, "distance"),
+    ("sharp turn", SHARP, "distance"),
     ("soft", SOFT, "distance"),
     ("soft, more adhesion", SOFT | dict(adhesion=0.05), "distance"),
     ("bistable, undamped, drive 1.002", W7 | dict(damping=0.0, frequency_ratio=1.002, adhesion=0.1), "distance"),
@@ -83,7 +87,7 @@ def beginnings(p, om, free, case, sweep):
     if sweep == "distance":
         far = free + 30 * p[D0]
         yield free_state(p, om, far, BEGIN)[1:], far, om, True
-        for s in (0.98, 0.9, 0.75, 0.5, 0.3):
+        for s in (0.98, 0.9, 0.75, 0.6, 0.5, 0.3):
             yield from ((*o, False) for o in at_amplitude(p, om, s * free, None))
     else:
         z0 = case["tip_offset"] * 1e9
@@ -194,6 +198,26 @@ def describe(c, f, p, case, om, joined, before, after):
     }
 
 
+def turns_of(c, pts):
+    """Where the amplitude along a curve is largest or smallest, from polynomials of the phase beside it."""
+    sizes, out = [abs(q[1]) for q in pts], []
+    for i in range(1, len(pts) - 1):
+        if (sizes[i] - sizes[i - 1]) * (sizes[i + 1] - sizes[i]) >= 0:
+            continue
+        best = None
+        for width in (0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5):
+            try:
+                got = c.chebyshev(pts[i][0], width, of_amplitude=True)
+            except (Lost, np.linalg.LinAlgError, IndexError):
+                continue
+            if best is None or got[2] < best[2]:
+                best = got
+        if best and best[2] < 1e-3:
+            out.append({"tip_offset": best[0] * 1e-9, "amplitude": best[1] * 1e-9, "misfit": best[2]})
+            print("    turn", out[-1], flush=True)
+    return out
+
+
 def end_of(c, q, how, p, case, om):
     x, h = q[0], q[1]
     z0, w = (x[2], om) if c.free == 2 else (c.other, x[2])
@@ -239,6 +263,7 @@ def folds_of(case, sweep):
         pictures.append(
             {
                 "joined": joined,
+                "turns": turns_of(c, pts) if sweep == "distance" else [],
                 "ends": [end_of(c, q, how, p, case, om) for q, how in zip((pts[0], pts[-1]), c.ends)],
                 "swept": [float(f"{q[0][2] * unit:.10g}") for q in keep],
                 "amplitude": [float(f"{abs(q[1]) * 1e-9:.8g}") for q in keep],

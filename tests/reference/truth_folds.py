@@ -126,9 +126,16 @@ class Curve:
             last = size
         raise Lost(f"fold: {size:.0e}")
 
-    def chebyshev(self, x, width, nodes=15, degree=10):
-        """The same fold from the parameter as a polynomial of the phase: (parameter, amplitude, misfit, curvature)."""
-        angle = float(np.angle(self.at(x)[2]))
+    def chebyshev(self, x, width, nodes=15, degree=10, of_amplitude=False):
+        """The same fold from the parameter as a polynomial of the phase: (parameter, amplitude, misfit).
+
+        Or, of_amplitude, where the amplitude is largest or smallest.
+        """
+
+        def height(y):
+            return abs(self.at(y)[2]) if of_amplitude else y[2]
+
+        angle, base = float(np.angle(self.at(x)[2])), height(x)
         s = np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
         order = np.argsort(s)
         values = np.empty(nodes)
@@ -142,11 +149,12 @@ class Curve:
                     guess = v + (v - u) * (want - b) / (b - a) if b != a else v
                 y = self.at_phase(guess, want)
                 points.append((want, y))
-                values[i] = y[2] - x[2]
+                values[i] = height(y) - base
         poly = np.polynomial.Chebyshev.fit(s, values, degree, domain=[-1, 1])
         roots = poly.deriv().roots()
         roots = roots[abs(roots.imag) < 1e-9].real
         s0 = float(roots[np.argmin(abs(roots))])
         y = self.at_phase(x, angle + width * s0)
         misfit = np.max(abs(poly(s) - values)) / np.ptp(values)
-        return x[2] + float(poly(s0)), abs(self.at(y)[2]), float(misfit)
+        top = base + float(poly(s0))
+        return (y[2], top, float(misfit)) if of_amplitude else (top, abs(self.at(y)[2]), float(misfit))

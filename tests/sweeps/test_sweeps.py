@@ -58,6 +58,22 @@ def test_folds_of_a_distance_curve_are_where_shooting_finds_them(case):
         assert np.abs(curve.fold_tip_offset / place - 1).min() < 1e-9
 
 
+TURNS = [(case, turn["amplitude"]) for case in DMT_FOLDS for curve in case["curves"] for turn in curve["turns"]]
+
+
+@pytest.mark.parametrize(
+    ("case", "amplitude"), TURNS, ids=[f"{case['name']}, {size * 1e9:.1f} nm" for case, size in TURNS]
+)
+def test_the_setpoint_turns_where_shooting_finds_the_largest_amplitude(case, amplitude):
+    ratio, quality = case["frequency_ratio"], case["quality_factor"]
+    free = case["free_amplitude"] / abs(quality * (1 - ratio**2) + 1j * ratio)
+    top = min(1.0 - 1e-6, 1.01 * amplitude / free)
+    swept = pm.sweep_setpoint(material_of(case), scope_of(case), np.linspace(top, top - 0.1, 12))
+    # A polynomial of the phase through orbits by shooting; it misses them by 1e-8 of what they vary by, which
+    # is a thousandth of the amplitude.
+    assert np.abs(swept.fold_setpoint * free / amplitude - 1).min() < 1e-9
+
+
 @pytest.mark.parametrize("case", **named([case for case in DMT_FOLDS if case["sweep"] == "frequency"]))
 def test_folds_of_a_response_are_where_shooting_finds_them(case):
     ratios = np.array([fold["frequency_ratio"] for fold in case["folds"]])

@@ -28,7 +28,18 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.continuation.path import row_of as tangent_row
-from phasemap._kernels.continuation.step import FIRST_STEP, LARGEST_STEP, Place, advance, copy_orbit, cross, mark
+from phasemap._kernels.continuation.step import (
+    FIRST_STEP,
+    LARGEST_STEP,
+    SHORTER,
+    SMALLEST_STEP,
+    Place,
+    advance,
+    copy_orbit,
+    cross,
+    mark,
+    same_piece,
+)
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.orbits.collocation.closing import along
 from phasemap._kernels.orbits.collocation.estimate import state_errors
@@ -107,6 +118,27 @@ def sharpen(path: Path, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance
     level = int(orbit.head[COUNT, LEVEL])
     status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
     return status == col.GOOD and mark(path, orbit, point), orbit, spare
+
+
+@kernel
+def advance_exactly(
+    path: Path, point: np.ndarray, step: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit
+) -> tuple[bool, float, Orbit, Orbit]:
+    """`advance` to an exact orbit: where what was nearly one round a sharp turn is none, by a shorter step."""
+    before = point.copy()
+    while step > SMALLEST_STEP:
+        status, following, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, saved)
+        if status != col.GOOD:
+            break
+        step = point[LENGTH]
+        good, orbit, spare = sharpen(path, orbit, spare, point, tolerance)
+        point[LENGTH] = step
+        if good and same_piece(path, reach_on(path, orbit), before, point):
+            return True, following, orbit, spare
+        copy(before, point)
+        copy_orbit(saved, orbit)
+        step *= SHORTER
+    return False, step, orbit, spare
 
 
 @kernel
@@ -205,13 +237,8 @@ def follow(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: np.ndarr
     count = record(path, orbit, col.ON_THE_WAY, -1, made, 0)
     for points in range(MOST_POINTS):
         before = point.copy()
-        status, step, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, saved)
-        length = point[LENGTH]
-        if status == col.GOOD:
-            good, orbit, spare = sharpen(path, orbit, spare, point, asked.tolerance)
-            status = col.GOOD if good else col.NOT_CONVERGED
-            point[LENGTH] = length
-        if status != col.GOOD:
+        good, step, orbit, spare = advance_exactly(path, point, step, asked.tolerance, orbit, spare, saved)
+        if not good:
             made.rows[count - 1, col.KIND] = col.END
             return STUCK, count
         # Where the control or the entry wanted turns, the step is divided.

@@ -82,6 +82,7 @@ from phasemap._kernels.orbits.collocation.system import (
 )
 
 FIRST_STEP, LARGEST_STEP, LONGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 2.0, 1e-7
+SHORTER = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 EXACTLY, ENOUGH, MOST_TRIES = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
@@ -214,7 +215,7 @@ def advance(
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
                     return col.GOOD, min(step * growth, longest), orbit, spare
         copy_orbit(saved, orbit)
-        step *= 0.4
+        step *= SHORTER
     copy(before, point)
     return col.NOT_CONVERGED, step, orbit, spare
 
