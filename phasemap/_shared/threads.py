@@ -27,11 +27,17 @@ def workers_of(threads: int | None) -> int:
 def chunk_of(count: int, workers: int, most: int) -> int:
     """How many of so many to solve in one go: four turns for each thread, or two if few, and at most so many together.
 
+    A thread that is alone waits for no other one, and takes as many as it may.
+
     Examples
     --------
     >>> chunk_of(10, 2, 1000), chunk_of(100, 2, 1000), chunk_of(100_000, 2, 1000)
     (3, 13, 1000)
+    >>> chunk_of(100, 1, 1000), chunk_of(100_000, 1, 1000)
+    (100, 1000)
     """
+    if workers == 1:
+        return max(1, min(most, count))
     chunk = -(-count // (4 * workers))
     if chunk < SMALL:
         chunk = min(SMALL, -(-count // (2 * workers)))

@@ -24,7 +24,10 @@ def close(rows: Array, lever: Array) -> None:
     >>> np.abs(rows[:, col.CLOSURE]).round(12).tolist()
     [0.0, nan]
     """
+    lacking = np.isnan(rows[..., col.CLOSURE])
+    if not lacking.any():
+        return
     amplitude, phase = rows[..., col.AMPLITUDE], rows[..., col.PHASE]
     given = supplied(lever, amplitude, phase)
     left = (given - rows[..., col.DISSIPATION] - lost_in_air(lever, amplitude)) / given
-    rows[..., col.CLOSURE] = np.where(np.isnan(rows[..., col.CLOSURE]), left, rows[..., col.CLOSURE])
+    rows[..., col.CLOSURE] = np.where(lacking, left, rows[..., col.CLOSURE])

@@ -108,7 +108,8 @@ def solve_on_curves(
     status = answers.status
     if phase > 0:
         allowed = np.array([math.radians(phase), height])
-        cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, answers)
+        if not cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, answers):
+            return
         if (status[first:last] == col.STIFF).any():
             from phasemap._kernels.rows.stiff import stiff_rows
 
@@ -129,14 +130,20 @@ def engage_lost(work: Work, periods: int, first: int, last: int, answers: Answer
     """Ask time where no periodic orbit was found, and beside resonance where the curve leads to none that is held."""
     from phasemap._kernels.orbits.response.passes import beside_resonance
 
+    unsolved = first + np.flatnonzero(answers.status[first:last] != col.GOOD)
+    if not len(unsolved):
+        return
     lost = (*NO_ORBIT, col.NO_STABLE_ORBIT) if beside_resonance(work.lever) else NO_ORBIT
-    March().engage(work, first + np.flatnonzero(np.isin(answers.status[first:last], lost)), answers, periods)
+    March().engage(work, unsolved[np.isin(answers.status[unsolved], lost)], answers, periods)
 
 
 def polish(work: Work, first: int, last: int, answers: Answers) -> None:
     """Replace periodic orbits that were found in time by those of collocation beside them."""
     out, status, solver = answers
-    periodic = (solver[first:last] == col.MARCH) & (status[first:last] == col.GOOD)
+    marched = solver[first:last] == col.MARCH
+    if not marched.any():
+        return
+    periodic = marched & (status[first:last] == col.GOOD)
     chosen = first + np.flatnonzero(periodic & ~col.irregular(out[first:last]))
     if not len(chosen):
         return

@@ -14,14 +14,14 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
-from phasemap._kernels.engagement.resonance import MAXIMUM
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, REPULSIVE, near_resonance, on_side, strongest
 from phasemap._kernels.engagement.response import cheap_orbit, engage
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.lever import phase_of
+from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.kept import COUNT, FAINT, keep
-from phasemap._kernels.orbits.response.orbit import new_room, solved
+from phasemap._kernels.orbits.response.orbit import farthest, new_room, solved
 from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PARTS, PHASE, E, report
 from phasemap._kernels.rows.answers import Answers
 
@@ -115,6 +115,19 @@ def averaging_rows(
 
 
 @kernel
+def averaged_beside(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, row: np.ndarray, top: np.ndarray, guess: np.ndarray
+) -> bool:
+    """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
+    if p[col.LONGRANGE] == 0.0 or not near_resonance(lever):
+        return False
+    reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
+    strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+    found = on_side(law, p, lever, reach, amplitude, side, top, guess)
+    return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < farthest(lever, amplitude)
+
+
+@kernel
 def averaged_near_rows(
     law: Law,
     rows: np.ndarray,
@@ -126,11 +139,12 @@ def averaged_near_rows(
 ) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
     out, status, solver = answers
-    guess = np.zeros(col.GUESS)
+    guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
     for i in range(first, last):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
-            candidates = averaged_orbits(law, parameters(rows[i]), lever, amplitudes[i])
-            status[i] = nearest(candidates, out[i], guess)
+            p, amplitude = parameters(rows[i]), amplitudes[i]
+            if not averaged_beside(law, p, lever, amplitude, out[i], top, guess):
+                status[i] = nearest(averaged_orbits(law, p, lever, amplitude), out[i], guess)
             out[i] = math.nan
             if status[i] == col.GOOD:
                 averaged_row(lever, guess, out[i])
