@@ -21,11 +21,12 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED, pushed
+from phasemap._kernels.scanning.higher_harmonics import lifted
 from phasemap._kernels.scanning.loop import AMP, INTEGRAL, KP, LOSS, PLACE, SETPOINT, SPEED, SPRING, command, drift_of
 
 FAINTEST = 1e-6  # of the setpoint amplitude; a has no phase at 0
-EXACT, TRIES = 1e-7, 6  # of the setpoint amplitude: error in the depth that needs no correction; harmonics in a row
+EXACT, CLOSE = 1e-7, 1e-5  # of the setpoint amplitude: error in the depth without a correction, and after one
+TRIES = 12  # harmonics in a row
 
 # Entries of a flow's memory: step; by how much [m] mean deflection and higher harmonics carry the tip towards the
 # ground; b - a. And of the harmonics that were last taken: whether there are any, the depth, what carries the tip there
@@ -34,11 +35,11 @@ STEP, SHIFT, LEAD, KNOWN, DEPTH, CARRIED, PUSH, DRAG, SHIFTED, MEMORY = 0, 1, 2,
 
 
 class Sample(NamedTuple):
-    """A material: its parameters, the reach [m] of its force, kappa of an attractive P, and kappa/kappa_0 else."""
+    """A material: its parameters, the reach [m] of its force, and its shares in what carries the tip (`lifted`)."""
 
     p: tuple[float, ...]
     reach: float
-    lift: tuple[float, float]
+    shares: tuple[float, float]
 
 
 @kernel
@@ -57,7 +58,7 @@ def rates(
     The depth of the tip is where what P carries it by agrees with P. It is found along the secant through the harmonics
     that were last taken, which were those of almost the same depth.
     """
-    p, reach, lift = sample
+    p, reach, shares = sample
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
     to, out[INTEGRAL], _ = command(loop, y)
     place, out[PLACE], out[SPEED] = to, 0.0, 0.0
@@ -81,10 +82,11 @@ def rates(
         unit = a * (1.0 / size)
         rate = (lever[col.BASE] - free * a - complex(push, -drag) * unit) * inverse
         lead = rate * inverse
-        new = mean + push * (lift[REPELLED] * pushed(c) if push > 0.0 else lift[ATTRACTED])
+        new = mean + lifted(law, p, lever, reach, size, c, push, shares)
         carried = size_of(b - lead) - whole + new
         wrong, known = whole + carried - away - depth, memory[KNOWN] > 0.0
-        rest = (depth - memory[DEPTH]) - (carried - memory[CARRIED])
+        stepped = depth - memory[DEPTH]
+        rest = stepped - (carried - memory[CARRIED])
         more_push, more_drag, more = push - memory[PUSH], drag - memory[DRAG], new - memory[SHIFTED]
         memory[KNOWN], memory[DEPTH], memory[CARRIED] = 1.0, depth, carried
         memory[PUSH], memory[DRAG], memory[SHIFTED] = push, drag, new
@@ -96,8 +98,11 @@ def rates(
             rate -= t * complex(more_push, -more_drag) * unit * inverse
             lead = rate * inverse
             shift += t * more
-            break
+            if abs(wrong * stepped) < CLOSE * loop[SETPOINT] * max(abs(depth), reach):  # all is nearly straight
+                break
         a = b - lead
+    else:
+        rate = complex(math.nan, math.nan)
     memory[SHIFT], memory[LEAD], memory[LEAD + 1] = shift, lead.real, lead.imag
     y[AMP], y[AMP + 1] = b.real - lead.real, b.imag - lead.imag
     out[AMP], out[AMP + 1] = rate.real, rate.imag

@@ -33,7 +33,8 @@ DETECTOR = 12  # n^2 [m^2 per tau]
 CALM = 13  # whether the feedback settled when it engaged (1 or 0)
 SHAKER, TURN = 14, 15  # b [m], and what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
 PATIENCE = 16  # after which an approach is given up
-LOOP = 17
+HARDEST = 17  # of |a|, first harmonic of the force beyond the drive's that the averaged lever is to follow
+LOOP = 18
 
 # Entries of the state: a; I, Z, Z'; the filters.
 AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13

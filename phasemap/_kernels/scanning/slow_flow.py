@@ -19,12 +19,13 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.scanning.averaged_lever import KNOWN, LEAD, MEMORY, SHIFT, STEP, Sample, rates, size_of
+from phasemap._kernels.scanning.averaged_lever import KNOWN, LEAD, MEMORY, PUSH, SHIFT, STEP, Sample, rates, size_of
 from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
 from phasemap._kernels.scanning.loop import (
     AMP,
     DETECTOR,
     FILTERS,
+    HARDEST,
     INTEGRAL,
     KP,
     PLACE,
@@ -221,6 +222,8 @@ def _pass(
         error = _error(loop, k, h, size_of(complex(trial[AMP], trial[AMP + 1])))
         memory[STEP] = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
         if error <= 1.0:
+            if abs(memory[PUSH]) > lever[col.BASE] + loop[HARDEST] * size_of(complex(trial[AMP], trial[AMP + 1])):
+                return col.NOT_CONVERGED
             _look(loop, trial, k[STAGES - 1], ends[1])
             _collect(ends[0], ends[1], h, tally)
             copy(ends[1], ends[0])

@@ -19,21 +19,14 @@ MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many 
 
 
 class Lifts(NamedTuple):
-    """The two `lifts` of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
+    """The `lifts` of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
 
-    # attractive, repulsive: contact stiffness, and what is known there; empty if nothing is
-    attractive: tuple[Array, Array]
-    repulsive: tuple[Array, Array]
+    stiffness: Array
+    shares: Array
 
     def beside(self, rows: Array) -> Array:
-        """Rows of materials with their two lifts behind them, interpolated in contact stiffness.
-
-        Where nothing is known, attraction has no kappa, and repulsion has kappa_0.
-        """
-        behind = [
-            np.interp(rows[:, col.CONTACT], *side) if len(side[0]) else np.full(len(rows), unknown)
-            for side, unknown in ((self.attractive, 0.0), (self.repulsive, 1.0))
-        ]
+        """Rows of materials with their two shares behind them, interpolated in contact stiffness."""
+        behind = [np.interp(rows[:, col.CONTACT], self.stiffness, share) for share in self.shares.T]
         return np.column_stack([rows, *behind])
 
 
@@ -43,14 +36,10 @@ def lifts_of(job: Job, work: Work) -> Lifts:
     stiffness = work.rows[:, col.CONTACT]
     order = np.argsort(stiffness, kind="stable")
     some = order[:: max(1, -(-len(order) // MOST))]
-    found, rows, amplitudes = np.full((len(some), 2), np.nan), work.rows[some], work.amplitudes[some]
+    shares, rows, amplitudes = np.empty((len(some), 2)), work.rows[some], work.amplitudes[some]
 
     def solve(first: int, last: int) -> None:
-        lifts(work.law, rows, work.lever, amplitudes, limits, first, last, found)
+        lifts(work.law, rows, work.lever, amplitudes, limits, first, last, shares)
 
     spread(solve, bounds_of(len(some), CHUNK), job.workers, None)
-    sides = []
-    for side in (0, 1):
-        known = np.isfinite(found[:, side])
-        sides.append((stiffness[some[known]], found[known, side]))
-    return Lifts(*sides)
+    return Lifts(stiffness[some], shares)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.orbits.time.tip import V, Z
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import Recorded, Start, scan_line
 from phasemap._kernels.scanning.periods import new_periods
@@ -27,6 +28,8 @@ from phasemap.solvers.solver import by_name
 
 Array = np.ndarray
 
+HARDEST = 0.12  # of the amplitude: P/k beyond the drive's; with more the averaged lever is off by nanometres
+NOT_AVERAGED = (col.NOT_CONVERGED, col.DIVERGED)  # what ends a line that the averaged lever does not follow
 ETA = 0.7  # size of the march's steps: 2e-4 degree
 ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
 
@@ -35,13 +38,13 @@ class TipState:
     """The state that goes from pixel to pixel: the lever's, and the loop's with the range that engaging gave it."""
 
     def __init__(self, engine: int) -> None:
-        self._engine = engine
+        self.engine = engine
         self.state = new_flow() if engine == col.AVERAGING else new_periods(ETA)
         self.loop: Array | None = None  # as long as it is not engaged
 
     def freeze(self) -> dict[str, Array]:
         """Arrays that say all about it."""
-        arrays = {"engine": np.array(self._engine), **self.state._asdict()}
+        arrays = {"engine": np.array(self.engine), **self.state._asdict()}
         return arrays if self.loop is None else {**arrays, "loop": self.loop}
 
     @classmethod
@@ -53,12 +56,19 @@ class TipState:
         tip = cls(int(arrays["engine"]))
         tip.state = tip.state._replace(**{name: arrays[name] for name in tip.state._fields})
         tip.loop = arrays.get("loop")
-        like = cls(tip._engine)
+        like = cls(tip.engine)
         like.loop = None if tip.loop is None else np.zeros(of.LOOP)
         for name, own in like.freeze().items():
             if (arrays[name].shape, arrays[name].dtype) != (own.shape, own.dtype):  # a kernel would not look
                 raise ValueError(name)
         return tip
+
+    def march(self, omega: float) -> None:
+        """Go on by the equation of motion from where the averaged lever is, which is driven at this frequency."""
+        periods, y = new_periods(ETA), self.state.y
+        periods.y[:] = y
+        periods.tip[Z], periods.tip[V] = y[of.AMP], -omega * y[of.AMP + 1]
+        self.engine, self.state = col.MARCH, periods
 
     def copy(self) -> TipState:
         """One that moves on by itself."""
@@ -99,6 +109,8 @@ class Lines:
         realism = job.realism
         noise = realism.temperature or 0.0, realism.detector_noise or 0.0
         self.loop = loop_of(control, job.scope, job.amplitude, *noise, job.accuracy.periods)
+        if job.solver.name == "auto":
+            self.loop[of.HARDEST] = HARDEST
         tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
@@ -110,28 +122,44 @@ class Lines:
         self.orbits = run(by_name("auto"), first, ENGAGED, threads=job.workers)[0]
 
     def scan(self, row: int, tip: TipState) -> None:
-        """Scan one line there and back, after engaging if the tip is not."""
+        """Scan one line there and back, after engaging if the tip is not.
+
+        Where the averaged lever cannot follow, `auto` has the equation of motion scan the line and all that come after.
+        """
+        before = tip.copy() if tip.engine == col.AVERAGING and self.job.solver.name == "auto" else None
+        made, done = self._scan(row, tip)
+        if before is not None and done in NOT_AVERAGED:
+            before.march(float(self.work.lever[col.OMEGA]))
+            made, _ = self._scan(row, before)
+            tip.engine, tip.state, tip.loop = before.engine, before.state, before.loop
+        self._put(row, made, tip.engine)
+
+    def _scan(self, row: int, tip: TipState) -> tuple[Recorded, int]:
+        """What is recorded along a line, and GOOD or what ended it."""
         nx = self.job.surface.shape[1]
-        topography = self.job.surface.topography
-        ground = np.zeros(nx) if topography is None else topography[row]
-        program = program_of(self.numbers[row], ground, self.dwell, self.control.overscan)
-        out, status = np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8)
+        program = program_of(self.numbers[row], self._ground(row), self.dwell, self.control.overscan)
+        made = Recorded(np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8))
         noise = generator(self.job.realism.seed, f"lever, line {self.job.place.row + row}")
         loop = self.loop.copy() if tip.loop is None else tip.loop
-        law, lever = self.work.law, self.work.lever
-        start, made = Start(tip.loop is not None, self.orbits[self.first[row]]), Recorded(out, status)
-        done = scan_line(law, self.rows, lever, loop, program, start, tip.state, made, noise)
+        start = Start(tip.loop is not None, self.orbits[self.first[row]])
+        done = scan_line(self.work.law, self.rows, self.work.lever, loop, program, start, tip.state, made, noise)
         self.calm[row] = start.engaged or done != col.GOOD or loop[of.CALM] > 0.0
         tip.loop = loop if done == col.GOOD else None
-        self._put(row, out, status, ground)
+        return made, done
 
-    def _put(self, row: int, out: Array, status: Array, ground: Array) -> None:
+    def _ground(self, row: int) -> Array:
+        """Heights of a line's pixels [m]."""
+        topography = self.job.surface.topography
+        return np.zeros(self.job.surface.shape[1]) if topography is None else topography[row]
+
+    def _put(self, row: int, made: Recorded, engine: int) -> None:
         """Turn what was recorded along a line into variables of its pixels."""
-        nx, job = len(ground), self.job
+        (out, status), ground, job = made, self._ground(row), self.job
+        nx = len(ground)
         out[:, col.STIFFENING] = stiffening(job.scope, out[:, col.AMPLITUDE], out[:, col.PHASE])
         place = out[:, col.TIP_OFFSET].copy()
         out[:, col.TIP_OFFSET] -= np.tile(mean_ground(ground), 2)
-        values = values_of(job.names, out, status, np.full(2 * nx, self.engine, np.int8))
+        values = values_of(job.names, out, status, np.full(2 * nx, engine, np.int8))
         if "height" in values:  # what the scanner does, whatever the amplitude; `put` adds the topography
             values["height"] = place - np.tile(ground, 2) - job.amplitude
         for direction in range(2):

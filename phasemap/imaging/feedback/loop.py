@@ -91,5 +91,6 @@ def loop_of(
     loop[of.LOW] = -loop[of.HIGH]
     loop[of.THERMAL] = BOLTZMANN * temperature / scope.cantilever.stiffness
     loop[of.DETECTOR] = detector_noise**2 * tau
+    loop[of.HARDEST] = math.inf
     loop[of.PATIENCE] = periods * 2 * math.pi / scope.frequency_ratio
     return loop

@@ -26,7 +26,6 @@ from phasemap.solvers.solver import by_name
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 TRIED = 48  # materials that are engaged to find out whether the averaged lever can follow them
-FASTEST = 0.1  # per tau, of amplitude and phase; beyond, stiff contact makes them change as much
 MOST = 1 << 17  # distinct materials up to which gains are those for all of them, else for a sample
 
 
@@ -62,21 +61,21 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
         control, engine, notes = before.control, before.engine, before.notes
     else:
         linear = LinearLoop(control, job.scope, work)
-        engine = _engine_of(job, linear, work)
+        engine = _engine_of(job, work)
         if control.integral_gain is None:
             control = quietened(linear.tuned(), job, work, engine)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
     return Plan(control, engine, lifts_of(job, work) if engine == col.AVERAGING else None, notes)
 
 
-def _engine_of(job: Job, linear: LinearLoop, work: Work) -> int:
+def _engine_of(job: Job, work: Work) -> int:
     """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
 
     The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not.
     """
     name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
     if name == "auto":
-        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and linear.fastest <= FASTEST and not hysteretic
+        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and not hysteretic
         return col.AVERAGING if slow and not job.remembers else col.MARCH
     if name == "averaging" and hysteretic:
         some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))

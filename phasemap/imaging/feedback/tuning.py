@@ -20,7 +20,7 @@ from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.rows.derivatives import held_root
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT, Sample, rates
-from phasemap._kernels.scanning.higher_harmonics import pushed
+from phasemap._kernels.scanning.higher_harmonics import TYPICAL, lifted
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
@@ -64,12 +64,6 @@ class LinearLoop:
         self._control, self._scope, self._alpha0 = control, scope, float(work.lever[ALPHA0])
         self._tau = tau_per_second(scope)
         self._system = _linear(control, scope, work)
-
-    @property
-    def fastest(self) -> float:
-        """The fastest that amplitude and phase of the lever change by themselves, per tau; 0 without orbits."""
-        lever = self._system[0][:, : of.INTEGRAL, : of.INTEGRAL]
-        return float(abs(np.linalg.eigvals(lever)).max()) if len(lever) else 0.0
 
     def tuned(self) -> Feedback:
         """See `tune`."""
@@ -129,7 +123,7 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
         for orbit in _orbits(work, p, amplitude):
             loop = loop_of(replace(control, proportional_gain=0.0, integral_gain=0.0), scope, amplitude)
             loop[of.LOW], loop[of.HIGH] = -math.inf, math.inf
-            state, shift = _steady(work, loop, orbit)
+            state, shift = _steady(work, p, loop, orbit)
             gains = []
             for proportional, integral in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
                 loop[of.KP], loop[of.KI] = proportional, integral
@@ -172,21 +166,22 @@ def _moving(loop: Array) -> Array:
     return np.array([j for j in range(of.used(loop)) if j not in still])
 
 
-def _steady(work: Work, loop: Array, orbit: Array) -> tuple[Array, float]:
+def _steady(work: Work, p: tuple[float, ...], loop: Array, orbit: Array) -> tuple[Array, float]:
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and what carries the tip there."""
     z0, mean, amplitude, push, drag = orbit[:5]
-    lifted = push * pushed((z0 - mean) / amplitude) if push > 0 else 0.0
+    c = (z0 - mean) / amplitude
+    more = lifted(work.law, p, work.lever, reach_of(work.law, p), amplitude, c, push, TYPICAL)
     a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
     state = np.zeros(of.STATE)
     state[of.AMP : of.AMP + 2] = a.real, a.imag
     state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag
-    state[of.INTEGRAL], state[of.PLACE] = -(z0 + lifted), z0 + lifted
-    return state, float(mean + lifted)
+    state[of.INTEGRAL], state[of.PLACE] = -(z0 + more), z0 + more
+    return state, float(mean + more)
 
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, shift: float) -> Array:
     """Central differences of the loop's rates."""
-    sample = Sample(p, reach_of(work.law, p), (0.0, 1.0))  # kappa_0 will do for ringing
+    sample = Sample(p, reach_of(work.law, p), TYPICAL)  # will do for ringing
     size = NUDGE * loop[of.SETPOINT]
     out = np.zeros((of.STATE, of.STATE))
     rate = np.zeros(of.STATE)

@@ -98,6 +98,32 @@ def _neck(
 
 
 @kernel(fastmath=ANY_ORDER)
+def attraction(law: Law, p: np.ndarray, reach: float, amplitude: float, c: float) -> tuple[float, float]:
+    """Integrals of F and F cos [N] outside contact, over 0 ... pi."""
+    if p[LONGRANGE] == 0.0 or not c > -1.0:
+        return 0.0, 0.0
+    if law.longrange_force == 0:
+        return attraction_integrals(p, amplitude, c)
+    mean, push = 0.0, 0.0
+    least = max(c - 1.0, 0.0)  # smallest gap over A
+    start2 = (1.0 - c) / (1.0 + c) if c < 1.0 else 0.0
+    start = math.sqrt(start2)
+    ratio = 0.5 * (least + reach / amplitude) * (1.0 + start2) ** 2
+    delta = math.sqrt(start2 + ratio) - start
+    if delta < 1e-4 * start:
+        delta = 0.5 * ratio / start
+    for i in range(len(_FAR_X)):
+        u = start + delta * _FAR_X[i]
+        below = 1.0 / (1.0 + u * u)
+        # c - cos(theta) without cancellation: both terms are >= 0
+        gap = (u - start) * (u + start) * below * (1.0 + c) if c < 1.0 else least + 2.0 * u * u * below
+        f = delta * _FAR_W[i] * below * longrange_force(law, -amplitude * gap, p)
+        mean += f
+        push += f * (2.0 * below - 1.0)
+    return mean, push
+
+
+@kernel(fastmath=ANY_ORDER)
 def _even(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float, outside: bool
 ) -> tuple[float, float, float]:
@@ -132,26 +158,9 @@ def _even(
                 push += share * f * x
                 if damped:
                     loss += share * damping(law, d, p) * (1.0 - x * x)
-    attracted = outside and p[LONGRANGE] != 0.0 and c > -1.0
-    if attracted and law.longrange_force == 0:
-        more_mean, more_push = attraction_integrals(p, amplitude, c)
+    if outside:
+        more_mean, more_push = attraction(law, p, reach, amplitude, c)
         mean, push = mean + more_mean, push + more_push
-    elif attracted:
-        least = max(c - 1.0, 0.0)  # smallest gap over A
-        start2 = (1.0 - c) / (1.0 + c) if c < 1.0 else 0.0
-        start = math.sqrt(start2)
-        ratio = 0.5 * (least + reach / amplitude) * (1.0 + start2) ** 2
-        delta = math.sqrt(start2 + ratio) - start
-        if delta < 1e-4 * start:
-            delta = 0.5 * ratio / start
-        for i in range(len(_FAR_X)):
-            u = start + delta * _FAR_X[i]
-            below = 1.0 / (1.0 + u * u)
-            # c - cos(theta) without cancellation: both terms are >= 0
-            gap = (u - start) * (u + start) * below * (1.0 + c) if c < 1.0 else least + 2.0 * u * u * below
-            f = delta * _FAR_W[i] * below * longrange_force(law, -amplitude * gap, p)
-            mean += f
-            push += f * (2.0 * below - 1.0)
     mean *= -inverse_k / math.pi
     push *= 2.0 * inverse_k / math.pi
     return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
