@@ -8,12 +8,13 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.averaged import OPEN, SURE
 from phasemap._kernels.engagement.holding import settle, settle_near
 from phasemap._kernels.engagement.in_time import approach
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, near_resonance, on_side
 from phasemap._kernels.engagement.response import engage
+from phasemap._kernels.engagement.ridge import settle_open
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
@@ -89,7 +90,11 @@ def remembering_rows(
             if known and not rebounds(law, p, lever, guess[col.G_P]):
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
-        elif engage(law, p, lever, amplitude, guess, top) == SURE:
+            continue
+        surety = engage(law, p, lever, amplitude, guess, top)
+        if surety == OPEN and settle_open(law, p, lever, amplitude, eta, near, top, guess, out[i]):
+            status[i] = col.GOOD
+        elif surety == SURE:
             for finer in (1.0, FINER):
                 averaged_row(lever, guess, out[i])
                 if settle_near(law, p, lever, amplitude, finer * eta, near, out[i]):

@@ -152,7 +152,7 @@ def multiplier_of(linear: np.ndarray) -> float:
 
 
 @kernel
-def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
+def way_to_rest(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
     """Way of (z, z', z0) to rest; with `hold`, z0 moves by the amplitude's error after the transient, over slope."""
     z, v = relaxed(linear, r0, r1)
     if not hold:
@@ -183,7 +183,7 @@ def _creep(
             return math.inf
         carry(y, u)
         error = amplitude_of(lever, tip.acc) - target
-        z, v, move = _ahead(tip.linear, y[Z] - u[Z], y[V] - u[V], error, target > 0.0)
+        z, v, move = way_to_rest(tip.linear, y[Z] - u[Z], y[V] - u[V], error, target > 0.0)
         left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
         if share > 0 and not max(math.hypot(z, v), abs(move)) <= farthest:
             return math.inf
@@ -211,7 +211,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
             return False
         if not multiplier_of(linear) < 1 or (hold and not slope_of(linear) > 0):
             return False
-        z, v, move = _ahead(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
+        z, v, move = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
         way = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
         near = way * y_limit <= 1e-4 * (math.hypot(u[Z], u[V]) + lever[col.BASE])
         moved, left = False, way
@@ -220,7 +220,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
             if not pass_from(law, p, lever, eta, tip, trial[Z], trial[V], trial[Z0], y):
                 return False
             error = amplitude_of(lever, acc) - target
-            z, v, move = _ahead(linear, y[Z] - trial[Z], y[V] - trial[V], error, hold)
+            z, v, move = way_to_rest(linear, y[Z] - trial[Z], y[V] - trial[V], error, hold)
             left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
             if not (left <= 1 or left <= 0.25 * way):
                 break
@@ -237,7 +237,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
         if not (left <= way and lingering(law, p, lever) > 0):
             return False
         before = u.copy()
-        ahead = _ahead(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
+        ahead = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
         left = _creep(law, p, lever, tolerance, target, tip, ahead, y)
         if not (left <= 1 or left <= 0.25 * way):
             copy(before, u)
