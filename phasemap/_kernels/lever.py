@@ -22,6 +22,13 @@ def free_amplitude(lever: np.ndarray) -> float:
     return lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
 
 
+@kernel(light=True)
+def free_phasor(lever: np.ndarray) -> complex:
+    """Complex amplitude a [m] of the free lever, z = Re(a exp(i omega tau)): theory, Eq. (model-2)."""
+    omega = lever[col.OMEGA]
+    return lever[col.BASE] / complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
+
+
 @kernel
 def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
     """Length [m] on which orbits change as the tip comes near: the reach of the long-range force.

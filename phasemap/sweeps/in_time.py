@@ -36,18 +36,17 @@ class Passage:
 
     def __init__(self, work: Work, farthest: float) -> None:
         from phasemap._kernels.law import parameters
-        from phasemap._kernels.lever import free_amplitude, reach_of
+        from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
         from phasemap._kernels.orbits.averaged.orbits import far_start
         from phasemap._kernels.orbits.time.elements import STATE
         from phasemap._kernels.orbits.time.tip import Z0, swing
 
         p, free = parameters(work.rows[0]), free_amplitude(work.lever)
         far = free * far_start(work.law, p, work.lever, reach_of(work.law, p), free, 0.5 * free)
-        omega = work.lever[col.OMEGA]
-        phasor = work.lever[col.BASE] / complex(1 - omega**2, 2 * work.lever[col.ALPHA0] * omega)
+        phasor = free_phasor(work.lever)
         self._state = np.zeros(STATE)
         self._state[Z0] = max(far, farthest)
-        swing(work.lever, 0.0, phasor.real, -omega * phasor.imag, self._state)
+        swing(work.lever, 0.0, phasor.real, -work.lever[col.OMEGA] * phasor.imag, self._state)
 
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""

@@ -40,6 +40,12 @@ def cubic_slopes(path: Path, reach: float, before: np.ndarray, after: np.ndarray
     return length / first, length / max(last, 0.5 * first)
 
 
+@kernel(light=True)
+def bends(one: float, two: float, rise: float) -> tuple[float, float]:
+    """c, s of the slope one + 2 s t + 3 c t^2 of a cubic that rises by `rise` in t = 0 ... 1, with slopes one, two."""
+    return one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
+
+
 @kernel
 def wavy(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> bool:
     """Whether a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
@@ -50,8 +56,8 @@ def wavy(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> boo
     u, v = scales(path, reach, point[ZP], point[AP])
     for index, scale in ((control(path), u), (answer(path), v)):
         one, two, rise = by_one * before[RATE + index], by_two * point[RATE + index], point[index] - before[index]
-        cubic, square = one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
-        # The slope one + 2 square t + 3 cubic t^2 has its own extreme at t = -square / 3 cubic.
+        cubic, square = bends(one, two, rise)
+        # The slope has its own extreme at t = -square / 3 cubic.
         if one * two > 0.0 and cubic * one > 0.0 and 0.0 < -square / (3.0 * cubic) < 1.0:
             if (square * square / (3.0 * cubic) - one) * one > AT_FOLD * scale * abs(by_one * one):
                 return True
@@ -70,7 +76,7 @@ def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: fl
     if one * two >= 0.0 or length < 1e-5:
         return 0.0
     rise = (point[index] - before[index]) / length
-    cubic, square = one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
+    cubic, square = bends(one, two, rise)
     # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
     root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
     t = -one / (square + root) if square > 0.0 else -one / (square - root)
@@ -87,7 +93,7 @@ def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: fl
 @kernel
 def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
     """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
-    cubic, square = rise + end - 2.0 * (two - one), 3.0 * (two - one) - 2.0 * rise - end
+    cubic, square = bends(rise, end, two - one)
     return one + t * (rise + t * (square + t * cubic))
 
 
@@ -95,6 +101,7 @@ def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
 def length_at(one: float, rise: float, two: float, end: float, value: float) -> float:
     """Where (0 ... 1) the cubic of `hermite` passes a value between `one` and `two`."""
     low, high = 0.0, 1.0
+    cubic, square = bends(rise, end, two - one)
     at = (value - one) / (two - one)
     for _ in range(30):
         x = hermite(one, rise, two, end, at) - value
@@ -102,7 +109,7 @@ def length_at(one: float, rise: float, two: float, end: float, value: float) -> 
             high = at
         else:
             low = at
-        slope = rise + at * (2.0 * (3.0 * (two - one) - 2.0 * rise - end) + 3.0 * at * (rise + end - 2.0 * (two - one)))
+        slope = rise + at * (2.0 * square + 3.0 * at * cubic)
         step = x / slope if slope != 0.0 else math.inf
         if abs(step) < 1e-12:
             break

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import COS, DEEPEST, GIVEN, SIN, Z0, Tip, ring_down
+from phasemap._kernels.orbits.time.tip import COS, DEEPEST, GIVEN, MARCHED, SIN, Z0, Tip, ring_down
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -80,7 +80,7 @@ def average(
     acc, (way, gain, setpoint) = tip.acc, move
     for _ in range(count):
         tip.u[Z0] -= way + gain * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - setpoint)
-        tip.periods[0] += 1
+        tip.periods[MARCHED] += 1
         if march_period(law, p, lever, tip.u[Z0], eta, tip.u, acc) < 0:
             return False
         for j in range(GIVEN):

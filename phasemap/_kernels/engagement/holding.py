@@ -39,7 +39,7 @@ from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.elements import FREE, MODE
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill, fill_orbit, hold_periodic, skip
-from phasemap._kernels.orbits.time.tip import COS, DEEPEST, SIN, Z0, Tip, new_tip
+from phasemap._kernels.orbits.time.tip import COS, DEEPEST, MARCHED, SIN, Z0, Tip, new_tip
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -86,7 +86,7 @@ def hold_mean(
     block, sums, total = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED)
     sticky = p[col.RELEASE] != 0.0
     size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
-    if tip.periods[0] + 3 * GROUP * block > most:
+    if tip.periods[MARCHED] + 3 * GROUP * block > most:
         return col.NOT_SETTLED
     # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
     follows = 1.0 / block if sticky else 0.0
@@ -104,7 +104,7 @@ def hold_mean(
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     z_error, a_error, astray = math.inf, math.inf, True
-    while tip.periods[0] + size * block <= most:
+    while tip.periods[MARCHED] + size * block <= most:
         z0 = cosine = sine = 0.0
         for _ in range(size):
             if not average(law, p, lever, COARSE * eta, block, slow, tip, sums):

@@ -54,7 +54,7 @@ from phasemap._kernels.engagement.lowering import (
 )
 from phasemap._kernels.engagement.ringing import RINGS, engage_ringing
 from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, presses, sticks, too_stiff
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import free_amplitude, free_phasor
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, pass_period, rest, skip
 from phasemap._kernels.orbits.time.tip import MARCHED, Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
 
@@ -101,11 +101,11 @@ def move_slowly(
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH * tolerance.eta if hasty else tolerance.eta
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
-    if tip.periods[0] + block > most or not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
+    if tip.periods[MARCHED] + block > most or not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
         return SPENT
     before, change = seen(lever, sums), sums[CHANGE]
     down = before > amplitude
-    while tip.periods[0] + block <= most:
+    while tip.periods[MARCHED] + block <= most:
         pace = haste * slow
         if hasty:
             pace = max(slow / FINEST, min(pace, LANDING * abs(before - amplitude) / block))
@@ -123,7 +123,7 @@ def move_slowly(
         if not hasty and (now <= amplitude) == down and abs(now - before) > FELL * amplitude:
             # Swings after a jump may pass it: what they come to counts.
             wait = int(DISTURBED) * block
-            if tip.periods[0] + wait + block > most:
+            if tip.periods[MARCHED] + wait + block > most:
                 return SPENT
             if not average(law, p, lever, eta, wait, (0.0, 0.0, 0.0), tip, sums):
                 return SPENT
@@ -204,9 +204,8 @@ def lower(
 @kernel
 def free_tip(law: Law, lever: np.ndarray, z0: float) -> Tip:
     """Return a tip at z0 [m] that touches nothing, of a lever that swings as it does freely."""
-    omega = lever[col.OMEGA]
-    free = lever[col.BASE] / complex(1 - omega * omega, 2 * lever[col.ALPHA0] * omega)
-    return new_tip(law, lever, 0.0, free.real, -omega * free.imag, z0)
+    free = free_phasor(lever)
+    return new_tip(law, lever, 0.0, free.real, -lever[col.OMEGA] * free.imag, z0)
 
 
 @kernel
@@ -281,7 +280,7 @@ def carry_to(
         return col.NOT_SETTLED
     u[Z0] = z0
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * free_amplitude(lever), OFFSET_ERROR)
-    if rest(law, p, lever, tolerance, min(int(DISTURBED * ring_down(lever)), most - tip.periods[0]), tip):
+    if rest(law, p, lever, tolerance, min(int(DISTURBED * ring_down(lever)), most - tip.periods[MARCHED]), tip):
         fill_orbit(lever, tip, row)
         return col.GOOD
     return hold_mean(law, p, lever, 0.0, 0.0, eta, most, tip, row)

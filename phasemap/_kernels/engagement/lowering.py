@@ -23,7 +23,7 @@ from phasemap._kernels.law import longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.many_periods import FLOW, NEXT, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, relaxed, rest, skip, slope_of
-from phasemap._kernels.orbits.time.tip import BY_Z0, COS, SIN, Z0, Tip, V, Z, amplitude_of, ring_down
+from phasemap._kernels.orbits.time.tip import BY_Z0, COS, MARCHED, SIN, Z0, Tip, V, Z, amplitude_of, ring_down
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -101,7 +101,7 @@ def follow_down(
     lowest = deepest(lever)
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
     stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
-    while tip.periods[0] < most:
+    while tip.periods[MARCHED] < most:
         if u[Z0] < lowest and (presses(p, tip) or u[Z0] < -FARTHEST_AT_ALL):
             return LOWEST
         for j in range(4):
@@ -131,7 +131,7 @@ def follow_down(
             for j in range(4):
                 u[j] = before[j]
             u[Z0] -= stride
-            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[0]), tip):
+            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
                 return LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN
@@ -167,7 +167,7 @@ def fall(
     gentle = gentle and not strong(law, p, lever, free_amplitude(lever))
     if seen == 0 and gentle and not begin_flow(law, p, lever, ROUGH * tolerance.eta, pace, tip, flow):
         return SPENT
-    while tip.periods[0] + ring <= most:
+    while tip.periods[MARCHED] + ring <= most:
         change, missed, passed = 0.0, 0.0, 0
         while passed < ring:
             last_x, last_y, many = acc[COS], acc[SIN], 1
@@ -195,7 +195,7 @@ def fall(
         if too_far(lever, from_z0, u[Z0]):
             return LOWEST
         still = change < STILL * amplitude
-        if seen > PATIENCE * ring or (seen > 0 and tip.periods[0] > SHARE * most):
+        if seen > PATIENCE * ring or (seen > 0 and tip.periods[MARCHED] > SHARE * most):
             return SEEN if not still else AGAIN if math.hypot(x, y) > amplitude else HELD
         if still:
             if seen > 0 and presses(p, tip):

@@ -24,6 +24,7 @@ from phasemap._kernels.orbits.time.tip import (
     BY_Z0,
     COS,
     DEEPEST,
+    MARCHED,
     MEAN,
     SIN,
     TOUCHES,
@@ -115,7 +116,7 @@ def comes_loose(
     patience, shortest = int(PATIENCE * ring_down(lever)) + LOOKS, SHORTEST * amplitude
     stride, step, ceiling = STRIDE * amplitude, 0.0, math.inf
     z_slope = v_slope = slope = low = 0.0
-    while tip.periods[0] + patience < most:
+    while tip.periods[MARCHED] + patience < most:
         rests, now = rest(law, p, lever, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
         as_said = least or (abs(now - low - slope * step) < EXPECTED * amplitude and slope_of(linear) * slope >= 0.0)

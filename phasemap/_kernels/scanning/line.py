@@ -12,7 +12,7 @@ from numba.extending import overload
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT
 from phasemap._kernels.scanning.loop import (
@@ -139,11 +139,10 @@ def approach_in_time(
     That is NOT_SETTLED after a time loop[PATIENCE].
     """
     p = parameters(row)
-    reach, free, omega = reach_of(law, p), free_amplitude(lever), lever[col.OMEGA]
+    reach, free = reach_of(law, p), free_amplitude(lever)
     decay, y = 1.0 / lever[col.ALPHA0], tip.y
     far = free * far_start(law, p, lever, reach, free, loop[SETPOINT])
-    a = lever[col.BASE] / complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
-    start_at(lever, ground + far, 0.0, a, tip)
+    start_at(lever, ground + far, 0.0, free_phasor(lever), tip)
     lowering = loop.copy()
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0
     lowering[LOW], lowering[HIGH] = -math.inf, math.inf

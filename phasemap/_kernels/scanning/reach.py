@@ -12,7 +12,7 @@ from phasemap._kernels.engagement.averages import average, begin_sums, block_of
 from phasemap._kernels.engagement.holding import COARSE
 from phasemap._kernels.engagement.in_time import pace_of
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.orbits.time.tip import COS, Z0, new_tip
+from phasemap._kernels.orbits.time.tip import COS, MARCHED, Z0, new_tip
 
 
 @kernel
@@ -36,7 +36,7 @@ def reach_rows(
         tip = new_tip(law, lever, orbit[col.MEAN], z, v, orbit[col.TIP_OFFSET])
         sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
-        while tip.periods[0] < most and tip.u[Z0] < top:
+        while tip.periods[MARCHED] < most and tip.u[Z0] < top:
             if not average(law, parameters(rows[i]), lever, COARSE * eta, block, up, tip, sums) or sums[COS] < 0.0:
                 reach[i] = tip.u[Z0]
                 break

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_force
 from phasemap._kernels.lever import reach_of
@@ -129,11 +130,7 @@ def speed_for(law: Law, p: np.ndarray, lever: np.ndarray, kick: float, turn: flo
         f = kick_at(law, p, lever, speed, turn, hit) - kick
         if not abs(f) > ROUGHLY * kick:
             return not math.isnan(f)
-        # The end that stays counts less, so that it does not stay for ever.
-        if f > 0.0:
-            high, f_high, f_low = speed, f, 0.6 * f_low
-        else:
-            low, f_low, f_high = speed, f, 0.6 * f_high
+        low, f_low, high, f_high = narrowed(low, f_low, high, f_high, speed, f)
     return False
 
 

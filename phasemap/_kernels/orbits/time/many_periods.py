@@ -16,7 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
+from phasemap._kernels.orbits.time.tip import MARCHED, Z0, Tip, V, Z
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -35,7 +35,7 @@ def _change(
     """Change of (z, z') in a period from there at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = z, v, z0
-    tip.periods[0] += 1
+    tip.periods[MARCHED] += 1
     if march_period(law, p, lever, z0, eta, y, tip.acc) < 0:
         return math.nan, math.nan
     return y[Z] - z, y[V] - v

@@ -66,7 +66,7 @@ class Tolerance(NamedTuple):
 @kernel
 def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """March a tip for a period of the drive."""
-    tip.periods[0] += 1
+    tip.periods[MARCHED] += 1
     return march_period(law, p, lever, tip.u[Z0], eta, tip.u, tip.acc) >= 0
 
 
@@ -248,16 +248,16 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
 @kernel
 def rest(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, most: int, tip: Tip) -> bool:
     """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
-    end = tip.periods[0] + most
+    end = tip.periods[MARCHED] + most
     wait = max(3, int(0.5 * ringing(lever)))  # half the lever's decay time
-    while tip.periods[0] < end:
+    while tip.periods[MARCHED] < end:
         if skip(law, p, lever, tolerance, 0.0, tip):
             return True
         if not multiplier_of(tip.linear) < 1:
             # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
             tip.u[Z] *= 1 + 1e-6
             tip.u[V] *= 1 + 1e-6
-        for _ in range(min(wait, end - tip.periods[0])):
+        for _ in range(min(wait, end - tip.periods[MARCHED])):
             if not pass_period(law, p, lever, tolerance.eta, tip):
                 return False
     return False
@@ -282,7 +282,7 @@ def hold_periodic(
     jumps, before = 0, np.empty(4)
     patience = int(PATIENCE * ring_down(lever))
     while not skip(law, p, lever, tolerance, amplitude, tip):
-        if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[0]), tip):
+        if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
             return col.NOT_SETTLED
         error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
@@ -304,7 +304,7 @@ def hold_periodic(
             tip.u[Z], tip.u[V] = tip.u[Z] - z * move, tip.u[V] - v * move
         tip.u[Z0] -= move
         if abs(move) > STRIDE * amplitude:
-            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[0]), tip):
+            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
                 return col.NOT_SETTLED
             if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > EXPECTED * amplitude:
                 for j in range(4):

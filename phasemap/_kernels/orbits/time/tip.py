@@ -52,7 +52,7 @@ class Tip(NamedTuple):
 def tip_in(u: np.ndarray) -> Tip:
     """Return a tip in this state, none of whose periods was marched."""
     tip = Tip(u, np.zeros(GIVEN), np.zeros((4, 3)), np.ones(2, np.int64))
-    tip.periods[0] = 0
+    tip.periods[MARCHED] = 0
     return tip
 
 
