@@ -198,8 +198,24 @@ def test_a_tap_through_drive_phase_0_is_as_exact_as_others() -> None:
     assert abs(known[0, col.PHASE] - finer[0, col.PHASE]) < known[0, col.ERROR_PHASE]
 
 
+def test_dents_deeper_than_taps_are_formed_before_the_orbit_is_sought() -> None:
+    # They last for 134 periods, and let the tip down by another 2 nm. Engaging from far does not settle.
+    scope = pm.Microscope(
+        pm.Cantilever(5.1, 300e3, 208.0), pm.Tip(5e-9), pm.Drive(34.3e-9),
+        pm.Interaction("dmt", 0.3e-9, withdrawal="ting"),
+    )  # fmt: skip
+    solid = pm.Material(0.097e9, 0.0612, relaxed_modulus=0.0235e9, relaxation_time=108e-6)
+    work = work_of_material(solid, scope, 0.43 * 34.3e-9, marched=True)
+    solvers = Remembering(March()), Remembering(March())
+    solvers[1].eta *= 0.7
+    (known, status, _), (finer, _, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
+    assert status[0] == col.GOOD
+    assert abs(known[0, col.PHASE] - finer[0, col.PHASE]) < known[0, col.ERROR_PHASE]
+    assert known[0, col.FLOQUET] < 1.0
+
+
 def test_a_tip_engaged_from_far_is_held_as_exactly_as_one_that_begins_near() -> None:
-    # Its lag is 40 degrees and that of the free lever 151: engaged from far, its periods begin in contact, where what is
+    # Its lag is 40 degrees, that of the free lever 151: engaged from far, its periods begin in contact, where what is
     # remembered is known to 1e-4 degree only.
     scope = pm.Microscope(
         pm.Cantilever(20.0, 300e3, 46.0), pm.Tip(10e-9), pm.Drive(20e-9, 305.9e3),

@@ -38,6 +38,7 @@ from phasemap._kernels.engagement.lowering import STILL
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.elements import FREE, MODE
+from phasemap._kernels.orbits.time.forming import form_dents
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill, fill_orbit, hold_periodic, skip
 from phasemap._kernels.orbits.time.tip import COS, DEEPEST, MARCHED, SIN, Z0, Tip, new_tip
 
@@ -218,6 +219,18 @@ def hold_near(
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
     return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
+
+
+@kernel
+def settle_dents(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray
+) -> bool:
+    """As `settle_near`, where dents last so long that they have to form first."""
+    tip, repelled = tip_on(law, lever, amplitude, row), row[col.PHASE] > 0.0
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
+    if not form_dents(law, p, lever, tolerance, amplitude, most, tip):
+        return False
+    return hold_near(law, p, lever, amplitude, eta, most, repelled, tip, row)
 
 
 @kernel

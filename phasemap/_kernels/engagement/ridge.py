@@ -36,7 +36,7 @@ from phasemap._kernels.lever import free_amplitude, low_q, needed, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.period_map import linearise, pass_from, relaxed, slope_of, way_to_rest
+from phasemap._kernels.orbits.time.period_map import apart, linearise, pass_from, relaxed, slope_of, way_to_rest
 from phasemap._kernels.orbits.time.tip import AMPLITUDE, BY_Z0, COS, DEEPEST, NOW, Z0, Tip, V, Z, amplitude_of, carry
 
 TIGHT, CLOSEST = 0.015, 1e-4  # h at the saddle that decides: as first predicted, and once it is known
@@ -101,7 +101,7 @@ def derive(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
     if not linearise(law, p, driven, eta, tip):
         return False
     u, y = tip.u, np.empty(len(tip.u))
-    base, size = driven[col.BASE], 3e-8 * (math.hypot(tip.u[Z], tip.u[V]) + driven[col.BASE])
+    base, size = driven[col.BASE], apart(driven, tip)
     driven[col.BASE] = base + size
     good = pass_from(law, p, driven, eta, tip, u[Z], u[V], u[Z0], y)
     driven[col.BASE] = base

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import OPEN, SURE
-from phasemap._kernels.engagement.holding import settle, settle_near
+from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, near_resonance, on_side
@@ -100,3 +100,7 @@ def remembering_rows(
                 if settle_near(law, p, lever, amplitude, finer * eta, near, out[i]):
                     status[i] = col.GOOD
                     break
+            else:
+                averaged_row(lever, guess, out[i])
+                if settle_dents(law, p, lever, amplitude, eta, most, out[i]):
+                    status[i] = col.GOOD

@@ -25,6 +25,7 @@ from phasemap._kernels.orbits.time.tip import (
     BY_Z0,
     COS,
     DEEPEST,
+    FORMED,
     LOST,
     MARCHED,
     MEAN,
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
 STRIDE, TO_RELEASE = 0.1, 0.05  # steps of a feedback, of the amplitude, and of the way that a tip must go to come free
 EXPECTED = 0.1  # of the amplitude, by which the longer of these may miss a linear prediction
+BESIDE, WIDER = 3e-8, 3e-6  # of the motion, how far away derivatives are taken; where dents that last have kinks
 CREPT, LONGEST = 1e-4, 1000.0  # of a dent, when it counts as gone; most passes of two periods in which it has to
 ASTRAY, GROWS = 0.01, 30.0  # of the motion, and times the first step: longer ones lead astray meanwhile
 MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for ever
@@ -111,10 +113,17 @@ def pass_from(
 
 
 @kernel
+def apart(lever: np.ndarray, tip: Tip) -> float:
+    """How far beside a motion [m] others are marched for its derivatives."""
+    share = BESIDE if tip.periods[FORMED] == 0 else WIDER
+    return share * (math.hypot(tip.u[Z], tip.u[V]) + lever[col.BASE])
+
+
+@kernel
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
     u, acc, linear = tip.u, tip.acc, tip.linear
-    size = 3e-8 * (math.hypot(u[Z], u[V]) + lever[col.BASE])
+    size = apart(lever, tip)
     y = np.empty(len(u))
     for by in range(4):
         z = u[Z] + (size if by == BY_Z else 0.0)
