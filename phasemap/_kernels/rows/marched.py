@@ -64,6 +64,17 @@ def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
 
 
 @kernel
+def only_orbit(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray, guess: np.ndarray
+) -> bool:
+    """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
+    top[:] = 0.0
+    top[BEHIND] = -1e-3 * amplitude
+    known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
+    return known and not rebounds(law, p, lever, guess[col.G_P])
+
+
+@kernel
 def remembering_rows(
     law: Law,
     rows: np.ndarray,
@@ -84,10 +95,7 @@ def remembering_rows(
         p, amplitude = parameters(rows[i]), amplitudes[i]
         status[i] = col.PENDING
         if has_one_orbit(p, lever):
-            top[:] = 0.0
-            top[BEHIND] = -1e-3 * amplitude
-            known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
-            if known and not rebounds(law, p, lever, guess[col.G_P]):
+            if only_orbit(law, p, lever, amplitude, top, guess):
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
             continue
