@@ -122,7 +122,8 @@ class FromFar(March):
 class Remembering(FromFar):
     """The march for surfaces that remember, and another solver for the materials among them that do not.
 
-    Where that is the march from far, all are engaged from far.
+    Where that does not march, solids are solved by the lever's response if one tap leaves the next no dent. Where it is
+    the march from far, all are engaged from far.
     """
 
     rows_per_chunk = March.rows_per_chunk
@@ -136,6 +137,9 @@ class Remembering(FromFar):
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
         far = first + np.flatnonzero(remembers)
+        if len(far) and not isinstance(self.other, March):
+            self._respond(work, far, answers)
+            far = far[answers.status[far] != col.GOOD]
         if len(far) and not isinstance(self.other, FromFar):
             self._start_averaged(work, far, answers, accuracy.periods)
             far = far[answers.status[far] != col.GOOD]
@@ -147,6 +151,15 @@ class Remembering(FromFar):
         some = answers.of(rest)
         self.other.solve(plain, accuracy, 0, len(rest), some)
         answers.put(rest, some)
+
+    def _respond(self, work: Work, chosen: np.ndarray, answers: Answers) -> None:
+        """Find the chosen rows by the lever's response, as exactly as the march does, where that is possible."""
+        from phasemap._kernels.rows.relaxing import relaxing_rows
+
+        some, limits = answers.of(chosen), np.array([ERROR_PHASE, ERROR_HEIGHT])
+        rows = np.ascontiguousarray(work.rows[chosen])
+        relaxing_rows(work.law, rows, work.lever, work.amplitudes[chosen], limits, some)
+        answers.put(chosen, some)
 
     def _start_averaged(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
         """March the chosen rows from their averaged orbits, where averaging is sure of them."""

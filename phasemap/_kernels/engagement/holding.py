@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import (
     ADDED,
@@ -35,6 +36,9 @@ from phasemap._kernels.engagement.averages import (
 )
 from phasemap._kernels.engagement.lowering import STILL
 from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.time.by_memory import lingering
+from phasemap._kernels.orbits.time.elements import FREE, MODE
+from phasemap._kernels.orbits.time.forming import form_dents
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill, fill_orbit, hold_periodic, skip
 from phasemap._kernels.orbits.time.tip import COS, DEEPEST, MARCHED, SIN, Z0, Tip, new_tip
 
@@ -170,9 +174,17 @@ def hold(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip,
     row: np.ndarray,
 ) -> int:  # fmt: skip
-    """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row."""
+    """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row.
+
+    A tip that engages beats periods from where it swung freely. One that begins in a contact with memory knows only
+    nearly what is inside, so that the orbit is sought again from where it is highest.
+    """
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
+    if status == col.GOOD and law.memory != 0 and tip.u[MODE] != FREE and lingering(law, p, lever) == 0:
+        again = row.copy()
+        if settle_near(law, p, lever, amplitude, eta, most, again):
+            copy(again, row)
     if status != col.NOT_SETTLED:
         return status
     return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
@@ -194,10 +206,31 @@ def settle_near(
     law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray
 ) -> bool:
     """As `settle`, by a periodic orbit; False where time leads to none, or to the other side of resonance."""
-    repelled, tip = row[col.PHASE] > 0.0, tip_on(law, lever, amplitude, row)
+    tip = tip_on(law, lever, amplitude, row)
+    return hold_near(law, p, lever, amplitude, eta, most, row[col.PHASE] > 0.0, tip, row)
+
+
+@kernel
+def hold_near(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, repelled: bool, tip: Tip,
+    row: np.ndarray,
+) -> bool:  # fmt: skip
+    """As `hold_periodic`; False also where time leads to the other side of resonance."""
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
     return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
+
+
+@kernel
+def settle_dents(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray
+) -> bool:
+    """As `settle_near`, where dents last so long that they have to form first."""
+    tip, repelled = tip_on(law, lever, amplitude, row), row[col.PHASE] > 0.0
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
+    if not form_dents(law, p, lever, tolerance, amplitude, most, tip):
+        return False
+    return hold_near(law, p, lever, amplitude, eta, most, repelled, tip, row)
 
 
 @kernel

@@ -8,12 +8,13 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE
-from phasemap._kernels.engagement.holding import settle, settle_near
+from phasemap._kernels.engagement.averaged import OPEN, SURE
+from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, near_resonance, on_side
 from phasemap._kernels.engagement.response import engage
+from phasemap._kernels.engagement.ridge import settle_open
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
@@ -63,6 +64,17 @@ def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
 
 
 @kernel
+def only_orbit(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray, guess: np.ndarray
+) -> bool:
+    """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
+    top[:] = 0.0
+    top[BEHIND] = -1e-3 * amplitude
+    known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
+    return known and not rebounds(law, p, lever, guess[col.G_P])
+
+
+@kernel
 def remembering_rows(
     law: Law,
     rows: np.ndarray,
@@ -83,15 +95,20 @@ def remembering_rows(
         p, amplitude = parameters(rows[i]), amplitudes[i]
         status[i] = col.PENDING
         if has_one_orbit(p, lever):
-            top[:] = 0.0
-            top[BEHIND] = -1e-3 * amplitude
-            known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
-            if known and not rebounds(law, p, lever, guess[col.G_P]):
+            if only_orbit(law, p, lever, amplitude, top, guess):
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
-        elif engage(law, p, lever, amplitude, guess, top) == SURE:
+            continue
+        surety = engage(law, p, lever, amplitude, guess, top)
+        if surety == OPEN and settle_open(law, p, lever, amplitude, eta, near, top, guess, out[i]):
+            status[i] = col.GOOD
+        elif surety == SURE:
             for finer in (1.0, FINER):
                 averaged_row(lever, guess, out[i])
                 if settle_near(law, p, lever, amplitude, finer * eta, near, out[i]):
                     status[i] = col.GOOD
                     break
+            else:
+                averaged_row(lever, guess, out[i])
+                if settle_dents(law, p, lever, amplitude, eta, most, out[i]):
+                    status[i] = col.GOOD

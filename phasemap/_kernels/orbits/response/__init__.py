@@ -2,6 +2,7 @@
 
 `nodes` places the nodes and has the response between them, `passes` iterates the force and the motion, `mixing` makes
 passes fewer beside resonance, `newton` solves for both at once where they do not converge and `firm` says whether that
-orbit can be held, `apex` treats the turning of the tip within the sample. `orbit` puts them together, from an averaged
-guess to a row.
+orbit can be held, `sound` that of passes, `apex` treats the turning of the tip within the sample. `orbit` puts them
+together, from an averaged guess to a row. `relaxing` has the contact of a relaxing solid,
+`relaxing_orbit` its orbits.
 """

@@ -35,7 +35,8 @@ from phasemap._kernels.orbits.response.nodes import (
     parts_of,
     respond,
 )
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E, kicked, trace_of
+from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E
+from phasemap._kernels.orbits.response.sound import kicked, trace_of
 
 LEAST_ALONG = 0.1  # dz0/dA: less is too near to a fold
 SURELY = 0.98  # of the trace at which a multiplier is minus one, or one

@@ -29,8 +29,8 @@ N = 16  # nodes in an element; elements: before contact (counted backwards in ti
 X, WEIGHTS = gauss(N)
 UPTO = np.ascontiguousarray(integration_matrix(X).T)  # [k, j]: integral of the k-th polynomial up to node j
 _TOUCH_S, _TOUCH_W = np.sin(np.pi * (X - 0.5)), np.pi * np.cos(np.pi * (X - 0.5))
-_EARLY_S, _EARLY_W = np.sin(0.5 * np.pi * (X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (X - 1.0))
-_LATE_S, _LATE_W = np.sin(0.5 * np.pi * X), 0.5 * np.pi * np.cos(0.5 * np.pi * X)
+EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (X - 1.0))
+LATE_S, LATE_W = np.sin(0.5 * np.pi * X), 0.5 * np.pi * np.cos(0.5 * np.pi * X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
 LATE, ALL_CUT = ALL, ALL + N  # the later half of a contact that is cut in two, where there is room for it
 # Rows of the scratch array, shape (FIELDS, ALL) or (FIELDS, ALL_CUT).
@@ -82,10 +82,16 @@ def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange:
             theta[OUT + j], weight[OUT + j] = exit_ + after * f[FAR, j], after * f[FAR_WEIGHT, j]
     if len(theta) > ALL:
         for j in range(N):
-            theta[TOUCH + j], weight[TOUCH + j] = centre + half * _EARLY_S[j], half * _EARLY_W[j]
-            theta[LATE + j], weight[LATE + j] = centre + half * _LATE_S[j], half * _LATE_W[j]
+            theta[TOUCH + j], weight[TOUCH + j] = centre + half * EARLY_S[j], half * EARLY_W[j]
+            theta[LATE + j], weight[LATE + j] = centre + half * LATE_S[j], half * LATE_W[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
-    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
+    wind(f, lever)
+
+
+@kernel(fastmath=ANY_ORDER)
+def wind(f: np.ndarray, lever: np.ndarray) -> None:
+    """Fill in what goes with the angles of the nodes: sines and cosines, and exp(-lambda theta)."""
+    theta, omega, alpha0 = f[THETA], lever[OMEGA], lever[ALPHA0]
     _turn(theta, 1.0, f[SIN], f[COS])
     nu = math.sqrt(1.0 - alpha0 * alpha0) / omega
     if abs(nu - 1.0) < 3e-4:

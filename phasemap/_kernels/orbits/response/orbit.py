@@ -29,10 +29,10 @@ from phasemap._kernels.orbits.response.passes import (
     beside_resonance,
     converge,
     evaluate,
-    sound,
     start,
 )
 from phasemap._kernels.orbits.response.pressed import ROWS, SHALLOWEST, M, press
+from phasemap._kernels.orbits.response.sound import sound
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
@@ -100,7 +100,7 @@ def refine(
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if e < -SHALLOWEST * amplitude:
         _begin(guess, e, room.state)
-        return press(law, p, lever, limits, room.pressed, room.state) and _belongs(lever, guess, room.state)
+        return press(law, p, lever, limits, room.pressed, room.state) and belongs(lever, guess, room.state)
     if _pass_from(law, p, lever, reach, guess, e, limits, room):
         return True
     if not grazes(p, reach, guess):
@@ -139,7 +139,7 @@ def _pass_from(
         f, state[PARTS] = room.finer, 2.0
         evaluate(law, p, lever, f, state, True)
         found = converge(law, p, lever, f, state, False, limits[0], limits[1])
-    return found == FOUND and _belongs(lever, guess, state) and sound(law, p, lever, reach, f, state)
+    return found == FOUND and belongs(lever, guess, state) and sound(law, p, lever, reach, f, state, 0.0, 0.0)
 
 
 @kernel
@@ -150,7 +150,7 @@ def _begin(guess: np.ndarray, e: float, state: np.ndarray) -> None:
 
 
 @kernel
-def _belongs(lever: np.ndarray, guess: np.ndarray, state: np.ndarray) -> bool:
+def belongs(lever: np.ndarray, guess: np.ndarray, state: np.ndarray) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
     same = (state[PUSH] > 0.0) == (guess[col.G_P] > 0.0)
     return same and abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
@@ -203,4 +203,4 @@ def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: 
     # Back to where the nodes were.
     reach = reach_of(law, p)
     found = converge(law, p, lever, f, here, False, limits[0], limits[1])
-    return found == FOUND and sound(law, p, lever, reach, f, here)
+    return found == FOUND and sound(law, p, lever, reach, f, here, 0.0, 0.0)

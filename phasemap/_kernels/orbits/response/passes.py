@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
+from phasemap._kernels.law import Law
 from phasemap._kernels.lever import mismatch, phase_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.mixing import keep, mix, new_past
@@ -23,8 +23,6 @@ from phasemap._kernels.orbits.response.nodes import (
     SIN,
     THETA,
     TOUCH,
-    TURN_COS,
-    TURN_SIN,
     WEIGHT,
     WEIGHTS,
     G,
@@ -47,9 +45,7 @@ MOST_PASSES, MOST_MOVES, MOST_SLOW = 24, 4, 4
 ENOUGH = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
 SAFETY = 8.0  # over the error that two changes tell
 FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
-DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 CLOSED = 5e-7  # largest energy imbalance
-LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
 WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
 DEEPEST = -0.98  # cosine of the contact's edge below which the nodes do not do
 # Entries of a state: amplitude, e, change of the mismatch with e; what the nodes give; the result and its errors; the
@@ -62,7 +58,7 @@ LAST_W, PHASE_CHANGE, HEIGHT_CHANGE, LAST_RATIO, PARTS = range(15, 20)
 PER_MEAN, PER_PUSH, PER_DRAG, MOVE, LACKS, STATE = range(20, 26)
 BARYCENTRIC = barycentric(X)
 _LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
-_HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
+HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -96,8 +92,8 @@ def unresolved(lever: np.ndarray, f: np.ndarray, touching: bool, longrange: bool
         even, odd, size, first = 0.0, 0.0, 0.0, N * element if element < 3 else LATE
         for j in range(N):
             share = f[G, first + j] * f[WEIGHT, first + j]
-            even += _HIGHEST[0, j] * share
-            odd += _HIGHEST[1, j] * share
+            even += HIGHEST[0, j] * share
+            odd += HIGHEST[1, j] * share
             size += WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
     return (BESIDE if beside_resonance(lever) else WITHIN) * rest
@@ -162,14 +158,22 @@ def balance(
     for _ in range(MOST_MOVES):
         if abs(h) < ENOUGH * abs(lift * state[SLOPE]) and state[PER_PUSH] != 0.0:
             break
-        h_before, move, mean, push, drag = h, -h / state[SLOPE], state[MEAN], state[PUSH], state[DRAG]
+        before = (h, state[MEAN], state[PUSH], state[DRAG])
+        move = -h / state[SLOPE]
         state[E] += move
         relay(f, lever, amplitude, state[E], touching, longrange)
         h = evaluate(law, p, lever, f, state, touching)
-        if 0.3 < (h - h_before) / move / state[SLOPE] < 3.0:
-            state[SLOPE], state[PER_MEAN] = (h - h_before) / move, (state[MEAN] - mean) / move
-            state[PER_PUSH], state[PER_DRAG] = (state[PUSH] - push) / move, (state[DRAG] - drag) / move
+        learn(state, move, h, before)
     return h
+
+
+@kernel
+def learn(state: np.ndarray, move: float, h: float, before: tuple[float, float, float, float]) -> None:
+    """Take the changes with e from a move of it: of the mismatch, `h` now, and of what the nodes give."""
+    h_before, mean, push, drag = before
+    if 0.3 < (h - h_before) / move / state[SLOPE] < 3.0:
+        state[SLOPE], state[PER_MEAN] = (h - h_before) / move, (state[MEAN] - mean) / move
+        state[PER_PUSH], state[PER_DRAG] = (state[PUSH] - push) / move, (state[DRAG] - drag) / move
 
 
 @kernel
@@ -265,76 +269,6 @@ def converge(
                 return LOST
             left_before = left
     return LOST
-
-
-@kernel(fastmath=ANY_ORDER)
-def kicked(c: float, s: float, kick: float, x: float, y: float) -> tuple[float, float]:
-    """What a stiffness at an angle makes of a free lever's motion x cos(nu theta) + y sin(nu theta)."""
-    force = kick * (c * x + s * y)
-    return x + force * s, y - force * c
-
-
-@kernel(fastmath=ANY_ORDER)
-def turned(squared: float, width: float, v: float, u: float) -> tuple[float, float]:
-    """Motion v and its rate u after an angle `width`, under a stiffness that stays: v'' = -squared v."""
-    z = squared * width * width
-    c = 1.0 - z / 2.0 * (1.0 - z / 12.0 * (1.0 - z / 30.0))
-    s = width * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
-    return c * v + s * u, c * u - squared * s * v
-
-
-@kernel
-def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) -> float:
-    """Trace of the monodromy matrix: after all kicks (1, 0) is (x1, y1), and (0, 1) is (x2, y2)."""
-    c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
-    return math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
-
-
-@kernel(fastmath=ANY_ORDER)
-def sound(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
-    """Whether the converged orbit touches where it was taken to, and period doubling is far.
-
-    The trace of the monodromy matrix is that of the free lever kicked at every node outside contact by the stiffness
-    there, and turned faster by it in contact: theory, Eq. (stability-6). A period doubles where it is -1 less the
-    determinant, which all damping makes smaller; the trace leaves out that of the contact, which would bring it nearer
-    to zero.
-    """
-    amplitude, e = state[AMP], state[E]
-    omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
-    touching, longrange = f[THETA, EXIT] > f[THETA, ENTRY], p[LONGRANGE] != 0.0
-    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
-    x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
-    depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
-    little, decay = 1e-3 * depth, -4.0 * math.pi * a
-    late = (parts_of(f) - 1) * N  # nodes of a later half of the contact
-    for k in range(3 * N + late):
-        # In the order of time: the element before contact runs backwards.
-        j = N - 1 - k if k < N else k if k < 2 * N else LATE + k - 2 * N if k < 2 * N + late else k - late
-        in_contact, width = N <= k < 2 * N + late, WEIGHTS[j % N if j < LATE else j - LATE] * f[WEIGHT, j]
-        if not (touching if in_contact else longrange):
-            continue
-        d = amplitude * f[COS, j] + f[W, j] - e
-        if d < -little if in_contact else d > little:
-            return False
-        slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
-        if in_contact and p[DAMPING] != 0.0:
-            decay += 2.0 / omega * width * damping(law, max(d, 0.0), p)
-        squared = inverse_k * slope / (omega * omega)
-        if not in_contact:
-            x1, y1 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x1, y1)
-            x2, y2 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x2, y2)
-            continue
-        if j == TOUCH:
-            c, s = f[TURN_COS, ENTRY], f[TURN_SIN, ENTRY]
-            x1, y1, x2, y2 = c * x1 + s * y1, nu * (c * y1 - s * x1), c * x2 + s * y2, nu * (c * y2 - s * x2)
-        x1, y1 = turned(nu * nu + squared, width, x1, y1)
-        x2, y2 = turned(nu * nu + squared, width, x2, y2)
-        if k == 2 * N + late - 1:
-            c, s = f[TURN_COS, EXIT], f[TURN_SIN, EXIT]
-            x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
-    trace = trace_of(a, nu, x1, y1, x2, y2)
-    far = trace > -DOUBLING * (1.0 + math.exp(-decay))
-    return far and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
 
 
 @kernel

@@ -24,13 +24,11 @@ from phasemap._kernels.orbits.response.passes import (
     AMP,
     APEX,
     CLOSED,
-    DOUBLING,
     DRAG,
     ENOUGH,
     ERR_HEIGHT,
     ERR_PHASE,
     HEIGHT,
-    LEAST_SLOPE,
     LOSS,
     MEAN,
     MOST_MOVES,
@@ -45,8 +43,8 @@ from phasemap._kernels.orbits.response.passes import (
     after_pass,
     closure,
     first_pass,
-    turned,
 )
+from phasemap._kernels.orbits.response.sound import DOUBLING, LEAST_SLOPE, turned
 
 M = 48  # nodes on a period
 SHALLOWEST = 1.03  # e over -A: nearer than this to leaving contact the force is no longer smooth

@@ -25,6 +25,7 @@ from phasemap._kernels.orbits.time.tip import (
     BY_Z0,
     COS,
     DEEPEST,
+    FORMED,
     LOST,
     MARCHED,
     MEAN,
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
 STRIDE, TO_RELEASE = 0.1, 0.05  # steps of a feedback, of the amplitude, and of the way that a tip must go to come free
 EXPECTED = 0.1  # of the amplitude, by which the longer of these may miss a linear prediction
+BESIDE, WIDER = 3e-8, 3e-6  # of the motion, how far away derivatives are taken; where dents that last have kinks
 CREPT, LONGEST = 1e-4, 1000.0  # of a dent, when it counts as gone; most passes of two periods in which it has to
 ASTRAY, GROWS = 0.01, 30.0  # of the motion, and times the first step: longer ones lead astray meanwhile
 MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for ever
@@ -111,10 +113,17 @@ def pass_from(
 
 
 @kernel
+def apart(lever: np.ndarray, tip: Tip) -> float:
+    """How far beside a motion [m] others are marched for its derivatives."""
+    share = BESIDE if tip.periods[FORMED] == 0 else WIDER
+    return share * (math.hypot(tip.u[Z], tip.u[V]) + lever[col.BASE])
+
+
+@kernel
 def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
     u, acc, linear = tip.u, tip.acc, tip.linear
-    size = 3e-8 * (math.hypot(u[Z], u[V]) + lever[col.BASE])
+    size = apart(lever, tip)
     y = np.empty(len(u))
     for by in range(4):
         z = u[Z] + (size if by == BY_Z else 0.0)
@@ -152,7 +161,7 @@ def multiplier_of(linear: np.ndarray) -> float:
 
 
 @kernel
-def _ahead(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
+def way_to_rest(linear: np.ndarray, r0: float, r1: float, error: float, hold: bool) -> Numbers:
     """Way of (z, z', z0) to rest; with `hold`, z0 moves by the amplitude's error after the transient, over slope."""
     z, v = relaxed(linear, r0, r1)
     if not hold:
@@ -183,7 +192,7 @@ def _creep(
             return math.inf
         carry(y, u)
         error = amplitude_of(lever, tip.acc) - target
-        z, v, move = _ahead(tip.linear, y[Z] - u[Z], y[V] - u[V], error, target > 0.0)
+        z, v, move = way_to_rest(tip.linear, y[Z] - u[Z], y[V] - u[V], error, target > 0.0)
         left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
         if share > 0 and not max(math.hypot(z, v), abs(move)) <= farthest:
             return math.inf
@@ -211,7 +220,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
             return False
         if not multiplier_of(linear) < 1 or (hold and not slope_of(linear) > 0):
             return False
-        z, v, move = _ahead(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
+        z, v, move = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
         way = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
         near = way * y_limit <= 1e-4 * (math.hypot(u[Z], u[V]) + lever[col.BASE])
         moved, left = False, way
@@ -220,7 +229,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
             if not pass_from(law, p, lever, eta, tip, trial[Z], trial[V], trial[Z0], y):
                 return False
             error = amplitude_of(lever, acc) - target
-            z, v, move = _ahead(linear, y[Z] - trial[Z], y[V] - trial[V], error, hold)
+            z, v, move = way_to_rest(linear, y[Z] - trial[Z], y[V] - trial[V], error, hold)
             left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
             if not (left <= 1 or left <= 0.25 * way):
                 break
@@ -237,7 +246,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
         if not (left <= way and lingering(law, p, lever) > 0):
             return False
         before = u.copy()
-        ahead = _ahead(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
+        ahead = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
         left = _creep(law, p, lever, tolerance, target, tip, ahead, y)
         if not (left <= 1 or left <= 0.25 * way):
             copy(before, u)

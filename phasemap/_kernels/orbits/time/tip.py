@@ -24,7 +24,7 @@ COS, SIN, MEAN, LOST, VIRIAL, DEEPEST, AIR, GIVEN = 0, 1, 2, 3, 4, 5, 6, 7
 NOW, BY_Z, BY_V, BY_Z0 = 0, 1, 2, 3
 AMPLITUDE = 2
 # Of the periods of a tip.
-MARCHED, PATTERN = 0, 1
+MARCHED, PATTERN, FORMED = 0, 1, 2
 
 
 class Tip(NamedTuple):
@@ -38,8 +38,9 @@ class Tip(NamedTuple):
         What the last period gave, as `march_period` has it.
     linear : ndarray, shape (4, 3)
         The change of z, that of z' and the amplitude A of a period from u, and their derivatives by z, z' and z0.
-    periods : ndarray of int, shape (2,)
-        How many were marched, and after how many the motion is taken to repeat itself.
+    periods : ndarray of int, shape (3,)
+        How many were marched, after how many the motion is taken to repeat itself, and whether lasting dents have
+        formed under it.
     """
 
     u: np.ndarray
@@ -51,8 +52,8 @@ class Tip(NamedTuple):
 @kernel
 def tip_in(u: np.ndarray) -> Tip:
     """Return a tip in this state, none of whose periods was marched."""
-    tip = Tip(u, np.zeros(GIVEN), np.zeros((4, 3)), np.ones(2, np.int64))
-    tip.periods[MARCHED] = 0
+    tip = Tip(u, np.zeros(GIVEN), np.zeros((4, 3)), np.ones(3, np.int64))
+    tip.periods[MARCHED] = tip.periods[FORMED] = 0
     return tip
 
 

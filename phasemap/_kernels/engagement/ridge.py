@@ -1,0 +1,291 @@
+"""Where the attractive branch ends over a surface that remembers, by periodic motions of whatever drive they need.
+
+Let f be the drive that a motion of amplitude A needs at the distance b = z0 - A, over that given, and h = f^2 - 1. At a
+fixed A it has a maximum over b where the lever is attracted most, and this ridge is lowest at some A: at a saddle. If
+h > 0 there, or at the setpoint if that is above, the attractive branch leads down to the setpoint. As in `end`, but by
+the march: the map of one period has the slopes of f in its derivatives. Curvatures are at first those of averaging and
+then follow from the slopes (symmetric rank one): theory, Eq. (memory-11).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.averaged import settle_side, worst_amplitude
+from phasemap._kernels.engagement.holding import COARSE, hold_near, tip_on
+from phasemap._kernels.engagement.rebound import rebounds
+from phasemap._kernels.engagement.resonance import (
+    ATTRACTIVE,
+    GAP,
+    HEIGHT,
+    REPULSIVE,
+    UNCLEAR,
+    leaps,
+    narrowest,
+    pull_at,
+    weak,
+)
+from phasemap._kernels.law import Law
+from phasemap._kernels.lever import free_amplitude, low_q, needed, reach_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
+from phasemap._kernels.orbits.averaged.row import averaged_row
+from phasemap._kernels.orbits.time.by_memory import lingering
+from phasemap._kernels.orbits.time.period_map import apart, linearise, pass_from, relaxed, slope_of, way_to_rest
+from phasemap._kernels.orbits.time.tip import AMPLITUDE, BY_Z0, COS, DEEPEST, NOW, Z0, Tip, V, Z, amplitude_of, carry
+
+TIGHT, CLOSEST = 0.015, 1e-4  # h at the saddle that decides: as first predicted, and once it is known
+TRUSTED = 0.5  # of how far a prediction of it is off, and of what it adds, that the next may be
+MOST_LOOKS, MOST_LIFTS = 8, 3  # in all, and until the tip is as deep as averaging says
+LIFTED = 0.3  # of that depth, that may be missed
+MOST_NEWTON, FIRST = 6, 0.1  # and first step, below which derivatives are those at its end
+KNOWN, LOST = 1e-5, 1e3  # of the drive and of the length on which forces change: errors left, and a step astray
+NEAR = 0.02  # of that length, from where the last step leads to an orbit
+SMOOTH = 0.5  # of a step, that the next one may be by the same derivatives
+SPREAD, INSIDE, WIDE = 0.04, 0.4, 0.3  # steps of averaged curvatures, over A, over the depth, over the reach and it
+LONGEST, FARTHEST = 1.0, 0.15  # steps, over the length on which forces change and over the amplitude
+# Entries of a place on the ridge: b [m] and A [m], h, its slopes by b and by A at fixed b, and its second derivatives.
+B, A, H, H_B, H_A, H_BB, H_BA, H_AA, PLACE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+
+
+class Ridge(NamedTuple):
+    """A place on the ridge and the motion there.
+
+    Attributes
+    ----------
+    place : ndarray, shape (8,)
+        As named above.
+    driven : ndarray
+        The lever, with the drive that the motion needs.
+    tip : Tip
+    by : ndarray, shape (4, 3)
+        As tip.linear, with derivatives by the drive in place of those by the tip offset.
+    """
+
+    place: np.ndarray
+    driven: np.ndarray
+    tip: Tip
+    by: np.ndarray
+
+
+@kernel
+def begin_on(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, gap: float, row: np.ndarray) -> Ridge:
+    """Return the harmonic orbit of this gap, with the curvatures of averaging; fills the row with it."""
+    reach, guess, place, driven = reach_of(law, p), np.zeros(col.GUESS), np.zeros(PLACE), lever.copy()
+    push, drag, mean = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+    put(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
+    x, y = needed(lever, amplitude, push, drag)
+    driven[col.BASE] = math.hypot(x, y)
+    averaged_row(lever, guess, row)
+    place[B], place[A] = guess[col.G_Z0] - amplitude, amplitude
+    step, more = min(WIDE * (reach + abs(gap)), INSIDE * abs(gap)), SPREAD * amplitude
+    h = pull_at(law, p, lever, reach, amplitude, gap)[0]
+    near = pull_at(law, p, lever, reach, amplitude, gap - step)[0]
+    far = pull_at(law, p, lever, reach, amplitude, gap + step)[0]
+    place[H_BB] = (near - 2.0 * h + far) / step**2
+    less = pull_at(law, p, lever, reach, amplitude - more, gap)[0]
+    larger = pull_at(law, p, lever, reach, amplitude + more, gap)[0]
+    place[H_AA] = (less - 2.0 * h + larger) / more**2
+    return Ridge(place, driven, tip_on(law, lever, amplitude, row), np.zeros((4, 3)))
+
+
+@kernel
+def derive(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
+    """Fill the derivatives of a place; returns as `linearise`."""
+    _, driven, tip, by = ridge
+    if not linearise(law, p, driven, eta, tip):
+        return False
+    u, y = tip.u, np.empty(len(tip.u))
+    base, size = driven[col.BASE], apart(driven, tip)
+    driven[col.BASE] = base + size
+    good = pass_from(law, p, driven, eta, tip, u[Z], u[V], u[Z0], y)
+    driven[col.BASE] = base
+    for j in range(3):
+        for i in range(BY_Z0):
+            by[i, j] = tip.linear[i, j]
+    now = (y[Z] - u[Z], y[V] - u[V], amplitude_of(driven, tip.acc))
+    for j in range(3):
+        by[BY_Z0, j] = (now[j] - by[NOW, j]) / size
+    return good
+
+
+@kernel
+def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridge) -> bool:
+    """Find the periodic motion of a place and the drive that it needs; False if Newton's method does not come to it.
+
+    `scale` [m] is the length on which forces change.
+    """
+    place, driven, tip, by = ridge
+    u, y = tip.u, np.empty(len(tip.u))
+    for _ in range(MOST_NEWTON):
+        if not derive(law, p, eta, ridge):
+            return False
+        z, v, more = way_to_rest(by, by[NOW, Z], by[NOW, V], by[NOW, AMPLITUDE] - place[A], True)
+        before = FIRST
+        while True:
+            way = math.hypot(z, v) / scale + abs(more) / driven[col.BASE]
+            u[Z], u[V], driven[col.BASE] = u[Z] + z, u[V] + v, driven[col.BASE] + more
+            if not (way < LOST and driven[col.BASE] > 0.0):
+                return False
+            if way * way < KNOWN * before:
+                return True
+            if way > SMOOTH * before:
+                break
+            if not pass_from(law, p, driven, eta, tip, u[Z], u[V], u[Z0], y):
+                return False
+            carry(y, u)
+            off = amplitude_of(driven, tip.acc) - place[A]
+            z, v, more = way_to_rest(by, y[Z] - u[Z], y[V] - u[V], off, True)
+            before = way
+    return False
+
+
+@kernel
+def look(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, scale: float, ridge: Ridge) -> bool:
+    """Find h and its slopes at a place; False where no motion is found, or none that the lever is attracted in."""
+    place, driven, tip, by = ridge
+    if not hold_by_drive(law, p, eta, scale, ridge) or not tip.acc[COS] < 0.0:
+        return False
+    f, by_drive = driven[col.BASE] / lever[col.BASE], slope_of(by)
+    place[H] = f * f - 1.0
+    place[H_B] = -2.0 * f * slope_of(tip.linear) / by_drive / lever[col.BASE]
+    place[H_A] = place[H_B] + 2.0 * f / by_drive / lever[col.BASE]
+    return True
+
+
+@kernel
+def go(ridge: Ridge, of_b: float, of_a: float) -> None:
+    """Move in b and A, and the tip and its drive as their derivatives say."""
+    place, driven, tip, by = ridge
+    u, linear, of_z0 = tip.u, tip.linear, of_b + of_a
+    more = (of_a - slope_of(linear) * of_z0) / slope_of(by)
+    z, v = relaxed(linear, linear[BY_Z0, Z], linear[BY_Z0, V])
+    z_drive, v_drive = relaxed(by, by[BY_Z0, Z], by[BY_Z0, V])
+    u[Z] += z * of_z0 + z_drive * more
+    u[V] += v * of_z0 + v_drive * more
+    u[Z0] += of_z0
+    driven[col.BASE] += more
+    place[B] += of_b
+    place[A] += of_a
+
+
+@kernel
+def to_saddle(place: np.ndarray, least: float) -> tuple[float, float, float]:
+    """Way in b and A to the saddle of a quadratic, at amplitudes not below `least`, and how much h rises; or NaN."""
+    g_b, g_a, bb, ba, aa = place[H_B], place[H_A], place[H_BB], place[H_BA], place[H_AA]
+    if not bb < 0.0:
+        return math.nan, math.nan, math.nan
+    along = aa - ba * ba / bb  # along the ridge
+    of_a = least - place[A]
+    if along > 0.0:
+        of_a = max(of_a, -(g_a - ba * g_b / bb) / along)
+    elif place[A] > least or g_a - ba * g_b / bb < 0.0:
+        return math.nan, math.nan, math.nan
+    of_b = -(g_b + ba * of_a) / bb
+    rise = g_b * of_b + g_a * of_a + 0.5 * (bb * of_b**2 + 2 * ba * of_b * of_a + aa * of_a**2)
+    return of_b, of_a, rise
+
+
+@kernel
+def bend(place: np.ndarray, before: np.ndarray, scale: float) -> None:
+    """Correct second derivatives by the slopes at two places: symmetric, of rank one, in lengths over their scales."""
+    s_b, s_a = (place[B] - before[B]) / scale, (place[A] - before[A]) / place[A]
+    bb, ba, aa = before[H_BB] * scale**2, before[H_BA] * scale * place[A], before[H_AA] * place[A] ** 2
+    off_b = (place[H_B] - before[H_B]) * scale - bb * s_b - ba * s_a
+    off_a = (place[H_A] - before[H_A]) * place[A] - ba * s_b - aa * s_a
+    along = off_b * s_b + off_a * s_a
+    if abs(along) > 1e-6 * math.hypot(off_b, off_a) * math.hypot(s_b, s_a):
+        bb, ba, aa = bb + off_b**2 / along, ba + off_b * off_a / along, aa + off_a**2 / along
+    place[H_BB], place[H_BA], place[H_AA] = bb / scale**2, ba / (scale * place[A]), aa / place[A] ** 2
+
+
+@kernel
+def side_of(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, top: np.ndarray, ridge: Ridge
+) -> int:
+    """Side on which the tip comes to `amplitude`; `top` is averaging's maximum, on which the ridge begins.
+
+    A first look decides with a margin as wide as it misses what averaging predicts; later ones as they predict each
+    other. Dents that last grow from look to look, and keep the margin wide.
+    """
+    place, scale, predicted = ridge.place, reach_of(law, p) + abs(top[GAP]), math.nan
+    before = place.copy()
+    for i in range(MOST_LOOKS):
+        if not look(law, p, lever, eta, scale, ridge):
+            return UNCLEAR
+        lifted = -top[GAP] - ridge.tip.acc[DEEPEST]
+        if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top[GAP]):
+            go(ridge, -lifted, 0.0)
+            continue
+        first = math.isnan(predicted)
+        if not first:
+            bend(place, before, scale)
+        of_b, of_a, rise = to_saddle(place, amplitude)
+        highest = place[H] + rise
+        missed = TRUSTED * max(abs(highest - (top[HEIGHT] if first else predicted)), abs(rise))
+        if abs(highest) > missed + (TIGHT if first or lingering(law, p, lever) > 0.0 else CLOSEST):
+            return ATTRACTIVE if highest > 0.0 else REPULSIVE
+        predicted = highest
+        share = 1.0 / max(1.0, abs(of_b) / (LONGEST * scale), abs(of_a) / (FARTHEST * place[A]))
+        if not share > 0.0:
+            return UNCLEAR
+        copy(place, before)
+        go(ridge, share * of_b, share * of_a)
+    return UNCLEAR
+
+
+@kernel
+def go_outside(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, scale: float, ridge: Ridge
+) -> bool:
+    """Go on from the saddle to the orbit outside of it that holds `amplitude`, nearly; False if it is not found."""
+    place = ridge.place
+    of_a = amplitude - place[A]
+    of_b = -(place[H_B] + place[H_BA] * of_a) / place[H_BB]
+    h = place[H] + 0.5 * place[H_B] * of_b + (place[H_A] + 0.5 * (place[H_BA] * of_b + place[H_AA] * of_a)) * of_a
+    if not h > 0.0:
+        return False
+    go(ridge, of_b + math.sqrt(-2.0 * h / place[H_BB]), of_a)
+    for _ in range(MOST_NEWTON):
+        if not look(law, p, lever, eta, scale, ridge) or not place[H_B] < 0.0:
+            return False
+        way = -place[H] / place[H_B]
+        go(ridge, way, 0.0)
+        if abs(way) < NEAR * scale:
+            return True
+    return False
+
+
+@kernel
+def settle_open(
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, top: np.ndarray,
+    guess: np.ndarray, row: np.ndarray,
+) -> bool:  # fmt: skip
+    """Fill the row with the motion that holds `amplitude` where averaging leaves its side open; False if it stays so.
+
+    Levers that are carried over their resonance, or driven so far below it that the branch is narrowest above the free
+    amplitude, are left to time.
+    """
+    reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
+    if p[col.LONGRANGE] == 0.0 or narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
+        return False
+    ridge, rough = begin_on(law, p, lever, worst, top[GAP], row), COARSE * eta
+    side = REPULSIVE
+    if not (low_q(lever) and weak(lever, worst, top[HEIGHT])):
+        side = side_of(law, p, lever, amplitude, rough, top, ridge)
+    if side == UNCLEAR:
+        return False
+    tip = ridge.tip
+    if settle_side(law, p, lever, reach, amplitude, side, top, guess):
+        if side == REPULSIVE and rebounds(law, p, lever, guess[col.G_P]):
+            return False
+        averaged_row(lever, guess, row)
+        tip = tip_on(law, lever, amplitude, row)
+    elif side == REPULSIVE or not go_outside(law, p, lever, amplitude, rough, reach + abs(top[GAP]), ridge):
+        return False
+    return hold_near(law, p, lever, amplitude, eta, most, side == REPULSIVE, tip, row)

@@ -1,0 +1,262 @@
+"""The contact of a solid that relaxes, at the nodes of the lever's response: Ting's for one tap on a surface at rest.
+
+An element from the first touch to the turn, where the contact is widest, and one from there to its end. With T = omega
+tau the depth D that a dashpot sees and the integral Y follow d by
+
+    T D' = d - D,    T Y' = (2/3) d^(3/2) - Y                                       (theory, Eq. (memory-8))
+
+of which the second is needed up to the turn only. At nodes both are a linear system with the spectral integration
+matrix, whose eigenvectors are known beforehand. Past the turn the edge is where it was at an earlier angle, which each
+node remembers and corrects by a step of Newton's method (theory, Eq. (memory-9)); the force at a node does not change
+to first order with that angle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, contact_force, longrange_force
+from phasemap._kernels.orbits.response.nodes import (
+    COS,
+    EARLY_S,
+    EARLY_W,
+    ENTRY,
+    EXIT,
+    FAR,
+    FAR_WEIGHT,
+    IN,
+    LATE,
+    LATE_S,
+    LATE_W,
+    OUT,
+    RE,
+    SIN,
+    THETA,
+    TOUCH,
+    UPTO,
+    WEIGHT,
+    WEIGHTS,
+    G,
+    N,
+    U,
+    W,
+    X,
+    wind,
+)
+from phasemap._kernels.quadrature import barycentric
+
+Sums = tuple[float, float, float, float, float]
+
+TURN, END = EXIT + 1, 2 * N  # the node at which the contact turns, and the place of its end in the following
+# What is remembered, shape (MEMORY, 2 N + 1): d, D [m] and Y [m^1.5] at the nodes of both elements, d' at the early
+# ones, and at late ones where early the edge was the same, as a place in that element, d, D and Y there, and exp of the
+# angle between over T.
+DEPTH, SEEN, INSIDE, RATE, PLACE, DEPTH_1, SEEN_1, INSIDE_1, KEPT, MEMORY = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+AT_ONCE = 0.7  # of the way to either end of an element, the longest step to the early angle
+BARYCENTRIC = barycentric(X)
+
+
+def _modes(widths: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Integration matrix of an element, its eigenvalues, what takes values at the nodes to each, and back.
+
+    Of each complex pair one, counted twice.
+    """
+    upto = UPTO * widths[:, None]
+    values, vectors = np.linalg.eig(upto.T)
+    one = values.imag >= 0
+    back = (np.where(values.imag[one] > 0, 2.0, 1.0) * vectors[:, one]).T
+    to = np.linalg.inv(vectors)[one]
+    parts = (upto, values[one].real, values[one].imag, to.real, to.imag, back.real, back.imag)
+    return tuple(np.ascontiguousarray(part) for part in parts)
+
+
+_EARLY_UPTO, _EARLY_RE, _EARLY_IM, _EARLY_TO_RE, _EARLY_TO_IM, _EARLY_BACK_RE, _EARLY_BACK_IM = _modes(EARLY_W)
+_LATE_UPTO, _LATE_RE, _LATE_IM, _LATE_TO_RE, _LATE_TO_IM, _LATE_BACK_RE, _LATE_BACK_IM = _modes(LATE_W)
+_EARLY_ALL, _LATE_ALL = EARLY_W * WEIGHTS, LATE_W * WEIGHTS
+
+
+@kernel(fastmath=ANY_ORDER, inline=True)
+def _solve(
+    upto: np.ndarray, values: tuple[np.ndarray, np.ndarray], to: tuple[np.ndarray, np.ndarray],
+    back: tuple[np.ndarray, np.ndarray], share: float, given: np.ndarray, x: np.ndarray,
+) -> None:  # fmt: skip
+    """Solve x + share (integral of x up to each node) = given; twice, for the eigenvectors are nearly dependent."""
+    left = np.empty(N)
+    for j in range(N):
+        left[j], x[j] = given[j], 0.0
+    for again in range(2):
+        for k in range(len(values[0])):
+            re, im, a, b = 0.0, 0.0, 1.0 + share * values[0][k], share * values[1][k]
+            for j in range(N):
+                re += to[0][k, j] * left[j]
+                im += to[1][k, j] * left[j]
+            below = 1.0 / (a * a + b * b)
+            re, im = (re * a + im * b) * below, (im * a - re * b) * below
+            for j in range(N):
+                x[j] += back[0][k, j] * re - back[1][k, j] * im
+        if again == 0:
+            for j in range(N):
+                left[j] = given[j] - x[j]
+            for k in range(N):
+                for j in range(N):
+                    left[j] -= share * x[k] * upto[k, j]
+
+
+@kernel
+def behind_early(share: float, given: np.ndarray, x: np.ndarray) -> None:
+    """How far x' = given' - x/T, from 0, is at the nodes before the turn; share = their angle over T."""
+    values, to, back = (_EARLY_RE, _EARLY_IM), (_EARLY_TO_RE, _EARLY_TO_IM), (_EARLY_BACK_RE, _EARLY_BACK_IM)
+    _solve(_EARLY_UPTO, values, to, back, share, given, x)
+
+
+@kernel
+def behind_late(share: float, given: np.ndarray, x: np.ndarray) -> None:
+    """The same at those behind it."""
+    values, to, back = (_LATE_RE, _LATE_IM), (_LATE_TO_RE, _LATE_TO_IM), (_LATE_BACK_RE, _LATE_BACK_IM)
+    _solve(_LATE_UPTO, values, to, back, share, given, x)
+
+
+@kernel(fastmath=ANY_ORDER)
+def lay_relaxing(f: np.ndarray, lever: np.ndarray, entry: float, turn: float, exit_: float, longrange: bool) -> None:
+    """Place the nodes: contact from entry to its turn and on to its end, and outside, the finer the nearer."""
+    theta, weight = f[THETA], f[WEIGHT]
+    before, after = math.pi + entry, math.pi - exit_
+    for j in range(N):
+        theta[TOUCH + j], weight[TOUCH + j] = turn + (turn - entry) * EARLY_S[j], (turn - entry) * EARLY_W[j]
+        theta[LATE + j], weight[LATE + j] = turn + (exit_ - turn) * LATE_S[j], (exit_ - turn) * LATE_W[j]
+        if longrange:
+            theta[IN + j], weight[IN + j] = entry - before * f[FAR, j], before * f[FAR_WEIGHT, j]
+            theta[OUT + j], weight[OUT + j] = exit_ + after * f[FAR, j], after * f[FAR_WEIGHT, j]
+    theta[ENTRY], theta[EXIT], theta[TURN] = entry, exit_, turn
+    wind(f, lever)
+
+
+@kernel(fastmath=ANY_ORDER)
+def follow(p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, m: np.ndarray) -> None:
+    """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
+    time, turn = lever[OMEGA] * p[col.RELAXATION], f[THETA, TURN]
+    early, late = (turn - f[THETA, ENTRY]) / time, (f[THETA, EXIT] - turn) / time
+    depth, seen, inside, given, x = m[DEPTH], m[SEEN], m[INSIDE], m[SEEN_1], m[INSIDE_1]
+    for j in range(N):
+        depth[j] = amplitude * f[COS, TOUCH + j] + f[W, TOUCH + j] - e
+        depth[N + j] = amplitude * f[COS, LATE + j] + f[W, LATE + j] - e
+        m[RATE, j] = f[U, TOUCH + j] - amplitude * f[SIN, TOUCH + j]
+    depth[END] = amplitude * f[COS, EXIT] + f[W, EXIT] - e
+    behind_early(early, depth, x)
+    at_turn = 0.0
+    for j in range(N):
+        seen[j] = depth[j] - x[j]
+        at_turn += early * _EARLY_ALL[j] * x[j]
+        given[j] = 2.0 / 3.0 * max(depth[j], 0.0) ** 1.5
+    behind_early(early, given, x)
+    for j in range(N):
+        inside[j] = given[j] - x[j]
+        given[j] = depth[N + j] - at_turn
+    behind_late(late, given, x)
+    seen[END] = at_turn
+    for j in range(N):
+        seen[N + j] = depth[N + j] - x[j]
+        seen[END] += late * _LATE_ALL[j] * x[j]
+
+
+@kernel(fastmath=ANY_ORDER)
+def look_back(p: np.ndarray, lever: np.ndarray, f: np.ndarray, m: np.ndarray) -> None:
+    """Correct where early the edge was as it is at late nodes, by a step of Newton's method; what was there."""
+    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f[THETA, TURN]
+    half = turn - f[THETA, ENTRY]
+    for j in range(N, 2 * N):
+        at, below = m[PLACE, j], 0.0
+        d, seen, inside, rate = 0.0, 0.0, 0.0, 0.0
+        for k in range(N):
+            gap = at - X[k]
+            share = BARYCENTRIC[k] / (gap if gap != 0.0 else 1e-30)
+            below += share
+            d += share * m[DEPTH, k]
+            seen += share * m[SEEN, k]
+            inside += share * m[INSIDE, k]
+            rate += share * m[RATE, k]
+        d, seen, inside, rate = d / below, seen / below, inside / below, rate / below
+        back = 0.5 * math.pi * (1.0 - at)
+        kept = math.exp((turn - half * math.sin(back) - f[THETA, LATE + j - N]) / time)
+        off = (1.0 - kappa) * d + kappa * (m[SEEN, j] - (seen - d) * kept) - m[DEPTH, j]
+        wide = half * 0.5 * math.pi * math.cos(back)
+        move = -off / (rate * (1.0 - kappa + kappa * kept) * wide)
+        move = min(max(move, -AT_ONCE * at), AT_ONCE * (1.0 - at))
+        m[PLACE, j] = at + move
+        move *= wide
+        m[DEPTH_1, j], m[SEEN_1, j] = d + move * rate, seen + move * (d - seen) / time
+        m[INSIDE_1, j] = inside + move * (2.0 / 3.0 * max(d, 0.0) ** 1.5 - inside) / time
+        m[KEPT, j] = kept * (1.0 + move / time)
+
+
+@kernel(fastmath=ANY_ORDER)
+def relay_relaxing(
+    p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, m: np.ndarray
+) -> None:  # fmt: skip
+    """Move the nodes to where the contact begins, turns and ends now, and w with them."""
+    theta, i, j = f[THETA], TOUCH + N - 1, LATE
+    before = f[RE]
+    copy(theta, before)
+    time, kappa, longrange = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], p[LONGRANGE] != 0.0
+    entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])
+    rise, fall = f[U, i] - amplitude * f[SIN, i], f[U, j] - amplitude * f[SIN, j]
+    turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
+    d, seen = amplitude * f[COS, EXIT] + f[W, EXIT] - e, m[SEEN, END]
+    exit_ = theta[EXIT] - (d - kappa * seen) / (f[U, EXIT] - amplitude * f[SIN, EXIT] - kappa * (d - seen) / time)
+    lay_relaxing(f, lever, entry, turn, exit_, longrange)
+    for j in range(len(theta)):
+        f[W, j] += f[U, j] * (theta[j] - before[j])
+
+
+@kernel
+def dent_of(p: np.ndarray, lever: np.ndarray, m: np.ndarray) -> tuple[float, float]:
+    """Dent [m] under the tip where the contact ends, and the rate over the angle at which it comes back."""
+    return p[col.RELAXING] * m[SEEN, END], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
+
+
+@kernel(fastmath=ANY_ORDER, inline=True)
+def _added(sums: Sums, f: np.ndarray, i: int, weight: float, amplitude: float) -> Sums:
+    """Mean, P and S of g, its work and virial sum, with those of a node."""
+    mean, push, drag, work, virial = sums
+    share = weight * f[WEIGHT, i] * f[G, i]
+    return (
+        mean + share, push + share * f[COS, i], drag + share * f[SIN, i],
+        work + share * (f[U, i] - amplitude * f[SIN, i]), virial + share * (amplitude * f[COS, i] + f[W, i]),
+    )  # fmt: skip
+
+
+@kernel(fastmath=ANY_ORDER)
+def relaxing_force(
+    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, m: np.ndarray
+) -> Sums:  # fmt: skip
+    """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
+    inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
+    pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k
+    for j in range(N):
+        d = max(m[DEPTH, j], 0.0)
+        f[G, TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m[INSIDE, j]) + pull
+        sums = _added(sums, f, TOUCH + j, WEIGHTS[j], amplitude)
+    for j in range(N, 2 * N):
+        q2 = max(m[DEPTH_1, j], 0.0)
+        q, third = math.sqrt(q2), q2 / 3.0
+        y = q * (m[SEEN, j] - third) - m[KEPT, j] * (q * (m[SEEN_1, j] - third) - m[INSIDE_1, j])
+        f[G, LATE + j - N] = stiff * (q * (m[DEPTH, j] - third) - kappa * y) + pull
+        sums = _added(sums, f, LATE + j - N, WEIGHTS[j - N], amplitude)
+    if p[LONGRANGE] != 0.0:
+        dent, recovery = dent_of(p, lever, m)
+        for j in range(N):
+            d = amplitude * f[COS, IN + j] + f[W, IN + j] - e
+            f[G, IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
+            sums = _added(sums, f, IN + j, WEIGHTS[j], amplitude)
+            d = amplitude * f[COS, OUT + j] + f[W, OUT + j] - e
+            d -= dent * math.exp((f[THETA, EXIT] - f[THETA, OUT + j]) * recovery)
+            f[G, OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
+            sums = _added(sums, f, OUT + j, WEIGHTS[j], amplitude)
+    mean, push, drag, work, virial = sums
+    return mean / (2.0 * math.pi), push / math.pi, drag / math.pi, work, virial

@@ -1,0 +1,303 @@
+"""Exact orbits over a solid that relaxes, by passes of the lever's response, where one tap leaves the next no dent."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ALPHA0, LONGRANGE, OMEGA
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law
+from phasemap._kernels.lever import mismatch, phase_of, reach_of
+from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.nodes import (
+    ALL_CUT,
+    COS,
+    ENTRY,
+    EXIT,
+    FIELDS,
+    LATE,
+    SIN,
+    THETA,
+    TOUCH,
+    WEIGHT,
+    WEIGHTS,
+    G,
+    N,
+    U,
+    W,
+    X,
+    grade,
+    respond,
+)
+from phasemap._kernels.orbits.response.orbit import belongs
+from phasemap._kernels.orbits.response.passes import (
+    AMP,
+    APEX,
+    DEEPEST,
+    DRAG,
+    ENOUGH,
+    ERR_HEIGHT,
+    ERR_PHASE,
+    FOUND,
+    HEIGHT,
+    HIGHEST,
+    LAST_W,
+    LOSS,
+    LOST,
+    MEAN,
+    MOST_MOVES,
+    MOST_PASSES,
+    MOST_SLOW,
+    PARTS,
+    PASSES,
+    PER_PUSH,
+    PHASE,
+    PUSH,
+    SLOPE,
+    STATE,
+    VIRIAL,
+    WORK,
+    E,
+    after_pass,
+    converge,
+    first_pass,
+    learn,
+    start,
+    unresolved,
+)
+from phasemap._kernels.orbits.response.relaxing import (
+    DEPTH,
+    END,
+    MEMORY,
+    PLACE,
+    RATE,
+    SEEN,
+    dent_of,
+    follow,
+    lay_relaxing,
+    look_back,
+    relaxing_force,
+    relay_relaxing,
+)
+from phasemap._kernels.orbits.response.sound import sound
+
+LEFT = 1e-15  # [m] of dents that a tap may meet
+THINNEST = 40.0  # relaxation times before the turn that the nodes may have to resolve
+HARMONICS = 32  # fewer than these are summed
+UNFOLLOWED = 0.3  # of what the nodes may miss of D, that is taken for missed
+MOST_ENDS, MOST_LOOKS = 6, 5  # steps to the end of the harmonic orbit's contact, and to early angles
+NEAR = 1e-6  # of the contact, error of its end
+FARTHER = 1e-3  # of the depth, a step of the amplitude
+UNDAMPED = 0.5  # of what air takes more at a larger amplitude, that a tap may take less there
+SHORTER = 0.3  # least share of the contact's later half that a step leaves of it
+
+
+class Bench(NamedTuple):
+    """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
+
+    nodes: np.ndarray
+    memory: np.ndarray
+    state: np.ndarray
+
+
+@kernel
+def new_bench() -> Bench:
+    """Return empty scratch arrays."""
+    return Bench(np.zeros((FIELDS, ALL_CUT)), np.zeros((MEMORY, END + 1)), np.zeros(STATE))
+
+
+@kernel
+def evaluate_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> float:
+    """Fill the state from the force at the nodes; returns the mismatch of the drive."""
+    f, m, state = bench
+    follow(p, lever, f, state[AMP], state[E], m)
+    look_back(p, lever, f, m)
+    mean, push, drag, work, virial = relaxing_force(law, p, lever, f, state[AMP], state[E], m)
+    state[MEAN], state[PUSH], state[DRAG], state[LOSS], state[VIRIAL] = mean, push, drag, work, virial
+    return mismatch(lever, state[AMP], push, drag)
+
+
+@kernel
+def start_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
+    """Lay the harmonic orbit with the amplitude and e of the state; False if it is out of this method's range."""
+    f, m, state = bench
+    amplitude, e, time, kappa = state[AMP], state[E], lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
+    if not DEEPEST < e / amplitude < 1.0:
+        return False
+    edge, longrange = math.acos(e / amplitude), p[LONGRANGE] != 0.0
+    if edge > THINNEST * time:
+        return False
+    if longrange:
+        grade(f, amplitude, e, reach_of(law, p), edge)
+    f[W], f[U] = 0.0, 0.0
+    exit_ = edge
+    for _ in range(MOST_ENDS):
+        lay_relaxing(f, lever, -edge, 0.0, exit_, longrange)
+        follow(p, lever, f, amplitude, e, m)
+        d, seen = m[DEPTH, END], m[SEEN, END]
+        move = (d - kappa * seen) / (amplitude * f[SIN, EXIT] + kappa * (d - seen) / time)
+        exit_ = min(max(exit_ + move, SHORTER * exit_), edge)
+        if abs(move) < NEAR * edge:
+            break
+    for j in range(N):
+        m[PLACE, N + j] = 1.0 - X[j]
+    for _ in range(MOST_LOOKS):
+        look_back(p, lever, f, m)
+    evaluate_relaxing(law, p, lever, bench)
+    return True
+
+
+@kernel
+def balance_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench, lift: float) -> float:
+    """As `passes.balance`."""
+    f, m, state = bench
+    state[E] += lift
+    relay_relaxing(p, lever, f, state[AMP], state[E], m)
+    h = evaluate_relaxing(law, p, lever, bench)
+    for _ in range(MOST_MOVES):
+        if abs(h) < ENOUGH * abs(lift * state[SLOPE]) and state[PER_PUSH] != 0.0:
+            break
+        before = (h, state[MEAN], state[PUSH], state[DRAG])
+        move = -h / state[SLOPE]
+        state[E] += move
+        relay_relaxing(p, lever, f, state[AMP], state[E], m)
+        h = evaluate_relaxing(law, p, lever, bench)
+        learn(state, move, h, before)
+    return h
+
+
+@kernel
+def unfollowed(p: np.ndarray, f: np.ndarray, m: np.ndarray) -> float:
+    """Estimated error of P and S [m] from the number of nodes at which D follows d after the first touch.
+
+    That of D is some sixtieth of what their highest polynomials find, where the contact lasts for 1 to 50 relaxation
+    times, and that of P and S a tenth of this share of the force in contact.
+    """
+    even, odd, size = 0.0, 0.0, 0.0
+    for j in range(N):
+        behind = m[DEPTH, j] - m[SEEN, j]
+        even += HIGHEST[0, j] * behind
+        odd += HIGHEST[1, j] * behind
+        size += WEIGHTS[j] * f[WEIGHT, TOUCH + j] * abs(f[G, TOUCH + j])
+    return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / m[DEPTH, N - 1] * size
+
+
+@kernel
+def converge_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, bench: Bench) -> int:
+    """Repeat passes from a harmonic orbit that touches until estimated errors are below the limits: FOUND or LOST."""
+    f, m, state = bench
+    slow, longrange = 0, p[LONGRANGE] != 0.0
+    first_pass(state)
+    state[PHASE], state[LAST_W] = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), 0.0
+    state[HEIGHT] = state[E] - state[MEAN]
+    for passes in range(MOST_PASSES):
+        before = f[W, LATE]
+        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, longrange)
+        h = balance_relaxing(law, p, lever, bench, f[W, LATE] - before)
+        state[PASSES] += 1.0
+        nodes = unresolved(lever, f, True, longrange) + unfollowed(p, f, m)
+        ratio = after_pass(lever, state, h, f[W, LATE], nodes)
+        if not (math.isfinite(state[PHASE] + state[HEIGHT]) and f[THETA, EXIT] > f[THETA, ENTRY]):
+            return LOST
+        if ratio >= 0.0:
+            if state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]:
+                return FOUND
+            slow += passes > 1 and ratio > 0.7
+            if slow > MOST_SLOW:
+                return LOST
+    return LOST
+
+
+@kernel
+def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
+    """Whether depth and edge grow up to the turn, and nothing that the next taps meet is left of the dents of all."""
+    f, m, _ = bench
+    for j in range(N):
+        if not (m[RATE, j] > 0.0 and 0.0 <= m[PLACE, N + j] <= 1.0):
+            return False
+        if j > 0 and not m[PLACE, N + j] < m[PLACE, N + j - 1]:
+            return False
+    apart = 2.0 * math.pi - (f[THETA, EXIT] - f[THETA, ENTRY])
+    return dent * math.exp(-apart * recovery) < LEFT * -math.expm1(-2.0 * math.pi * recovery)
+
+
+@kernel(fastmath=ANY_ORDER)
+def missing(lever: np.ndarray, f: np.ndarray, state: np.ndarray, longrange: bool) -> float:
+    """Energy in less energy out, over stiffness; each harmonic gives 2 pi alpha0 omega n^2 |w_n|^2 to the air."""
+    amplitude, omega, alpha0 = state[AMP], lever[OMEGA], lever[ALPHA0]
+    left, at = -math.pi * amplitude * state[DRAG] - state[LOSS], np.zeros((3, 4 * N))
+    share, cosine, sine = at[0], at[1], at[2]  # of exp(i n theta)
+    for part in range(4):
+        first = LATE if part == 3 else N * part
+        for j in range(N if longrange or part == 1 or part == 3 else 0):
+            i, k = first + j, N * part + j
+            share[k] = WEIGHTS[j] * f[WEIGHT, i] * f[G, i] / math.pi
+            cosine[k], sine[k] = f[COS, i], f[SIN, i]
+    for n in range(2, HARMONICS):
+        re, im = 0.0, 0.0
+        for k in range(4 * N):
+            i = k if k < 3 * N else LATE + k - 3 * N
+            c = cosine[k] * f[COS, i] - sine[k] * f[SIN, i]
+            sine[k] = sine[k] * f[COS, i] + cosine[k] * f[SIN, i]
+            cosine[k] = c
+            re += share[k] * c
+            im += share[k] * sine[k]
+        stiff, air = 1.0 - (n * omega) ** 2, 2.0 * alpha0 * n * omega
+        left -= air * n * math.pi * (re * re + im * im) / (stiff * stiff + air * air)
+    return left
+
+
+@kernel
+def damped(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
+    """Whether what disturbs amplitude and phase dies down, by the slow flow of averaging: theory, Eq. (memory-12).
+
+    What a tap takes may fall with the amplitude, by more than what air takes rises. Leaves the state as it was, and the
+    nodes at a larger amplitude.
+    """
+    f, m, state = bench
+    loss, mean, push, drag, virial = state[LOSS], state[MEAN], state[PUSH], state[DRAG], state[VIRIAL]
+    amplitude, e, step = state[AMP], state[E], FARTHER * m[DEPTH, N - 1]
+    state[AMP] += step
+    relay_relaxing(p, lever, f, state[AMP], state[E], m)
+    evaluate_relaxing(law, p, lever, bench)
+    respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, p[LONGRANGE] != 0.0)
+    state[E] = e - mean + state[MEAN]
+    relay_relaxing(p, lever, f, state[AMP], state[E], m)
+    evaluate_relaxing(law, p, lever, bench)
+    more = (state[LOSS] - loss) / step
+    state[AMP], state[E] = amplitude, e
+    state[LOSS], state[MEAN], state[PUSH], state[DRAG], state[VIRIAL] = loss, mean, push, drag, virial
+    return more > -UNDAMPED * 4.0 * math.pi * lever[col.ALPHA0] * lever[OMEGA] * amplitude
+
+
+@kernel
+def refine_relaxing(
+    law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray, limits: np.ndarray, bench: Bench
+) -> bool:
+    """Exact orbit near the averaged one of `guess`, if passes find it within `limits` and it is sound.
+
+    One that does not touch has nothing to remember.
+    """
+    f, m, state = bench
+    reach, e = reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN]
+    state[:] = 0.0
+    state[AMP], state[E], state[SLOPE], state[PARTS] = guess[col.G_A], e, guess[col.G_SLOPE], 2.0
+    if e >= state[AMP]:
+        if not start(law, p, lever, reach, f, state):
+            return False
+        found = converge(law, p, lever, f, state, False, limits[0], limits[1])
+        return found == FOUND and belongs(lever, guess, state) and sound(law, p, lever, reach, f, state, 0.0, 0.0)
+    if not start_relaxing(law, p, lever, bench) or converge_relaxing(law, p, lever, limits, bench) != FOUND:
+        return False
+    dent, recovery = dent_of(p, lever, m)
+    if not (taps_once(bench, dent, recovery) and belongs(lever, guess, state)):
+        return False
+    state[WORK] = missing(lever, f, state, p[LONGRANGE] != 0.0)
+    i, j, amplitude = TOUCH + N - 1, LATE, state[AMP]
+    state[APEX] = apex_between(amplitude, f[THETA, i], f[W, i], f[U, i], f[THETA, j], f[W, j], f[U, j])[0]
+    state[APEX] = max(state[APEX], amplitude * f[COS, i] + f[W, i], amplitude * f[COS, j] + f[W, j])
+    return sound(law, p, lever, reach, f, state, dent, recovery) and damped(law, p, lever, bench)
