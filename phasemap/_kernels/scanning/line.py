@@ -40,9 +40,9 @@ from phasemap._kernels.scanning.loop import (
     TIME,
     TURN,
     Stretch,
-    shown,
+    amplitude_shown,
 )
-from phasemap._kernels.scanning.periods import AHEAD, Periods, march_on
+from phasemap._kernels.scanning.periods import Periods, begin_periods, march_on
 from phasemap._kernels.scanning.slow_flow import Flow, flow_on
 
 # Columns of a program, one row a segment: how long it lasts [tau], which material, height at its start [m] and its rise
@@ -101,8 +101,7 @@ def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: F
 @kernel
 def _start_march(lever: np.ndarray, place: float, mean: float, a: complex, tip: Periods) -> None:
     _swinging(place, a, tip.y)
-    tip.tip[0], tip.tip[1], tip.tip[2] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
-    tip.memory[AHEAD] = 0.0
+    begin_periods(lever, mean, a, tip)
 
 
 def _is_flow(tip: Any) -> bool:
@@ -147,7 +146,7 @@ def approach_in_time(
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0
     lowering[LOW], lowering[HIGH] = -math.inf, math.inf
     tally, passed = np.zeros(TALLY), 0.0
-    while shown(loop, y)[0] > loop[SETPOINT]:
+    while amplitude_shown(loop, y) > loop[SETPOINT]:
         if passed > loop[PATIENCE]:
             return col.NOT_SETTLED
         passed += LOOK * decay
@@ -181,7 +180,7 @@ def engage_in_time(
             return status
     half = loop[HIGH]
     loop[LOW], loop[HIGH] = -math.inf, math.inf
-    y[INTEGRAL] = -y[PLACE] - loop[KP] * (shown(loop, y)[0] - goal)
+    y[INTEGRAL] = -y[PLACE] - loop[KP] * (amplitude_shown(loop, y) - goal)
     look = 2.0 / lever[col.ALPHA0] + 3.0 / loop[RATE]
     tally = np.zeros(TALLY)
     calm = 0
@@ -193,7 +192,7 @@ def engage_in_time(
         if abs(y[PLACE] - ground) > LOST * free:
             return col.DIVERGED
         # An error that passes through zero is no rest: its mean and its last value must both be small.
-        small = max(abs(shown(loop, y)[0] - goal), abs(tally[SUM_AMPLITUDE] / tally[TIME] - goal)) < STILL * goal
+        small = max(abs(amplitude_shown(loop, y) - goal), abs(tally[SUM_AMPLITUDE] / tally[TIME] - goal)) < STILL * goal
         calm = calm + 1 if small else 0
         if calm == 2:
             break

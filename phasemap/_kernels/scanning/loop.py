@@ -67,11 +67,18 @@ def used(loop: np.ndarray) -> int:
 
 
 @kernel
+def amplitude_shown(loop: np.ndarray, y: np.ndarray) -> float:
+    """Amplitude [m] at the lock-in's output."""
+    last = used(loop) - 2
+    x, u = y[last] - loop[SHAKER], y[last + 1]
+    return math.sqrt(x * x + u * u)
+
+
+@kernel
 def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] at the lock-in's output."""
     last = used(loop) - 2
-    x = y[last] - loop[SHAKER]
-    return math.hypot(x, y[last + 1]), math.atan2(x, -y[last + 1]) + loop[TURN]
+    return amplitude_shown(loop, y), math.atan2(y[last] - loop[SHAKER], -y[last + 1]) + loop[TURN]
 
 
 @kernel
@@ -82,14 +89,14 @@ def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     x, u = y[last], y[last + 1]
     dx, du = loop[RATE] * (y[before] - x), loop[RATE] * (y[before + 1] - u)
     x -= loop[SHAKER]
-    size = math.hypot(x, u)
-    return (x * dx + u * du) / size, (x * du - u * dx) / (size * size)
+    square = x * x + u * u
+    return (x * dx + u * du) / math.sqrt(square), (x * du - u * dx) / square
 
 
 @kernel
 def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
     """Where the scanner is sent [m], the rate of I, and whether the scanner is at an end of its range."""
-    error = shown(loop, y)[0] - loop[SETPOINT]
+    error = amplitude_shown(loop, y) - loop[SETPOINT]
     wanted = -(loop[KP] * error + y[INTEGRAL])
     if loop[KD] != 0.0:
         wanted -= loop[KD] * drift_of(loop, y)[0]

@@ -15,8 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.time import elements
-from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN
+from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN, TOUCHES, V, Z
 from phasemap._kernels.scanning.loop import (
     AMP,
     DETECTOR,
@@ -35,6 +34,7 @@ from phasemap._kernels.scanning.loop import (
     move_scanner,
     shown,
 )
+from phasemap._kernels.scanning.one_tap import ROOM, pass_period
 
 # Entries of the memory: size of the march's steps; how much later [tau] than the end of what was asked the next
 # period begins; Z, R and phase of the last one.
@@ -42,12 +42,13 @@ ETA, AHEAD, OF_PLACE, OF_AMPLITUDE, OF_PHASE, MEMORY = 0, 1, 2, 3, 4, 5
 
 
 class Periods(NamedTuple):
-    """The lever in time under its loop: state, (z, z', in contact) and what the surface remembers, sums, memory."""
+    """The lever in time under its loop: state, that of the tip, what a period gives, memory, and that of its taps."""
 
     y: np.ndarray
     tip: np.ndarray
     sums: np.ndarray
     memory: np.ndarray
+    taps: np.ndarray
 
 
 @kernel(light=True)
@@ -55,7 +56,16 @@ def new_periods(eta: float) -> Periods:
     """Return one at rest, to be marched in steps of this size."""
     memory = np.zeros(MEMORY)
     memory[ETA] = eta
-    return Periods(np.zeros(STATE), np.zeros(elements.STATE), np.zeros(GIVEN), memory)
+    return Periods(np.zeros(STATE), np.zeros(elements.STATE), np.zeros(GIVEN), memory, np.zeros(ROOM))
+
+
+@kernel
+def begin_periods(lever: np.ndarray, mean: float, a: complex, state: Periods) -> None:
+    """Set the lever swinging about a mean deflection with a complex amplitude [m], at drive phase 0."""
+    state.tip[Z], state.tip[V], state.tip[TOUCHES] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
+    state.memory[AHEAD] = 0.0
+    for j in range(ROOM):
+        state.taps[j] = 0.0
 
 
 @kernel
@@ -92,7 +102,7 @@ def march_on(
         _collect(memory, min(at, span), tally)
     while at + 0.5 * period < span:
         z0 = y[PLACE] - ground - slope * (at + 0.5 * period)
-        if march_period(law, p, lever, z0, memory[ETA], state.tip, state.sums) < 0:
+        if pass_period(law, p, lever, z0, memory[ETA], state.tip, state.sums, state.taps) < 0:
             return col.DIVERGED
         y[AMP], y[AMP + 1] = state.sums[COS], -state.sums[SIN]
         if noisy:
