@@ -247,8 +247,9 @@ def test_auto_goes_on_by_the_equation_of_motion_where_the_averaged_lever_cannot_
     wanted = [averaged, marched, marched if engage == "image" else averaged]
     for row, code in enumerate(wanted):
         assert (auto.solver.isel(y=row) == code).all()
-    # On the lines that are averaged an exact orbit gives the height, to the picometre that `Accuracy` allows. A tip that
-    # goes on is taken over by its first harmonic: the tenth of a nanometre that the rest is settles within some pixels.
+    # On the lines that are averaged an exact orbit gives the height, to the picometre that `Accuracy` allows. A tip
+    # that goes on is taken over by its first harmonic: the tenth of a nanometre that the rest is settles within some
+    # pixels.
     off = np.abs(auto.height - motion.height)
     assert off.isel(y=[0, 2]).max() < 1e-12
     assert off.max() < (0.1e-9 if engage == "image" else 1e-12)
