@@ -80,8 +80,8 @@ def simulate(
     control : Engage, Raster or Feedback, optional
         How the controller comes to the setpoint: every pixel engaged anew from far (the default), the state carried
         along lines quasi-statically, or a feedback in time. In time "averaging" is the slow flow of the amplitude,
-        "march" the equation of motion, and "auto" the former unless the quality factor is below 20 or contact so stiff
-        that the amplitude changes within a period.
+        "march" the equation of motion, and "auto" the former unless the quality factor is below 20, and for lines on
+        which the amplitude changes too much within a period the latter.
     accuracy : Accuracy, optional
         Largest error against the exact orbit, for "auto".
     realism : Realism, optional

@@ -28,7 +28,8 @@ from phasemap.solvers.solver import by_name
 
 Array = np.ndarray
 
-HARDEST = 0.12  # of the amplitude: P/k beyond the drive's; with more the averaged lever is off by nanometres
+# Of the amplitude, P beyond the drive's: with more the averaged lever may be off by nanometres, or by anything.
+HARDEST, HARDEST_AT_ALL = 0.12, 1.0
 NOT_AVERAGED = (col.NOT_CONVERGED, col.DIVERGED)  # what ends a line that the averaged lever does not follow
 ETA = 0.7  # size of the march's steps: 2e-4 degree
 ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
@@ -109,8 +110,7 @@ class Lines:
         realism = job.realism
         noise = realism.temperature or 0.0, realism.detector_noise or 0.0
         self.loop = loop_of(control, job.scope, job.amplitude, *noise, job.accuracy.periods)
-        if job.solver.name == "auto":
-            self.loop[of.HARDEST] = HARDEST
+        self.loop[of.HARDEST] = HARDEST if job.solver.name == "auto" else HARDEST_AT_ALL
         tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
