@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SIZE, QUICK_SIZE = 256, 128  # pixels along a side of the map that is interpolated
-SOLVED, MARCHED = 64, 8  # pixels along a side of those whose pixels are solved one by one, and in time
+SOLVED, RELAXED, MARCHED = 64, 24, 8  # pixels along a side of those that are solved one by one, and in time
 TURNS, QUICK_TURNS = 5, 2
 PLAIN = ("height", "phase", "amplitude", "tip_offset", "indentation", "dissipation", "virial")
 DERIVED = ("loss_tangent", "loss_tangent_corrected", "dissipation_ev", "dissipated_power")
@@ -46,7 +46,9 @@ def _extras(quick: bool, seed: int) -> list[Extra]:
     found = []
     for size, solver, how in ((QUICK_SIZE if quick else SIZE, "auto", "interpolated"), (SOLVED, "orbit", "solved")):
         found += _of_map(one, surface_of(one, size, seed), solver, how)
-    return [*found, _relaxing(one, surface_of(one, MARCHED, seed))]
+    for size, solver, how in ((RELAXED, "auto", "solved"), (MARCHED, "march", "marched")):
+        found.append(_relaxing(one, surface_of(one, size, seed), solver, how))
+    return found
 
 
 def _of_map(one: Map, surface: Surface, solver: str, how: str) -> list[Extra]:
@@ -64,17 +66,17 @@ def _of_map(one: Map, surface: Surface, solver: str, how: str) -> list[Extra]:
     ]
 
 
-def _relaxing(one: Map, surface: Surface) -> Extra:
-    """The same materials by the march, elastic and relaxing."""
+def _relaxing(one: Map, surface: Surface, solver: str, how: str) -> Extra:
+    """The same materials, elastic and relaxing."""
     modulus, adhesion = np.asarray(surface.modulus), surface.adhesion
     elastic = Surface(AT_ONCE * modulus, adhesion, pixel_size=1e-9)
     relaxing = Surface(
         AT_ONCE * modulus, adhesion, relaxed_modulus=modulus, relaxation_time=RELAXATION_TIME, pixel_size=1e-9
     )
     plain, extended = (
-        partial(simulate, each, one.scope, one.setpoint, solver="march", threads=1) for each in (elastic, relaxing)
+        partial(simulate, each, one.scope, one.setpoint, solver=solver, threads=1) for each in (elastic, relaxing)
     )
-    return Extra("one relaxation time, marched", plain, extended)
+    return Extra(f"one relaxation time, {how}", plain, extended)
 
 
 def measure_extras(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:
