@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SIZE, QUICK_SIZE = 256, 128  # pixels along a side of the map that is interpolated
-SOLVED, RELAXED, MARCHED = 64, 24, 8  # pixels along a side of those that are solved one by one, and in time
+SOLVED, MARCHED = 64, 8  # pixels along a side of those whose pixels are solved one by one, and in time
 TURNS, QUICK_TURNS = 5, 2
 PLAIN = ("height", "phase", "amplitude", "tip_offset", "indentation", "dissipation", "virial")
 DERIVED = ("loss_tangent", "loss_tangent_corrected", "dissipation_ev", "dissipated_power")
@@ -46,7 +46,7 @@ def _extras(quick: bool, seed: int) -> list[Extra]:
     found = []
     for size, solver, how in ((QUICK_SIZE if quick else SIZE, "auto", "interpolated"), (SOLVED, "orbit", "solved")):
         found += _of_map(one, surface_of(one, size, seed), solver, how)
-    for size, solver, how in ((RELAXED, "auto", "solved"), (MARCHED, "march", "marched")):
+    for size, solver, how in ((SOLVED, "auto", "solved"), (MARCHED, "march", "marched")):
         found.append(_relaxing(one, surface_of(one, size, seed), solver, how))
     return found
 
