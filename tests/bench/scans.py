@@ -34,8 +34,8 @@ MOST_PHASE, MOST_AMPLITUDE = 0.1, 0.5
 """Differences [degree, % of the free amplitude] beyond which the engines do not agree."""
 LINES = 3  # of a regime: the shorter time of the last two counts
 RATES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-SIZE, FLOW_LINES, EQUATION_LINES = 512, 16, 2
-"""Side of the image in pixels, and how many of its lines each engine scans."""
+SIZE, EQUATION_LINES = 512, 2
+"""Side of the image in pixels, which the slow flow scans, and how many of its lines the equation of motion does."""
 PEER, PEER_PERIOD = "PyVAFM", 140e-6
 """A simulator with a closed loop, and the time [s] that it takes for a period of the drive."""
 
@@ -51,8 +51,8 @@ ERRORS = (
     "pixels, stripes under a wave of ±1 nm, monostable; {periods:.0f} periods a pixel at 1 Hz."
 )
 IMAGE = (
-    "An image of {size} x {size} pixels at a line rate of {rate:g} Hz, trace and retrace, estimated from {flow} of its "
-    "lines by the slow flow and from {equation} by the equation of motion: a blend with relief under the usual lever."
+    "An image of {size} x {size} pixels at a line rate of {rate:g} Hz, trace and retrace; by the equation of motion "
+    "estimated from {equation} of its lines. A blend with relief under the usual lever."
 )
 
 
@@ -245,7 +245,7 @@ def whole_image(size: int, line_rate: float, say: Say) -> str:
         f"{PEER} does one |",
         "| --- |" + " --- |" * 7,
     ]
-    for name, solver, number in (("slow flow", SLOW_FLOW, FLOW_LINES), ("equation", EQUATION, EQUATION_LINES)):
+    for name, solver, number in (("slow flow", SLOW_FLOW, size), ("equation", EQUATION, EQUATION_LINES)):
         say(f"lines of a whole image: {name}")
         strip = image_lines(size, number)
         image, seconds = timed_lines(strip, case.scope, case.setpoint, solver, replace(control, engage="image"))
@@ -263,9 +263,7 @@ def whole_image(size: int, line_rate: float, say: Say) -> str:
         f"On all {workers_of(None)} cores: as used, and every line engaged anew. "
         f"{PEER}: {1e6 * PEER_PERIOD:.0f} µs a period, measured elsewhere and not again here."
     )
-    return "\n\n".join(
-        [IMAGE.format(size=size, rate=line_rate, flow=FLOW_LINES, equation=EQUATION_LINES), "\n".join(lines), said]
-    )
+    return "\n\n".join([IMAGE.format(size=size, rate=line_rate, equation=EQUATION_LINES), "\n".join(lines), said])
 
 
 if __name__ == "__main__":
