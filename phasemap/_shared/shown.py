@@ -39,6 +39,19 @@ class Shown:
         return table(type(self).__name__, dict(_rows(self)))
 
 
+def in_words(thing: Shown) -> str:
+    """What is set, with units, in one line.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> in_words(pm.Material(3e9, damping=0.01))
+    'modulus 3 GPa, damping 0.01'
+    """
+    given = {field.name.replace("_", " ") for field in _given(thing)}
+    return ", ".join(f"{name} {said}" for name, said in _rows(thing) if name in given)
+
+
 def table(caption: str, rows: Mapping[str, str]) -> str:
     """A table of two columns in HTML.
 

@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import untold
+from phasemap._shared.plausible import unquestioned
 from phasemap._shared.sentences import image_size
+from phasemap._shared.shown import in_words
 from phasemap._shared.units import ELECTRONVOLT, say
 from phasemap.cli import ensemble as cli_ensemble
 from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
 from phasemap.cli.console import progress_bar, remarks
+from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -143,6 +146,10 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     """Size, materials, and what acts between them and the tip."""
     print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
+    with unquestioned():  # who wrote the scene was told when it was read
+        for name, numbers in scene.config["materials"].items():
+            print(f"{name:<12}{in_words(Material(**numbers))}")
+    print(f"lever       {in_words(scene.microscope.cantilever)}")
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {say(scene.microscope.driven_amplitude, 'm')}")
     print(f"solver      {scene.options['solver']}")

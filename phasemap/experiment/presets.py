@@ -11,8 +11,10 @@ from types import MappingProxyType
 from typing import Any
 
 from phasemap._shared.checks import check_choice
+from phasemap._shared.errors import InputError
 
 ESTIMATE = "estimate"
+LOSSES = {"damping", "viscosity", "relaxed_modulus", "relaxation_time"}  # ways to give the loss of a material
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,23 @@ def combined(numbers: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
     """
     damped = changes.get("damping") is not None and "viscosity" not in changes
     return {**{name: value for name, value in numbers.items() if not (damped and name == "viscosity")}, **changes}
+
+
+def stated_by(kind: str, name: object) -> set[str]:
+    """The arguments that a preset states; a material's loss is one statement, in whichever way it is given.
+
+    `kind` ("materials" or "levers"). Returns an empty set if there is no such preset.
+
+    Examples
+    --------
+    >>> sorted(stated_by("levers", "PPP-NCHR")), "damping" in stated_by("materials", "PS")
+    (['quality_factor', 'resonance_frequency', 'stiffness'], True)
+    """
+    try:
+        stated = set(preset_of(kind, name).numbers)
+    except InputError:
+        return set()
+    return stated | LOSSES if stated & LOSSES else stated
 
 
 @cache

@@ -42,7 +42,7 @@ from phasemap._shared.units import UDUNITS
 from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import make_samples
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
-from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, with_value
+from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, stated_in, value_of, with_value
 
 Table = dict[str, Any]
 Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
@@ -218,8 +218,9 @@ class Ensemble:
     def _tables(self, sample: int) -> Table:
         """The tables of the scene of one sample."""
         tables = {name: table for name, table in self.tables.items() if name != "ensemble"}
-        for key, value in self.samples[sample].items():
-            tables = with_value(tables, key, value)
+        values = self.samples[sample]
+        for key in sorted(values, key=lambda key: not key.endswith(".preset")):  # beside which others are varied
+            tables = with_value(tables, key, values[key])
         return tables
 
     @property
@@ -308,8 +309,11 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
     for key in samples[0]:
         _check_key(key, tables)
     for override in overrides:
-        if override.partition("=")[0].strip() in samples[0]:
-            raise InputError("override", override, "a key that the ensemble does not vary")
+        name, _, text = override.partition("=")
+        varied = ({name.strip()} | stated_in(name.strip(), value_of(text))) & set(samples[0])
+        if varied:
+            allowed = f"a key that the ensemble does not vary; it varies {', '.join(sorted(varied))}"
+            raise InputError("override", override, allowed)
     names = [name_of(key) for key in samples[0]]
     if len(set(names)) < len(names):
         raise InputError("names of variables", ", ".join(names), "another one for each key")

@@ -192,23 +192,21 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     """The tables of the microscope and where their values come from; refused where one is missing."""
     tables: Table = {name: {} for name in ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction")}
     notes = {}
-    nominal = str(attrs.get("nominal", "")).split()
-    for key, name in RECORDED.items():
-        if name in attrs:
-            _set(tables, key, float(attrs[name]))
-            notes[key] = "nominal, of levers of this type" if name in nominal else "as recorded"
     tables["interaction"]["contact"] = "dmt"
     notes["interaction.contact"] = "assumed"
     for override in overrides:
         tables = with_override(tables, override)
         notes[override.partition("=")[0].strip()] = "given"
     lever, drive = tables["cantilever"], tables["drive"]
-    if isinstance(lever, dict) and "preset" in lever:
+    nominal = str(attrs.get("nominal", "")).split()
+    recorded = {key: float(attrs[name]) for key, name in RECORDED.items() if name in attrs}
+    measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
+    _fill(tables, notes, measured, "as recorded")
+    if "preset" in lever:
         named = lever.pop("preset")
         usual = dataclasses.asdict(construct("[cantilever]", {}, partial(Cantilever.preset, named)))
-        for name, value in usual.items():
-            if name not in lever or (name in nominal and notes[f"cantilever.{name}"] != "given"):
-                lever[name], notes[f"cantilever.{name}"] = value, f"of the preset {named}"
+        _fill(tables, notes, {f"cantilever.{name}": value for name, value in usual.items()}, f"of the preset {named}")
+    _fill(tables, notes, recorded, "nominal, of levers of this type")
     if "resonance_frequency" not in lever and "frequency" in drive:
         lever["resonance_frequency"] = drive["frequency"]
         notes["cantilever.resonance_frequency"] = "assumed to be the drive frequency, for the file does not say"
@@ -231,9 +229,12 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     return tables, notes
 
 
-def _set(tables: Table, key: str, value: float) -> None:
-    table, _, name = key.partition(".")
-    tables[table][name] = value
+def _fill(tables: Table, notes: dict[str, str], values: Mapping[str, Any], note: str) -> None:
+    """Set the keys that have no value yet, and note where theirs comes from."""
+    for key, value in values.items():
+        table, _, name = key.partition(".")
+        if name not in tables[table]:
+            tables[table][name], notes[key] = value, note
 
 
 def _off_resonance(lever: Table, drive: Table) -> float | None:

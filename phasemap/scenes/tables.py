@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import FileError, InputError, InputErrors, PhasemapError, Word
 from phasemap._shared.files import size_of
+from phasemap.experiment.presets import stated_by
 
 __all__ = ["check_choice", "read_tables", "with_override", "with_value"]
 
@@ -160,12 +161,15 @@ def with_override(tables: Table, override: str) -> Table:
 def with_value(tables: Table, name: str, value: Any) -> Table:
     """Return the tables with one key set; those that are given stay as they are.
 
-    `name`: ``"table.key"``; tables on the way are made where there are none.
+    `name`: ``"table.key"``; tables on the way are made where there are none. A preset takes the place of the numbers
+    that it states, for what is said last holds.
 
     Examples
     --------
     >>> with_value({"tip": {"radius": 10e-9}}, "tip.modulus", 130e9)
     {'tip': {'radius': 1e-08, 'modulus': 130000000000.0}}
+    >>> with_value({"materials": {"a": {"modulus": 1e9, "thickness": 1e-7}}}, "materials.a.preset", "PS")
+    {'materials': {'a': {'thickness': 1e-07, 'preset': 'PS'}}}
     """
     *path, key = name.split(".")
     changed = table = dict(tables)
@@ -174,8 +178,28 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
         if not isinstance(inside, dict):
             raise InputError("key", name, f"a key of a table; {part} is none")
         table[part] = table = dict(inside)
+    for stated in stated_in(name, value):
+        table.pop(stated.rpartition(".")[2], None)
     table[key] = value
     return changed
+
+
+def stated_in(name: str, value: Any) -> set[str]:
+    """The other keys that a key states, which is none unless it is a preset's.
+
+    Examples
+    --------
+    >>> sorted(stated_in("cantilever.preset", "PPP-NCHR"))[0], stated_in("tip.radius", 10e-9)
+    ('cantilever.quality_factor', set())
+    """
+    match name.split("."):
+        case ["cantilever", "preset"]:
+            kind = "levers"
+        case ["materials", _, "preset"]:
+            kind = "materials"
+        case _:
+            return set()
+    return {f"{name.removesuffix('preset')}{stated}" for stated in stated_by(kind, value)}
 
 
 def _is_text(text: str) -> bool:

@@ -182,6 +182,9 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().out.splitlines() == [
         "image       256 x 128 pixels, 512 x 256 nm",
         "materials   2 distinct",
+        "compliant   modulus 200 MPa, adhesion 0.06 J/m², damping 0.03, poisson ratio 0.45",
+        "stiff       modulus 3 GPa, adhesion 0.08 J/m², damping 0.005",
+        "lever       stiffness 40 N/m, resonance frequency 300 kHz, quality factor 400",
         "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
         "setpoint    0.7 of 20 nm",
         "solver      auto",

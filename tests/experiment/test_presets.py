@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import math
 import tomllib
 from importlib.resources import files
@@ -14,6 +16,8 @@ import phasemap as pm
 from phasemap._shared.fields import number_of
 from phasemap.cli import main
 from phasemap.experiment.presets import levers, materials
+from phasemap.scenes.ensemble import load_ensemble
+from phasemap.scenes.scene import load_setup
 
 FILE: dict[str, Any] = tomllib.loads((files("phasemap.experiment") / "presets.toml").read_text(encoding="utf-8"))
 SCENE = Path(__file__).parents[2] / "samples/step.toml"
@@ -127,6 +131,43 @@ def test_a_scene_takes_presets_and_numbers_beside_them(tmp_path: Path) -> None:
         pm.load_scene(path, [*presets, "materials.stiff.preset=LDP"])
     with pytest.raises(pm.InputError, match=r"\[tip\] preset is unknown"):
         pm.load_scene(path, [*presets, "tip.preset=sharp"])
+
+
+@pytest.mark.parametrize("sample", sorted(SCENE.parent.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_preset_that_is_set_last_takes_the_place_of_the_numbers_of_every_sample(sample: Path) -> None:
+    for lever in levers():
+        set_last = ["cantilever.stiffness=3", f"cantilever.preset={lever}", "cantilever.quality_factor=77"]
+        assert load_setup(sample, set_last).microscope.cantilever == pm.Cantilever.preset(lever, quality_factor=77)
+    for name, known in itertools.product(load_setup(sample).materials, materials()):
+        key = f"materials.{name}"
+        assert load_setup(sample, [f"{key}.preset={known}"]).materials[name] == pm.Material.preset(known)
+        set_last = [f"{key}.damping=0.5", f"{key}.preset={known}", f"{key}.adhesion=0.02"]
+        assert load_setup(sample, set_last).materials[name] == pm.Material.preset(known, adhesion=0.02)
+
+
+def test_a_preset_keeps_what_it_does_not_state() -> None:
+    setup = load_setup(SCENE, ["materials.stiff.thickness=1e-6", "materials.stiff.preset=PMMA"])
+    assert setup.materials["stiff"] == pm.Material.preset("PMMA", thickness=1e-6)
+
+
+def test_an_ensemble_takes_presets_and_refuses_those_of_numbers_that_it_varies(tmp_path: Path) -> None:
+    sample, few = SCENE.with_name("ensemble.toml"), ["ensemble.count=2"]
+    made = load_ensemble(sample, [*few, "materials.ps.preset=PMMA", "cantilever.preset=AC240TS"]).scene(1)
+    assert made.microscope.cantilever == pm.Cantilever.preset("AC240TS")
+    assert made.config["materials"]["ps"] == dataclasses.asdict(pm.Material.preset("PMMA"))
+    with pytest.raises(pm.InputError, match=r"that the ensemble does not vary; it varies materials.ldpe.damping, mat"):
+        load_ensemble(sample, [*few, "materials.ldpe.preset=PDMS"])
+    text = sample.read_text().replace("materials.ldpe.damping = { low = 0.005, high = 0.05 }", "")
+    (tmp_path / "vary.toml").write_text(text.replace("[0.6, 0.7, 0.8]", "[0.7]\nmaterials.ldpe.preset = ['PDMS']"))
+    made = load_ensemble(tmp_path / "vary.toml", few).scene(1)
+    assert made.config["materials"]["ldpe"]["viscosity"] == pm.Material.preset("PDMS").viscosity
+    assert 0.1e9 <= made.config["materials"]["ldpe"]["modulus"] <= 1e9  # which is varied beside the preset
+
+
+def test_the_summary_says_what_a_preset_made_of_the_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", str(SCENE), "materials.stiff.preset=PMMA", "cantilever.preset=AC240TS"]) == 0
+    said = capsys.readouterr().out
+    assert "lever       stiffness 2 N/m" in said and "stiff       modulus 2.7 GPa" in said
 
 
 def test_the_command_lists_them_and_shows_the_sources_of_one(capsys: pytest.CaptureFixture[str]) -> None:
