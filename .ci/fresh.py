@@ -22,7 +22,18 @@ from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
-SHIPPED = ("LICENSE", "README.md", "CHANGELOG.md", "pyproject.toml", "phasemap", "tests", "samples", "examples", "docs")
+SHIPPED = (
+    "LICENSE",
+    "README.md",
+    "CHANGELOG.md",
+    "pyproject.toml",
+    "phasemap",
+    "benchmarks",
+    "tests",
+    "samples",
+    "examples",
+    "docs",
+)
 NAME = PROJECT["name"]
 ROUNDING = 1e-9  # of a quantity's largest value; compilers and libraries may round a last digit otherwise
 

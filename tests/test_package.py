@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 
 import phasemap
+import phasemap.cli.bench
+from phasemap.cli import main
 
 HEAVY = ("llvmlite", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "scipy", "tqdm", "xarray")
 ROOT = Path(__file__).parent.parent
@@ -45,6 +47,21 @@ def test_importing_phasemap_imports_nothing_heavy() -> None:
 )
 def test_asking_the_command_for_help_imports_nothing_heavy(arguments: list[str]) -> None:
     assert imported_by(f"from phasemap.cli import main; main({arguments})") == set()
+
+
+def test_without_the_repository_bench_says_where_to_get_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(phasemap.cli.bench, "REPOSITORY", tmp_path)
+    for words in ([], ["--quick"], ["--help"]):
+        assert main(["bench", *words]) == 2
+        said = capsys.readouterr()
+        assert said.err.count("\n") == 1 and "clone the repository" in said.err and not said.out
+
+
+def test_the_source_archive_has_the_measurements_and_the_wheel_does_not() -> None:
+    targets = project()["tool"]["hatch"]["build"]["targets"]
+    assert targets["wheel"]["packages"] == ["phasemap"] and "/benchmarks" in targets["sdist"]["include"]
 
 
 def test_describing_a_microscope_imports_nothing_heavy() -> None:

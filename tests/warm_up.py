@@ -14,7 +14,7 @@ from pathlib import Path
 from bits import bits
 
 from phasemap._kernels.compilation import compiled_more_than_once
-from phasemap.validation.kinds_of_work import ALL, KINDS
+from phasemap.cli.kinds_of_work import ALL, KINDS
 
 if __name__ == "__main__":
     found = {kind: bits(KINDS[kind]()) for kind in ALL[int(sys.argv[1])]}

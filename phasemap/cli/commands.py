@@ -70,8 +70,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     with ending_at_once():
         parser = _parser()
         arguments, rest = parser.parse_known_args(argv)
-    strange = [word for word in rest if not _belongs(word, arguments)]
-    if strange:
+    if "rest" in arguments:
+        arguments.rest, rest = rest, []
+    if strange := [word for word in rest if not _belongs(word, arguments)]:
         arguments.parser.error(f"unknown argument {strange[0]!r}")
     if "overrides" in arguments:
         arguments.overrides += rest
@@ -144,8 +145,9 @@ def _parser() -> argparse.ArgumentParser:
 
     for name, do, add_arguments, about, examples in _commands():
         command = commands.add_parser(
-            name, help=about, description=about, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
+            name, help=about, description=about, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter,
+            add_help=do is not bench.bench,  # which is asked for by the words that it takes
+        )  # fmt: skip
         command.set_defaults(command=do, parser=command)
         add_arguments(command)
     return parser
@@ -179,8 +181,8 @@ def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParse
     about = "list usual materials and levers, or one of them with its sources"
     yield "presets", presets.presets, presets.add_arguments, about, presets.EXAMPLES
     yield "validate", run.validate, run.add_validate, "check a scene and say what would be simulated", ""
-    about = "measure time against error of every solver, and of general tools"
-    yield "bench", bench.bench, bench.add_arguments, about, bench.EXAMPLES
+    about = "measure time against error of every solver, and of general tools (in a clone of the repository)"
+    yield "bench", bench.bench, bench.add_arguments, about, ""
 
 
 def _complain(sentence: str) -> int:

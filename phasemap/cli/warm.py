@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def warm(arguments: argparse.Namespace) -> None:
     """Compile kernels ahead, and say what it cost."""
-    from phasemap.validation.kinds_of_work import ALL, USUAL, Cost, in_processes
+    from phasemap.cli.kinds_of_work import ALL, USUAL, Cost, in_processes
 
     costs: list[Cost] = []
 

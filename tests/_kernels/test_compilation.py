@@ -21,7 +21,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.first_use import FirstUse
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.neck import loop_energies
-from phasemap.validation import kinds_of_work
+from phasemap.cli import kinds_of_work
 
 PACKAGE = Path(pm.__file__).parent
 SMALL = """

@@ -166,7 +166,7 @@ def test_commands_on_a_page_run(page: str, folder: Path, monkeypatch: pytest.Mon
     (folder / "samples").symlink_to(ROOT / "samples")
     for line in [line for block in blocks(page, "sh") for line in block.splitlines()]:
         if line.startswith("phasemap bench"):
-            continue  # a minute and more; tests/validation/test_bench.py measures less and runs the command
+            continue  # a minute and more; tests/benchmarks/test_bench.py measures less and runs the command
         program, *arguments = shlex.split(line)
         assert program == "phasemap"
         if arguments[0] == "run" and not thorough:

@@ -1,9 +1,9 @@
-"""Makes tests/data/hard.json: what is right on the cases of tests/bench/hard_cases.py, by means independent of phasemap.
+"""Makes tests/data/hard.json: what is right on the cases of benchmarks/hard_cases.py, by means independent of phasemap.
 
-    PYTHONPATH=tests/bench python tests/reference/make_hard.py    # everything (an hour or so); with a word, the cases with it in their
-    name PYTHONPATH=tests/bench python tests/reference/make_hard.py --turns    # the setpoints of the family "folds"
+    PYTHONPATH=. python tests/reference/make_hard.py    # everything (an hour or so); with a word, the cases with it in their
+    name PYTHONPATH=. python tests/reference/make_hard.py --turns    # the setpoints of the family "folds"
 
-Parameters alone are read from tests/bench/hard_cases.py.  For each case the tip is engaged in time
+Parameters alone are read from benchmarks/hard_cases.py.  For each case the tip is engaged in time
 (hard_engage.py). Written are
 
 outcome: see hard_engage.py; "depends": engaging in other steps ends otherwise.
@@ -147,7 +147,7 @@ def known(c):
 
 
 def main():
-    from hard_cases import CASES, FOLDS, case_of
+    from benchmarks.hard_cases import CASES, FOLDS, case_of
 
     if "--turns" in sys.argv:
         for name, (row, at, _) in FOLDS.items():

@@ -11,13 +11,13 @@ from cases import Case, label, load, material_of, scope_of
 from numpy.typing import NDArray
 
 import phasemap as pm
+from benchmarks.accuracy.regimes import REGIMES, Batch, draw
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.resonance import narrowest
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
-from phasemap.validation.bench.regimes import REGIMES, Batch, draw
 
 CASES = load("detuned")
 HELD = [case for case in CASES if case["outcome"] == "held"]
