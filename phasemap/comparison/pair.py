@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import downwards
 from phasemap._shared.units import readable
 from phasemap.io.flattening import on_one_turn
 
@@ -105,10 +106,10 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
 def _check_places(name: str, ds: xr.Dataset, dim: str) -> None:
     """Refuse an image without evenly spaced places of pixels."""
     if dim not in ds.coords:
-        raise InputError(f"coordinate {dim} of {name}", None, "places of the pixels in m, from the top left corner")
+        raise InputError(f"coordinate {dim} of {name}", None, "places of the pixels in m")
     if ds[dim].size < FEWEST:
         raise InputError(f"number of pixels along {dim} of {name}", ds[dim].size, f"{FEWEST} or more")
-    steps = np.diff(ds[dim].values)
+    steps = np.diff(downwards(ds[dim].values, dim))
     if steps.min() <= 0 or np.ptp(steps) > UNEVEN * steps.mean():
         raise InputError(f"coordinate {dim} of {name}", "uneven or falling", "rising in equal steps")
 
@@ -116,7 +117,7 @@ def _check_places(name: str, ds: xr.Dataset, dim: str) -> None:
 def pitch_of(ds: xr.Dataset, dim: str) -> float:
     """From pixel to pixel [m]."""
     at = ds[dim].values
-    return float((at[-1] - at[0]) / (len(at) - 1))
+    return abs(float(at[-1] - at[0])) / (len(at) - 1)
 
 
 def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
@@ -170,8 +171,8 @@ def _averaged(moving: xr.Dataset, fixed: xr.Dataset) -> xr.Dataset:
 
 
 def _from_corner(ds: xr.Dataset) -> xr.Dataset:
-    """Count y and x from the image's own corner."""
-    return ds.assign_coords({dim: ds[dim] - float(ds[dim][0]) + pitch_of(ds, dim) / 2 for dim in ("y", "x")})
+    """Count y and x from the image's own top left corner: both rise."""
+    return ds.assign_coords({dim: abs(ds[dim] - float(ds[dim][0])) + pitch_of(ds, dim) / 2 for dim in ("y", "x")})
 
 
 def _in_words(sides: list[float]) -> str:

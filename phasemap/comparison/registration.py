@@ -41,7 +41,7 @@ class Registration:
     Parameters
     ----------
     shift : tuple of float
-        (y, x) [m], to be added to the coordinates of the moving image.
+        Of the moving image, (down, right) [m].
     before, after : float
         Correlation of the heights without and with it.
     phase_before, phase_after : float
@@ -78,7 +78,9 @@ class Registration:
         """
         if not self.accepted:
             return moving
-        return _shifted(moving, self.shift)
+        down, right = self.shift
+        falls = float(moving["y"][0]) > float(moving["y"][-1])
+        return _shifted(moving, (-down if falls else down, right))
 
 
 def register(

@@ -11,8 +11,9 @@ import numpy as np
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinates
 from phasemap.comparison.levelling import outlier_lines
-from phasemap.comparison.pair import common_grid, pair_of
+from phasemap.comparison.pair import common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
 from phasemap.comparison.scores import correlation_of, distance_of, is_varied, share_explained, similarity_of
 from phasemap.io.metadata import of_simulation
@@ -131,7 +132,7 @@ def compare(
     zero = _zero(offset, measured, simulated)
     if not (regions is None or isinstance(regions, int)):
         first = first.assign(label=(("y", "x"), _labels(regions, first["phase"].shape)))
-    first, second = levelled(first), levelled(second)
+    first, second, tall = levelled(first), levelled(second), first.sizes["y"] * pitch_of(first, "y")
     registration = registration_of(first, second, limit)
     first, second = common_grid(first, registration.apply(second))
     failed = np.zeros(first["phase"].shape, bool)
@@ -145,6 +146,8 @@ def compare(
     maps = dict(zip(NAMES, (frame.of(first["phase"].values), second["phase"].values), strict=True))
     label = _regions(first, maps["measured"], known, regions)
     found = _record(first, second, maps, known, label, registration)
+    down, falls = first["y"].values, float(measured["y"][0]) > float(measured["y"][-1])
+    found = found.assign_coords(coordinates(tall - down if falls else down, first["x"].values))
     found["offset"] = ((), frame.offset, {"long_name": "measured phase where the simulated is 0", **DEGREE})
     found["sign"] = ((), frame.sign, {"long_name": "sign of the measured phase against the simulated", "units": "1"})
     found["failed_lines"] = ((), int(failed[:, 0].sum()), {"long_name": "lines left out as outliers", "units": "1"})
@@ -296,8 +299,7 @@ def _record(
             for i, (name, long_name) in enumerate({"height": "of heights", "phase": "of recorded phases"}.items())
         },
     }
-    coords = {"y": first["y"].variable, "x": first["x"].variable, "map": list(MAPS), "cause": list(CAUSES),
-              "stage": list(stage), "region": np.arange(len(shares))}  # fmt: skip
+    coords = {"map": list(MAPS), "cause": list(CAUSES), "stage": list(stage), "region": np.arange(len(shares))}
     return xr.Dataset(data, coords)
 
 

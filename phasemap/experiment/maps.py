@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
+from phasemap._shared.pixels import centres
 from phasemap._shared.shown import table
 from phasemap._shared.units import say
 from phasemap.experiment.distinct_rows import distinct_materials
-from phasemap.experiment.surface_variables import QUANTITIES, centres
+from phasemap.experiment.surface_variables import QUANTITIES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -39,24 +40,24 @@ class Maps:
     _unique: tuple[FloatArray, IntArray] | None = field(init=False)
 
     def coords(self) -> tuple[FloatArray, FloatArray]:
-        """Positions of the pixel centres from the top left corner of the image.
+        """Positions of the pixel centres from the bottom left corner of the image; row 0 is the top.
 
         Returns
         -------
         y : ndarray, shape (ny,)
-            [m], increasing with the row.
+            [m], decreasing with the row.
         x : ndarray, shape (nx,)
             [m], increasing with the column.
 
         Examples
         --------
         >>> from phasemap import Surface
-        >>> y, x = Surface(modulus=1e9, pixel_size=(4e-9, 2e-9), shape=(1, 2)).coords()
-        >>> y, x.round(12)
-        (array([2.e-09]), array([1.e-09, 3.e-09]))
+        >>> y, x = Surface(modulus=1e9, pixel_size=(4e-9, 2e-9), shape=(2, 2)).coords()
+        >>> y.round(12), x.round(12)
+        (array([6.e-09, 2.e-09]), array([1.e-09, 3.e-09]))
         """
         y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
-        return y, x
+        return y[::-1], x
 
     @property
     def lazy(self) -> bool:

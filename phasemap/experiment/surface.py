@@ -1,6 +1,6 @@
 """What lies under the tip: maps of material properties and topography on a grid of pixels.
 
-Row 0 is the top of the image and y increases with the row index; everything is SI.
+Row 0 is the top of the image and y decreases with the row index; everything is SI.
 """
 
 from __future__ import annotations
@@ -201,16 +201,16 @@ class Surface(Maps):
         dataset : xarray.Dataset
             Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography,
             thickness, relaxed_modulus and relaxation_time; each with dims ("y", "x") or none. Coordinates y and x,
-            increasing, evenly spaced. A units attribute with a metric prefix (GPa, mJ/m2, nm) is converted, a missing
-            one is SI.
+            evenly spaced, x increasing; row 0 is the top, whichever way y counts. A units attribute with a
+            metric prefix (GPa, mJ/m2, nm) is converted, a missing one is SI.
         allow_nan : bool
             As in `Surface`.
 
         Returns
         -------
         Surface
-            Its coordinates start anew at the top left corner. The size of a single row or column is read as twice its
-            coordinate.
+            Its coordinates start anew at the bottom left corner. The size of a single row or column is read as twice
+            its coordinate.
 
         Raises
         ------

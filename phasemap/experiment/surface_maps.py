@@ -18,9 +18,10 @@ from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
 from phasemap._shared.dask_arrays import is_lazy, lazy_map
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
+from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
-from phasemap.experiment.surface_variables import QUANTITIES, Quantity, coordinate_step, variable_in_si
+from phasemap.experiment.surface_variables import QUANTITIES, Quantity, variable_in_si
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def _in_si(name: str, value: Any) -> Any:
     """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
     if hasattr(value, "dims") and hasattr(value, "coords"):
         for dim in value.coords.keys() & {"y", "x"} & set(value.dims):
-            coordinate_step(value, dim)  # refuses what is upside down or not even
+            coordinate_step(value, dim)  # refuses what is not even
         return variable_in_si(value, name)
     unit = QUANTITIES[name].unit
     try:

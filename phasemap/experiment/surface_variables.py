@@ -7,18 +7,15 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._shared.arrays import read_only
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
-from phasemap._shared.quantities import NotThatUnit, scaled
+from phasemap._shared.pixels import FloatArray, coordinate_step, coordinates, in_si_of
 from phasemap.experiment.material import ADHESION, MODULUS, RELAXATION, THICKNESS, VISCOSITY
 
 if TYPE_CHECKING:
     import xarray as xr
-
-FloatArray = NDArray[np.float64]
 
 
 class Quantity(NamedTuple):
@@ -59,16 +56,12 @@ def as_variables(maps: Mapping[str, Any], y: FloatArray, x: FloatArray) -> xr.Da
     """Return the maps that are there as variables over the pixel centres `y` and `x` [m]."""
     import xarray as xr
 
-    coords = {
-        "y": ("y", y, {"long_name": "position from the top of the image", "units": "m", "axis": "Y"}),
-        "x": ("x", x, {"long_name": "position from the left of the image", "units": "m", "axis": "X"}),
-    }
     variables = {
         name: (("y", "x"), maps[name], {"long_name": quantity.long_name, "units": quantity.unit})
         for name, quantity in QUANTITIES.items()
         if maps[name] is not None
     }
-    dataset = xr.Dataset(variables, coords, {"Conventions": "CF-1.11"})
+    dataset = xr.Dataset(variables, coordinates(y, x), {"Conventions": "CF-1.11"})
     for name in ("y", "x"):
         dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates
     return dataset
@@ -83,44 +76,5 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     values = variable.data if is_lazy(variable) else variable.to_numpy()
     if values.dtype.kind not in "fiu":  # which `Surface` refuses
         return values
-    found = _scaled(values, variable, name, QUANTITIES[name].unit)
+    found = in_si_of(values, variable, name, QUANTITIES[name].unit)
     return found if found is values or is_lazy(found) else read_only(np.asarray(found))
-
-
-def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
-    """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
-    if dim not in dataset.coords or dataset[dim].dims != (dim,):
-        raise InputError(
-            "list of coordinates in the dataset",
-            [str(name) for name in dataset.coords],
-            f"a list that has {dim!r} in it, the position of the pixel centres in m",
-        )
-    positions = dataset[dim].to_numpy()
-    if positions.dtype.kind not in "fiu" or not positions.size:
-        found = f"{positions.size} values of type {positions.dtype.name}"
-        raise InputError(f"coordinate {dim}", found, "positions of the pixel centres, numbers in m")
-    values = positions.astype(np.float64)
-    steps = np.diff(values)
-    if steps.size and not (steps > 0).all():
-        raise InputError(f"coordinate {dim}", "not increasing", "positions that increase from the image's top left")
-    step = 2 * values[0]
-    if steps.size and not np.allclose(values, centres(values.size, step), rtol=1e-9, atol=0):
-        step = (values[-1] - values[0]) / steps.size
-        if not np.allclose(steps, step, rtol=1e-3, atol=0):
-            raise InputError(f"spacing of {dim}", f"{steps.min():g} to {steps.max():g}", "the same between all pixels")
-    return float(_scaled(step, dataset[dim], f"coordinate {dim}", "m"))
-
-
-def _scaled(values: Any, variable: xr.DataArray, name: str, unit: str) -> Any:
-    """Turn values from the units that a variable says into SI; without any they are in SI."""
-    written = str(variable.attrs.get("units") or unit)
-    try:
-        with np.errstate(over="ignore"):  # what becomes infinite is refused as such
-            return scaled(values, "1" if written == "dimensionless" else written, unit)
-    except NotThatUnit:
-        raise InputError(f"units of {name}", written, f"{unit}, or another unit of the same kind") from None
-
-
-def centres(count: int, step: float) -> FloatArray:
-    """Return the centres of `count` pixels."""
-    return (np.arange(count, dtype=np.float64) + 0.5) * step

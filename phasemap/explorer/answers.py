@@ -156,7 +156,7 @@ def _picture(ds: xr.Dataset, about: dict[str, Any]) -> Picture:
     """The maps of an image as the page wants them."""
     height = ds["height"].values * 1e9
     lowest = float(np.nanmin(height)) if np.isfinite(height).any() else 0.0
-    dy, dx = (2 * float(ds[dim][0]) for dim in ("y", "x"))
+    dy, dx = (2 * float(ds[dim].min()) for dim in ("y", "x"))
     about |= {"shape": list(height.shape), "pixel": [dy, dx], "failed": describe_failures(ds)}
     return Picture(about, (height - lowest).astype(np.float32), ds["phase"].values.astype(np.float32))
 

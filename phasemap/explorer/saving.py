@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinates
 from phasemap.explorer.answers import Check, image
 from phasemap.explorer.setting import Setting
 from phasemap.io.netcdf import save
@@ -175,11 +176,10 @@ def _maps(setting: Setting) -> xr.Dataset:
     import xarray as xr
 
     sample, whole = setting.subject.sample, setting.surface
-    y, x = whole.coords()
     data: dict[str, Any] = {"labels": (("y", "x"), sample.labels, {"long_name": "number of the material"})}
     if sample.topography is not None:
         data["topography"] = (("y", "x"), sample.topography, {"long_name": "topography", "units": "m"})
-    return xr.Dataset(data, {"y": ("y", y, {"units": "m"}), "x": ("x", x, {"units": "m"})})
+    return xr.Dataset(data, coordinates(*whole.coords()))
 
 
 def _name(setting: Setting) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
+from phasemap._shared.pixels import coordinates
 from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, needs_of
 from phasemap.results.quantities import motion_of as motion_seen
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
@@ -155,11 +156,7 @@ def image_of(surface: Surface, arrays: Mapping[str, Any], directions: tuple[str,
     """The variables of an image as a Dataset that shares the arrays, which may be lazy."""
     import xarray as xr
 
-    y, x = surface.coords()
-    coords: dict[str, Any] = {
-        "y": ("y", y, {"long_name": "distance from the top of the image", "units": "m", "axis": "Y"}),
-        "x": ("x", x, {"long_name": "distance from the left of the image", "units": "m", "axis": "X"}),
-    }
+    coords = coordinates(*surface.coords())
     dims: tuple[str, ...] = ("y", "x")
     if directions:
         coords["direction"] = ("direction", list(directions), {"long_name": "pass over the line"})

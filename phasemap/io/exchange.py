@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinates, downwards
 from phasemap.io.gwyddion import extra
 from phasemap.io.kinds import KINDS, METRES
 
@@ -84,8 +85,12 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
             for axis, dim in enumerate(("x", "y")):
                 data.set_dimension(
                     axis,
-                    sidpy.Dimension(
-                        image[dim].values, name=dim, units="m", quantity="Length", dimension_type="spatial"
+                    sidpy.Dimension(  # which sidpy counts from the top
+                        downwards(image[dim].values, dim),
+                        name=dim,
+                        units="m",
+                        quantity="Length",
+                        dimension_type="spatial",
                     ),
                 )
             data.original_metadata = {str(key): value for key, value in image.attrs.items()}
@@ -155,7 +160,7 @@ def from_sidpy(dataset: Any) -> xr.Dataset:
         about = {"long_name": KINDS[kind].long_name, "units": units}
         many = len(directions) > 1
         variables[kind] = (("direction", "y", "x") if many else ("y", "x"), np.stack(maps) if many else maps[0], about)
-    coords = {"y": ("y", y, {"units": "m"}), "x": ("x", x, {"units": "m"})}
+    coords = coordinates(y[::-1], x)
     attrs = dict(getattr(found[kinds[0], directions[0]][0], "original_metadata", {}) or {})
     if len(directions) > 1:
         coords["direction"] = ("direction", directions, {})

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinate_step
 from phasemap.io.gwyddion import MASKED, extra
 from phasemap.io.kinds import METRES
 from phasemap.io.measured import one_scan
@@ -276,21 +277,7 @@ def _known(ds: xr.Dataset, variable: str | None) -> str:
 
 def _size(ds: xr.Dataset) -> tuple[float, float]:
     """Height and width of the image [m]."""
-    import numpy as np
-
-    sides = []
-    for dim in ("y", "x"):
-        if dim not in ds.coords:
-            raise InputError(f"coordinate {dim}", None, "positions of the pixels in m")
-        places = ds[dim].values
-        step = 2 * float(places[0])  # the first centre is half a pixel in
-        gaps = np.diff(places)
-        if gaps.size and not np.isclose(step, gaps[0], rtol=1e-6, atol=0):
-            step = float(gaps[0])  # part of an image
-        if step <= 0 or not np.allclose(gaps, step, rtol=1e-6, atol=0):
-            raise InputError(f"coordinate {dim}", "uneven or falling", "rising in equal steps")
-        sides.append(len(places) * step)
-    return sides[0], sides[1]
+    return ds.sizes["y"] * coordinate_step(ds, "y"), ds.sizes["x"] * coordinate_step(ds, "x")
 
 
 def _notes(ds: xr.Dataset) -> dict[str, str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import FileError
+from phasemap._shared.pixels import LONG_NAMES
 from phasemap.io.flattening import on_one_turn
 from phasemap.io.kinds import KINDS, METRES
 from phasemap.io.metadata import of_simulation
@@ -21,8 +22,8 @@ NETCDF = (".nc", ".nc4", ".cdf")
 def read_netcdf(path: Path) -> xr.Dataset:
     """Read an image; what is known about the scan is taken from the configuration of a simulation.
 
-    Returns: as in the file; recorded channels and coordinates in the units of `phasemap.read_image`, and y and x
-        rising.
+    Returns: as in the file; recorded channels and coordinates in the units of `phasemap.read_image`, y falling
+        and x rising.
     Raises FileError if the file cannot be read, holds no image, or has no coordinates or other units.
 
     Examples
@@ -47,8 +48,8 @@ def read_netcdf(path: Path) -> xr.Dataset:
             raise FileError(f"cannot use {path}: there is no coordinate {dim}, the places of pixels in m.")
         ds = _converted(path, ds, dim, METRES, "a length")
     y, x = ds["y"].values, ds["x"].values
-    if y[0] > y[-1]:  # counted upwards; row 0 is the top all the same
-        ds = ds.assign_coords(y=ds["y"].copy(data=y[::-1]))
+    if y[0] < y[-1]:  # counted from the top, as earlier versions did
+        ds = ds.assign_coords(y=ds["y"].copy(data=y[::-1]).assign_attrs(long_name=LONG_NAMES["y"]))
     if x[0] > x[-1]:
         ds = ds.sortby("x")
     for name in images:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import tell
+from phasemap._shared.pixels import centres, coordinates
 from phasemap.io.flattening import on_one_turn
 from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.kinds import KINDS, Kind
@@ -206,12 +207,14 @@ def _assemble(
         attrs = {"long_name": KINDS[kind].long_name, "units": unit}
         variables[kind] = (dims, data if len(directions) > 1 else data[0], attrs)
     coords: dict[str, Any] = {} if len(directions) == 1 else {"direction": list(directions)}
+    sides = []
     for dim, pixels, length, exact in zip(("y", "x"), first.data.shape, first.size, size or first.size, strict=True):
         if math.isclose(length * (pixels - 1), exact * pixels, rel_tol=SAME_STEP):  # else cut in Gwyddion
             length = exact
         if not 0 < length < math.inf:
             raise FileError(f"cannot use {path}: the size of the image along {dim} is {length:g} m.")
-        coords[dim] = (dim, (np.arange(pixels) + 0.5) * (length / pixels), {"units": "m"})
+        sides.append(centres(pixels, length / pixels))
+    coords |= coordinates(sides[0][::-1], sides[1])
     return xr.Dataset(variables, coords)
 
 

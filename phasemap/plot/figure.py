@@ -34,7 +34,7 @@ def side_lengths(ds: xr.Dataset) -> tuple[float, float]:
     >>> side_lengths(xr.Dataset(coords={"y": [1.0], "x": [0.0, 2.0, 4.0]}))
     (6.0, 2.0)
     """
-    pitch = {dim: float(ds[dim][1] - ds[dim][0]) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
+    pitch = {dim: abs(float(ds[dim][1] - ds[dim][0])) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
     width, height = (ds.sizes[dim] * (pitch[dim] or max(pitch.values()) or 1.0) for dim in ("x", "y"))
     return width, height
 

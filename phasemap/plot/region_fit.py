@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
-from phasemap.plot.figure import draw_scale_bar
+from phasemap.plot.figure import draw_scale_bar, side_lengths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,14 +56,14 @@ def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
     for i, name in enumerate(ds["region"].values):
         shown[labels == name] = i % len(PALETTE)
     rows, columns = labels.shape
-    pitch = [float(ds[dim][1] - ds[dim][0]) if dim in ds.coords and ds.sizes[dim] > 1 else 0.0 for dim in ("y", "x")]
-    tall, wide = (count * (size or 1.0) for count, size in zip((rows, columns), pitch, strict=True))
+    placed = {"y", "x"} <= set(ds.coords)
+    wide, tall = side_lengths(ds) if placed else (float(columns), float(rows))
     axes.imshow(
         shown, cmap=ListedColormap(PALETTE), vmin=-0.5, vmax=len(PALETTE) - 0.5, extent=(0, wide, tall, 0),
         interpolation="nearest",
     )  # fmt: skip
     axes.set_facecolor("0.85")
-    if all(pitch):
+    if placed:
         draw_scale_bar(axes, wide)
 
 

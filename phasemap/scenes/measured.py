@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.pixels import coordinate_step
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever
 from phasemap.experiment.properties import damping_of
@@ -142,7 +143,7 @@ def scene_from(
     maps = _maps(scan, phases, by)
     shares = _shares(maps["labels"].values, scan)
     names = [f"material_{label}" for label in range(phases)]
-    pixel_size = [_pitch(scan, dim) for dim in ("y", "x")]
+    pixel_size = [coordinate_step(scan, dim) for dim in ("y", "x")]
     tables["surface"] |= {
         "kind": "labels",
         "labels": {"file": maps_path.name, "variable": "labels"},
@@ -173,19 +174,6 @@ def scene_from(
     with replacing(path, overwrite) as temporary:
         temporary.write_text(toml_of(tables, made | notes, _heading(scan, path)), encoding="utf-8")
     return load_scene(path)
-
-
-def _pitch(scan: xr.Dataset, dim: str) -> float:
-    """Side of a pixel [m], of a part of an image too."""
-    import numpy as np
-
-    if dim not in scan.coords:
-        raise InputError(f"coordinate {dim} of the image", None, "places of the pixels in m, from the top left corner")
-    centres = scan[dim].values
-    steps = np.diff(centres) if len(centres) > 1 else np.array([2 * centres[0]])
-    if steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
-        raise InputError(f"coordinate {dim} of the image", "uneven or falling", "rising in equal steps")
-    return float(steps[0])
 
 
 def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, dict[str, str]]:

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
+from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
 from phasemap.experiment.material import Material
@@ -193,7 +194,7 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
         labels,
         dict(enumerate(chosen)),
         topography=topography,
-        pixel_size=(2 * float(image["y"][0]), 2 * float(image["x"][0])),
+        pixel_size=(coordinate_step(image, "y"), coordinate_step(image, "x")),
     )
     return surface, Labels(labels, dict(enumerate(table["materials"])))
 

@@ -150,6 +150,22 @@ def test_a_periodic_sample_is_left_alone_unless_the_limit_rules_the_other_period
     found = pm.register(fixed, moving)
     assert not found.accepted and found.reason.startswith("the height repeats itself after")
     assert found.apply(moving).identical(moving)
+
+
+@needs_skimage
+def test_an_image_whose_y_falls_lies_on_one_whose_y_rises_and_is_shifted_in_its_own_coordinates() -> None:
+    def falling(one: xr.Dataset) -> xr.Dataset:
+        return one.assign_coords(y=one["y"].values[::-1])
+
+    fixed, moving = moved(grains(), down=3, right=2)
+    wanted = pm.register(fixed, moving)
+    for first, second in ((falling(fixed), moving), (fixed, falling(moving)), (falling(fixed), falling(moving))):
+        assert pm.register(first, second).shift == pytest.approx(wanted.shift, abs=1e-15)
+    placed = wanted.apply(falling(moving))
+    assert float(placed["y"][0] - falling(moving)["y"][0]) == pytest.approx(-3 * PITCH)
+    found = pm.compare(falling(fixed), fixed)
+    assert value(found, "correlation") == pytest.approx(1.0) and float(np.diff(found["y"]).max()) < 0
+    assert np.array_equal(found["measured"].values, pm.compare(fixed, fixed)["measured"].values)
     # The pillars repeat after 8.8 pixels along the diagonal, of which twice the limit must be less.
     close = pm.register(fixed, moving, limit=4.2 * PITCH)
     assert close.accepted and np.array(close.shift) / PITCH == pytest.approx([0, 4], abs=0.25)
@@ -602,7 +618,7 @@ def test_the_command_compares_writes_draws_and_says(tmp_path: Path, capsys: pyte
     assert "the measured 0° is 62.00° as recorded, with the other sign" in said
     assert "explains 100 % of the variance" in said and page.stat().st_size > 10_000
     found = load(result)
-    direct = pm.compare(load(measured), load(simulated), offset="fixed")
+    direct = pm.compare(pm.read_image(measured), pm.read_image(simulated), offset="fixed")
     xr.testing.assert_identical(found.drop_attrs(), direct.drop_attrs())
     assert found.attrs["measured_source"] == "m.nc"
     assert main(["compare", *files, "--plot", str(page)]) == 2 and "exists already" in capsys.readouterr().err

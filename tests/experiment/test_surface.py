@@ -110,9 +110,9 @@ def test_the_shape_can_be_given_where_no_map_has_one() -> None:
     assert Surface(modulus=1e9, pixel_size=1e-9, shape=(3, 4)).adhesion.shape == (3, 4)
 
 
-def test_coordinates_are_pixel_centres_from_the_top_left() -> None:
+def test_coordinates_are_pixel_centres_and_row_0_is_the_top() -> None:
     y, x = Surface(modulus=1e9, pixel_size=(2**-20, 2**-21), shape=(2, 3)).coords()
-    assert (y * 2**20).tolist() == [0.5, 1.5]
+    assert (y * 2**20).tolist() == [1.5, 0.5]
     assert (x * 2**20).tolist() == [0.25, 0.75, 1.25]
 
 
@@ -353,7 +353,7 @@ def test_every_variable_says_what_it_is_and_in_which_unit() -> None:
         assert variable.attrs["long_name"]
         assert variable.attrs["units"] in {"Pa", "J m-2", "1", "m"}
         assert variable.dims == ((name,) if name in ds.coords else ("y", "x"))
-    assert (np.diff(ds["y"]) > 0).all()
+    assert (np.diff(ds["y"]) < 0).all()
 
 
 def dataset(**changes: tuple[object, str]) -> xr.Dataset:
@@ -399,6 +399,14 @@ def test_a_cut_dataset_keeps_its_pixel_size_and_starts_anew() -> None:
     assert s.coords()[1][0] == pytest.approx(1e-9)
 
 
+def test_row_0_of_a_dataset_is_the_top_whichever_way_y_counts() -> None:
+    s = Surface(modulus=[[1e3, 2e3, 3e3], [4e3, 5e3, 6e3]], pixel_size=1e-9)
+    ds = s.to_dataset()
+    earlier = ds.assign_coords(y=ds["y"].values[::-1])
+    assert Surface.from_dataset(earlier) == Surface.from_dataset(ds) == s
+    assert Surface(earlier["modulus"], pixel_size=1e-9) == Surface(ds["modulus"], pixel_size=1e-9) == s
+
+
 def test_a_transposed_dataset_is_turned_back() -> None:
     s = Surface(modulus=[[1e3, 2e3, 3e3], [4e3, 5e3, 6e3]], pixel_size=1e-9)
     assert Surface.from_dataset(s.to_dataset().transpose("x", "y")) == s
@@ -419,8 +427,11 @@ DATASETS_REFUSED = {
     "units of coordinate x is 'pixel'; allowed: m, or another unit of the same kind.": dataset(
         x=(np.arange(3.0), "pixel")
     ),
-    "coordinate y is 'not increasing'; allowed: positions that increase from the image's top left.": dataset().isel(
-        y=[1, 0]
+    "coordinate x is 'not increasing'; allowed: one that rises from the left of the image.": dataset().isel(
+        x=[1, 0, 2]
+    ),
+    "coordinate y is 'not monotonic'; allowed: one that falls or rises from the top of the image.": dataset(
+        y=(np.array([1e-9, 1e-9]), "m")
     ),
     "spacing of x is '1e-09 to 3e-09'; allowed: the same between all pixels.": dataset(
         x=(np.array([0, 1e-9, 4e-9]), "m")

@@ -48,11 +48,23 @@ def test_purely_elastic_contrast_shows_in_height_and_not_in_phase() -> None:
     assert float(np.ptp(image.height.values)) > 0.2e-9
 
 
+def test_a_picture_by_xarray_has_row_0_at_the_top() -> None:
+    import matplotlib.pyplot as plt
+
+    image = image_of()
+    drawn = image.phase.plot()
+    corners, axes = drawn.get_coordinates(), drawn.axes
+    heights = axes.transData.transform(corners[:, 0])[:, 1]
+    plt.close(drawn.figure)
+    assert (np.diff(heights) < 0).all()
+    assert np.array_equal(drawn.get_array(), image.phase.values)
+
+
 def test_variables_coordinates_and_flags_are_as_agreed() -> None:
     image = image_of()
     assert tuple(image.data_vars) == IMAGE_VARIABLES
     assert image.phase.dims == ("y", "x")
-    assert np.allclose(image.y, [1e-9, 3e-9, 5e-9])
+    assert np.allclose(image.y, [5e-9, 3e-9, 1e-9])
     assert np.allclose(image.x, [2e-9, 6e-9, 10e-9, 14e-9])
     assert all("long_name" in v.attrs for v in image.data_vars.values())
     for name, units in {"height": "m", "phase": "degree", "dissipation": "J", "virial": "J"}.items():

@@ -22,7 +22,7 @@ def image(directions: bool = False) -> xr.Dataset:
         "phase": (dims, rng.normal(size=shape), {"units": "degree"}),
         "branch": (dims, np.zeros(shape, np.int8)),
     }
-    coords: dict[str, Any] = {"y": 4e-9 * (np.arange(4) + 0.5), "x": 3e-9 * (np.arange(6) + 0.5)}
+    coords: dict[str, Any] = {"y": 4e-9 * (np.arange(4)[::-1] + 0.5), "x": 3e-9 * (np.arange(6) + 0.5)}
     if directions:
         coords["direction"] = ["trace", "retrace"]
     return xr.Dataset(data, coords, {"setpoint": 0.7})

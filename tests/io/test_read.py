@@ -60,7 +60,7 @@ def test_an_image_has_metres_and_degrees_and_its_own_pixels(flake: xr.Dataset) -
     assert flake["phase"].dims == ("direction", "y", "x") and flake["phase"].shape == (2, 256, 512)
     assert flake["direction"].values.tolist() == ["trace", "retrace"]
     assert [flake[name].attrs["units"] for name in ("height", "phase", "amplitude")] == ["m", "degree", "V"]
-    dy, dx = (float(flake[dim][1] - flake[dim][0]) for dim in ("y", "x"))
+    dy, dx = (abs(float(flake[dim][1] - flake[dim][0])) for dim in ("y", "x"))
     assert dx * 512 == pytest.approx(3.97339e-6) and dy == pytest.approx(2 * dx)  # its pixels are not square
     assert float(flake["x"][0]) == pytest.approx(dx / 2)
 
@@ -149,7 +149,7 @@ def test_a_wsxm_file_is_read_the_right_way_up(tmp_path: Path) -> None:
     path.write_bytes(header.encode("latin-1") + height[::-1, ::-1].tobytes())  # from the last pixel to the first
     image = read_image(path)
     assert image["height"].values == pytest.approx(1e-9 * height, rel=1e-9)
-    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([25e-9, 50e-9])
+    assert [float(image[dim].min()) for dim in ("y", "x")] == pytest.approx([25e-9, 50e-9])
     assert image.attrs["warnings"] == "There is no phase channel."
 
 
@@ -175,7 +175,7 @@ def test_a_jpk_file_is_read_the_right_way_up_in_both_directions(tmp_path: Path) 
     assert image["direction"].values.tolist() == ["trace", "retrace"]  # only the latter is marked in the file
     for (name, direction), values in held.items():
         assert image[name].sel(direction=direction).values == pytest.approx(values, rel=1e-9, abs=0)
-    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([1e-7, 5e-8])
+    assert [float(image[dim].min()) for dim in ("y", "x")] == pytest.approx([1e-7, 5e-8])
     known = {"drive_frequency": 88400.0, "setpoint": 0.8, "free_amplitude_voltage": 2.0, "setpoint_voltage": 1.6}
     assert {name: image.attrs[name] for name in known} == known
     # 15 nm/V is how its amplitude becomes metres. A real file has 14.88 nm/V, which makes of its setpoint of 1.739 V
@@ -217,7 +217,7 @@ def test_an_asylum_file_is_read_the_right_way_up(tmp_path: Path) -> None:
     height, phase = ibw_file(tmp_path / "scan.ibw")
     image = read_image(tmp_path / "scan.ibw")
     assert np.array_equal(image["height"], height) and np.array_equal(image["phase"], phase)
-    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([5e-8, 5e-8])
+    assert [float(image[dim].min()) for dim in ("y", "x")] == pytest.approx([5e-8, 5e-8])
     known = {"free_amplitude": 40e-9, "setpoint_amplitude": 30e-9, "setpoint": 0.75, "stiffness": 2.5, "phase_sign": -1}
     assert {name: image.attrs[name] for name in known} == pytest.approx(known)
 
@@ -228,7 +228,7 @@ def test_a_park_file_is_read_the_right_way_up(tmp_path: Path) -> None:
     held = park_file(tmp_path / "phase.tiff", "NCM Phase", "NCM", forward=False)
     image = read_image(tmp_path / "phase.tiff")
     assert image["phase"].values == pytest.approx(held, rel=1e-9)
-    assert [float(image[dim][0]) for dim in ("y", "x")] == pytest.approx([1e-7, 5e-8])
+    assert [float(image[dim].min()) for dim in ("y", "x")] == pytest.approx([1e-7, 5e-8])
     assert (image.attrs["direction"], image.attrs["operating_mode"]) == ("retrace", "NCM")
     assert (image.attrs["line_rate"], image.attrs["setpoint_amplitude"]) == pytest.approx((0.5, 12.5e-9))
     park_file(tmp_path / "lateral.tiff", "LFM", "LFM")
@@ -326,9 +326,9 @@ def test_channels_of_another_size_are_not_laid_on_each_other(tmp_path: Path) -> 
 def test_an_asylum_image_has_the_size_of_its_scan_unless_it_was_cut_in_gwyddion(tmp_path: Path) -> None:
     values, meta = np.zeros((4, 5)), {"ImagingMode": "AC Mode", "SlowScanSize": "8e-07", "FastScanSize": "1e-06"}
     whole = gwy_file(tmp_path / "whole.gwy", ("PhaseTrace", values, "deg", (8e-7 * 4 / 3, 1e-6 * 5 / 4), meta))
-    assert [float(read_image(whole)[dim][0]) for dim in ("y", "x")] == pytest.approx([1e-7, 1e-7])
+    assert [float(read_image(whole)[dim].min()) for dim in ("y", "x")] == pytest.approx([1e-7, 1e-7])
     cut = gwy_file(tmp_path / "cut.gwy", ("PhaseTrace", values, "deg", (2e-7, 3e-7), meta))
-    assert [float(read_image(cut)[dim][0]) for dim in ("y", "x")] == pytest.approx([2.5e-8, 3e-8])
+    assert [float(read_image(cut)[dim].min()) for dim in ("y", "x")] == pytest.approx([2.5e-8, 3e-8])
 
 
 @needs_reader
@@ -559,8 +559,11 @@ def test_an_image_of_another_program_is_brought_to_metres_and_degrees(tmp_path: 
     assert image["height"].values == pytest.approx(1e-9 * values) and image["height"].dims == ("y", "x")
     assert image["phase"].values == pytest.approx(np.degrees(0.1 * values))
     assert [image[name].attrs["units"] for name in ("height", "phase", "y", "x")] == ["m", "degree", "m", "m"]
-    assert image["y"].values == pytest.approx([1e-8, 3e-8, 5e-8])  # row 0 is the top as before
+    assert image["y"].values == pytest.approx([5e-8, 3e-8, 1e-8])
     assert image["x"].values == pytest.approx([5e-9, 15e-9, 25e-9, 35e-9])
+    rising = foreign().assign_coords(y=foreign()["y"].values[::-1] * 1e-9)  # as earlier versions of phasemap had it
+    rising.to_netcdf(tmp_path / "rising.nc")
+    xr.testing.assert_allclose(read_image(tmp_path / "rising.nc"), image)
     mirrored = foreign().assign_coords(x=foreign()["x"].values[::-1])
     mirrored.to_netcdf(tmp_path / "mirrored.nc")
     assert read_image(tmp_path / "mirrored.nc")["height"].values == pytest.approx(1e-9 * values[:, ::-1])

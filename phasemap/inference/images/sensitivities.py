@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinates
 from phasemap._shared.threads import Progress, bounds_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
@@ -111,7 +112,6 @@ def sensitivity(
     lost = (status == col.GOOD) & ~np.isfinite(slopes).all(axis=(1, 2))
     status = np.where(lost, col.NO_STABLE_ORBIT, status)
 
-    y, x = surface.coords()
     dims = ("y", "x")
     topography = 0.0 if surface.topography is None else surface.topography
     found: dict[str, Any] = {
@@ -131,8 +131,7 @@ def sensitivity(
         for i, name in enumerate(names):
             about = {"long_name": f"change of the {quantity} with the natural logarithm of the {name}", "units": unit}
             found[f"{quantity}_by_{name}"] = (dims, scale * slopes[:, i, k][inverse], about)
-    lengths = {"units": "m"}
-    image = xr.Dataset(found, {"y": ("y", y, lengths), "x": ("x", x, lengths)})
+    image = xr.Dataset(found, coordinates(*surface.coords()))
     image.attrs.update(
         provenance(
             {"microscope": describe(scope), "setpoint": setpoint, "shape": list(surface.shape)}, "differentiated"

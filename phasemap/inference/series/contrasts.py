@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinate_step
 from phasemap.inference.images.regions import MEDIAN, SPREAD, labels_of
 from phasemap.io.flattening import level_height, on_one_turn
 from phasemap.io.measured import segment_height, segment_phase
@@ -192,7 +193,7 @@ def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Label
         shift = moved.shift if moved.accepted else (0.0, 0.0)
         if (moved.after if moved.accepted else moved.before) < ALIKE:
             return None
-        pitch = [float(fixed[dim][1] - fixed[dim][0]) for dim in ("y", "x")]
+        pitch = [coordinate_step(fixed, dim) for dim in ("y", "x")]
         rows, columns = (np.arange(size) + round(s / p) for size, s, p in zip(labels.shape, shift, pitch, strict=True))
         inside = np.ix_((rows >= 0) & (rows < labels.shape[0]), (columns >= 0) & (columns < labels.shape[1]))
         mine = np.full(labels.shape, LEFT_OUT)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.experiment.surface_variables import centres
+from phasemap._shared.pixels import centres, downwards
 from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
 from phasemap.validation.checking.claims import Claims
@@ -58,7 +58,7 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
     for dim, count, step in zip(("y", "x"), claims.shape, claims.pixel_size, strict=True):
         if dim not in image.coords:
             yield f"there is no coordinate {dim}"
-        elif image.sizes.get(dim) == count and not _near(image[dim].values, centres(count, step)):
+        elif image.sizes.get(dim) == count and not _near(downwards(image[dim].values, dim), centres(count, step)):
             yield f"{dim} is not at the centres of pixels of {step:g} m"
     names = list(claims.control.directions)
     if names and ("direction" not in image.coords or list(image["direction"].values) != names):

@@ -1,0 +1,86 @@
+"""Places of the pixels of an image: row 0 is the top, and y falls from row to row, as in every raster file.
+
+Images of earlier versions, and of others, may have a y that rises; row 0 is the top of these too.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import NotThatUnit, scaled
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+
+LONG_NAMES = {"y": "position from the bottom of the image", "x": "position from the left of the image"}
+
+
+def centres(count: int, step: float) -> FloatArray:
+    """Return the centres of `count` pixels from the corner where they begin to count."""
+    return (np.arange(count, dtype=np.float64) + 0.5) * step
+
+
+def coordinates(y: FloatArray, x: FloatArray) -> dict[str, Any]:
+    """Return places of pixels [m] as the coordinates of a Dataset.
+
+    Examples
+    --------
+    >>> coordinates(centres(2, 1e-9)[::-1], centres(3, 1e-9))["y"][2]["long_name"]
+    'position from the bottom of the image'
+    """
+    return {
+        dim: (dim, places, {"long_name": LONG_NAMES[dim], "units": "m", "axis": dim.upper()})
+        for dim, places in {"y": y, "x": x}.items()
+    }
+
+
+def downwards(places: FloatArray, dim: str) -> FloatArray:
+    """Return places along y or x so that they rise from the top left corner, as y of an image may not.
+
+    Examples
+    --------
+    >>> downwards(np.array([3.0, 1.0]), "y").tolist(), downwards(np.array([3.0, 1.0]), "x").tolist()
+    ([1.0, 3.0], [3.0, 1.0])
+    """
+    return places[::-1] if dim == "y" and len(places) > 1 and places[0] > places[-1] else places
+
+
+def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
+    """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
+    if dim not in dataset.coords or dataset[dim].dims != (dim,):
+        raise InputError(
+            "list of coordinates in the dataset",
+            [str(name) for name in dataset.coords],
+            f"a list that has {dim!r} in it, the position of the pixel centres in m",
+        )
+    positions = dataset[dim].to_numpy()
+    if positions.dtype.kind not in "fiu" or not positions.size:
+        found = f"{positions.size} values of type {positions.dtype.name}"
+        raise InputError(f"coordinate {dim}", found, "positions of the pixel centres, numbers in m")
+    values = downwards(positions.astype(np.float64), dim)
+    steps = np.diff(values)
+    if steps.size and not (steps > 0).all():
+        way = "falls or rises from the top of the image" if dim == "y" else "rises from the left of the image"
+        raise InputError(f"coordinate {dim}", "not monotonic" if dim == "y" else "not increasing", f"one that {way}")
+    step = 2 * values[0]
+    if steps.size and not np.allclose(values, centres(values.size, step), rtol=1e-9, atol=0):
+        step = (values[-1] - values[0]) / steps.size
+        if not np.allclose(steps, step, rtol=1e-3, atol=0):
+            raise InputError(f"spacing of {dim}", f"{steps.min():g} to {steps.max():g}", "the same between all pixels")
+    return float(in_si_of(step, dataset[dim], f"coordinate {dim}", "m"))
+
+
+def in_si_of(values: Any, variable: xr.DataArray, name: str, unit: str) -> Any:
+    """Turn values from the units that a variable says into SI; without any they are in SI."""
+    written = str(variable.attrs.get("units") or unit)
+    try:
+        with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+            return scaled(values, "1" if written == "dimensionless" else written, unit)
+    except NotThatUnit:
+        raise InputError(f"units of {name}", written, f"{unit}, or another unit of the same kind") from None
