@@ -88,7 +88,7 @@ class Number(Generic[T]):
 
     def check(self, value: object) -> float | None:
         """What the field makes of a value; an `InputError` if it is not allowed."""
-        if self._optional and (value is None or value == "none"):  # which is how a scene says it
+        if self._optional and (value is None or (isinstance(value, str) and value == "none")):  # as a scene says it
             return None
         try:
             return number(str(self._said), value, self.unit, **self._bounds)

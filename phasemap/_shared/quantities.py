@@ -167,6 +167,34 @@ def is_number(text: str) -> bool:
     return True
 
 
+def unit_of(value: object) -> str:
+    """The unit of text or a quantity, as it is written; empty for a plain number.
+
+    Examples
+    --------
+    >>> unit_of("3 GPa"), unit_of("3"), unit_of(3e9)
+    ('GPa', '', '')
+    """
+    if isinstance(value, str):
+        return split(value)[1]
+    return str(value.units) if is_quantity(value) else ""  # type: ignore[attr-defined]
+
+
+def is_in(value: object, unit: str) -> bool:
+    """Whether text or a quantity measures what a unit does.
+
+    Examples
+    --------
+    >>> is_in("3 MPa", "GPa"), is_in("10 nm", "GPa")
+    (True, False)
+    """
+    try:
+        in_si(value, unit)
+    except NotThatUnit:
+        return False
+    return True
+
+
 def with_unit(unit: str) -> str:
     """Say what text may be given for a number.
 

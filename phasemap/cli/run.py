@@ -186,10 +186,12 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
         print(f"used        {describe_flags(image['solver'])}")
     if "branch" in image:
         print(f"regime      {describe_flags(image['branch'])}")
-    shown = (("phase", "degrees", 1.0), ("height", "nm", 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
+    above = "nm above the lowest pixel"
+    shown = (("phase", "degrees", 1.0), ("height", above, 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
     for name, unit, factor in shown:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor
+            values = values - values.min(initial=np.inf) if name == "height" else values
             print(f"{name:<12}" + (f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"))
     for line in [] if noisy else describe_alike(image, len(scene.surface.unique()[0])):
         print(f"alike       {line}")

@@ -21,10 +21,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import as_array
+from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
+from phasemap.experiment.surface_maps import where
 
 if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
@@ -72,7 +75,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     return np.where(np.isfinite(stiffness + adhesion + damping), 0.5 * (low + high), np.nan)
 
 
-def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array | None) -> Surface:
+def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Any) -> Surface:
     """See `phasemap.Surface.seen_by`."""
     law = scope.interaction.law
     if depth is None:
@@ -81,8 +84,8 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array |
             raise InputError("depth", None, allowed, "That may be the indentation of an image.")
         materials, inverse = surface.unique()
         depth = typical_depth(materials, surface.viscosity is not None, scope, setpoint)[inverse]
-    elif np.shape(depth) not in ((), surface.shape):
-        raise InputError("shape of depth", np.shape(depth), f"{surface.shape}, or one number")
+    else:
+        depth = _depths(surface, depth)
     radius = law.radius_at(np.maximum(np.broadcast_to(depth, surface.shape), 0.0), scope.tip.radius)
     seen = _Seen(np.nan_to_num(radius), surface.pixel_size)
     reach = scope.interaction.decay_length
@@ -115,6 +118,21 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Array |
         "adhesion": seen(surface.adhesion, attraction, float(beyond)), loss: seen(getattr(surface, loss), disc),
     }  # fmt: skip
     return replace(surface, **changed)
+
+
+def _depths(surface: Surface, given: Any) -> Array:
+    """The depths that the user gives [m], one or for each pixel."""
+    allowed = "one finite number or a map of them, in m"
+    found = as_array("depth", numbers("depth", given, "m"), allowed)
+    if found.dtype.kind not in "fiu":
+        raise InputError("depth", given, allowed)
+    if found.shape not in ((), surface.shape):
+        raise InputError("shape of depth", found.shape, f"{surface.shape}, or one number")
+    bad = ~np.isfinite(found) & np.isfinite(surface.modulus)
+    if bad.any():
+        value = np.broadcast_to(found, bad.shape)[bad][0]
+        raise InputError("depth", value, allowed, "" if found.ndim == 0 else where(bad))
+    return found
 
 
 def _seen_film(thickness: Array | None, seen: Callable[[Array], Array]) -> Array | None:

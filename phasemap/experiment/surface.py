@@ -21,7 +21,7 @@ from phasemap.experiment.labels import lazily_looked_up, looked_up
 from phasemap.experiment.maps import Maps
 from phasemap.experiment.material import Material
 from phasemap.experiment.relaxing import check_relaxing
-from phasemap.experiment.surface_maps import common_shape, pixel_sides, property_map
+from phasemap.experiment.surface_maps import check_spacing, common_shape, pixel_sides, property_map
 from phasemap.experiment.surface_variables import QUANTITIES, as_variables, maps_of
 
 if TYPE_CHECKING:
@@ -135,7 +135,9 @@ class Surface(Maps):
             one = maps.get(name)
             whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
             object.__setattr__(self, name, whole)
-        object.__setattr__(self, "pixel_size", pixel_sides(pixel_size))
+        sides = pixel_sides(pixel_size)
+        check_spacing(given, sides)
+        object.__setattr__(self, "pixel_size", sides)
         object.__setattr__(self, "shape", ny_nx)
         object.__setattr__(self, "allow_nan", bool(allow_nan))
         object.__setattr__(self, "_unique", None)
@@ -186,6 +188,7 @@ class Surface(Maps):
         else:
             maps, distinct = looked_up(labels, materials)
         sides, relief = pixel_sides(pixel_size), property_map("topography", topography, False)
+        check_spacing({"labels": labels, "topography": topography}, sides)
         shape = np.shape(labels) if distinct is None else distinct[1].shape
         with unquestioned():  # each Material was looked at when it was made
             surface = cls(**maps, topography=relief, pixel_size=sides, shape=shape)
@@ -301,7 +304,8 @@ class Surface(Maps):
         setpoint : float
             Amplitude over the free amplitude at the drive frequency, between 0 and 1.
         depth : float or array_like, shape (ny, nx), optional
-            Largest indentation at each pixel [m]: ``indentation`` of an image, say. By default that of the
+            Largest indentation at each pixel [m], finite where there is a material: ``indentation`` of an image.
+            By default that of the
             repulsive orbit on DMT contact, to first order in depth over amplitude: near resonance good to some 5 %.
 
         Returns
@@ -328,4 +332,4 @@ class Surface(Maps):
 
         self._refuse_lazy()
         ratio = number("setpoint", setpoint, "1", above=0, below=1)
-        return seen_by(self, scope, ratio, None if depth is None else np.asarray(depth, dtype=np.float64))
+        return seen_by(self, scope, ratio, depth)

@@ -21,11 +21,13 @@ from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
+from phasemap._shared.units import say
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, variable_in_si
 
 FloatArray = NDArray[np.float64]
 
 PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice
+SAME_STEP = 1e-3  # relative; coordinates may be in single precision
 _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf))
 
 
@@ -141,6 +143,23 @@ def common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> tu
     if not first:
         raise InputError("shape", None, "(rows, columns), where no map is given")
     return agreed
+
+
+def check_spacing(maps: dict[str, Any], sides: tuple[float, float]) -> None:
+    """Refuse a DataArray whose coordinates say another size of its pixels."""
+    for name, value in maps.items():
+        for dim, side in zip(("y", "x"), sides, strict=True):
+            if dim not in getattr(value, "coords", ()) or value.sizes.get(dim, 1) < 2:
+                continue
+            step = coordinate_step(value, dim)
+            if not math.isclose(step, side, rel_tol=SAME_STEP):
+                allowed = f"{say(step, 'm')}, the spacing of {dim} in {name}"
+                raise InputError(
+                    "pixel_size",
+                    f"{side:g}",
+                    allowed,
+                    f"Without that coordinate any size is taken: drop_vars({dim!r}).",
+                )
 
 
 def pixel_sides(value: object) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate
+from phasemap.solvers.problem import check_setpoint
 
 MOST = 8  # materials, each with three sliders
 SIDE = 256  # pixels of the longer side of the image that is solved while a slider moves
@@ -120,14 +121,14 @@ def subject_of(
         raise InputError("what is explored", type(explored).__name__, "a Surface, a Scene or the file of a scene")
     if not isinstance(scope, Microscope):
         raise InputError("scope", scope, "a Microscope, which a surface has none of")
-    options = {"setpoint": 0.7 if setpoint is None else setpoint, "solver": "auto"}
+    options = {"setpoint": 0.7 if setpoint is None else check_setpoint(setpoint), "solver": "auto"}
     return _of_surface(explored, scope, options)
 
 
 @unquestioned()  # its numbers were looked at when the scene was read
 def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
     """The subject that a scene is."""
-    options = {**scene.options, **({} if setpoint is None else {"setpoint": setpoint})}
+    options = {**scene.options, **({} if setpoint is None else {"setpoint": check_setpoint(setpoint)})}
     if scene.config["surface"]["kind"] == "maps":
         hint = "Maps of few materials can be explored in Python: pm.explore(scene.surface, scene.microscope)."
         raise InputError("[surface] kind", "maps", "a kind whose materials have names, to be explored", hint)

@@ -134,13 +134,15 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
 
 
 def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
-    """Choose how a variable is shown: heights from the lowest, errors symmetric about 0, others as they are.
+    """Choose how a variable is shown: heights from the lowest pixel, errors symmetric about 0, others as they are.
 
-    `asked`: limits in the unit of the variable; those of a height count from the lowest that is shown.
+    `asked`: limits in the unit of the variable; those of a height count from the lowest pixel.
     """
     name = str(variable.name)
     low, high = limits_of(variable.values)
-    offset = low if name == "height" else 0.0
+    offset = (
+        float(np.min(variable.values, where=np.isfinite(variable.values), initial=low)) if name == "height" else 0.0
+    )
     low, high = low - offset, high - offset
     if name == "amplitude_error":
         low, high = -max(-low, high), max(-low, high)

@@ -55,10 +55,10 @@ def plot(
     """Draw height and phase of an image side by side, or what the function for another Dataset draws.
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. A quantity has the
-    same colours in every picture. Heights count from the lowest that is shown, and a measured image is drawn without
-    its tilt. A line on the colour bar of the phase marks 0, between attraction and repulsion. Pixels without a solution
-    are green, and a line below says how many there are, why, and what helps; another counts the pixels in which the
-    motion is irregular.
+    same colours in every picture. Heights count from the lowest pixel, and a measured image is drawn without its
+    tilt. A line on the colour bar of the phase marks 0, between attraction and repulsion. Pixels without a solution are
+    green, and a line below says how many there are, why, and what helps; another counts the pixels in which the motion
+    is irregular.
 
     Parameters
     ----------

@@ -183,14 +183,17 @@ def phase_lag(phase: T) -> T:
     Returns
     -------
     same type
-        [degree], 90 at free resonance, below 90 repulsive.
+        [degree], 90 at free resonance, below 90 repulsive; a DataArray says so in its ``long_name``.
 
     Examples
     --------
     >>> phase_lag(20.0)
     70.0
     """
-    return 90.0 - phase
+    lag = 90.0 - phase
+    if hasattr(lag, "assign_attrs"):
+        lag = lag.assign_attrs(long_name="lag behind the drive, 90 at free resonance, below 90 repulsive")
+    return lag
 
 
 def flag_attributes(name: str) -> dict[str, Any]:

@@ -17,6 +17,7 @@ import phasemap.scenes.scene
 import phasemap.sweeps.sweep
 from phasemap.cli import main
 from phasemap.io.netcdf import load
+from phasemap.plot.colours import scale_of
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
@@ -93,6 +94,9 @@ def test_run_says_the_regimes_and_that_materials_look_alike(tmp_path: Path, caps
     assert main(["run", *gentle[:3], "-o", str(tmp_path / "hard.nc")]) == 0
     said = capsys.readouterr().out
     assert "regime      repulsive\n" in said and "alike" not in said
+    height = load(tmp_path / "hard.nc")["height"].values
+    assert f"height      0 to {1e9 * np.ptp(height):.4g} nm above the lowest pixel\n" in said
+    assert scale_of(load(tmp_path / "hard.nc")["height"]).offset == height.min()  # the zero of the picture
 
 
 def test_quiet_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

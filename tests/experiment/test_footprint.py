@@ -38,6 +38,22 @@ def test_an_edge_is_as_wide_as_the_contact(depth: float) -> None:
     assert width(seen.damping[:, ::-1]) == pytest.approx(2 * 0.6870 * radius, abs=0.2 * PIXEL)
 
 
+@pytest.mark.parametrize(
+    ("depth", "why"),
+    [
+        (np.nan, "depth is nan; allowed: one finite number or a map of them, in m"),
+        (np.where(LABELS == 1, np.inf, 1e-9), "depth is inf; allowed: .* It is at row 0, column 120; 360 such pixels"),
+        ("2 nN", "depth is '2 nN'; allowed: numbers in m"),
+        ([[1e-9]], r"shape of depth is \(1, 1\); allowed: \(3, 240\), or one number"),
+        (1j, "depth is 1j; allowed: one finite number"),
+    ],
+)
+def test_a_depth_that_is_none_is_refused(depth: object, why: str) -> None:
+    with pytest.raises(pm.InputError, match=why):
+        EDGE.seen_by(SCOPE, 0.7, depth=depth)  # type: ignore[arg-type]
+    assert EDGE.seen_by(SCOPE, 0.7, depth="2 nm") == EDGE.seen_by(SCOPE, 0.7, depth=2e-9)
+
+
 def test_the_attraction_reaches_beyond_the_contact() -> None:
     near = replace(SCOPE, interaction=pm.Interaction(decay_length=None))
     bare, whole = (EDGE.seen_by(scope, 0.7, depth=2e-9).adhesion[1] for scope in (near, SCOPE))

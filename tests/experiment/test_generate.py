@@ -357,3 +357,10 @@ def test_an_argument_that_is_not_there_or_missing_is_named_with_the_one_that_is_
         ask(SHAPE, PIXEL, 5e-9, 0.2)
     with pytest.raises(TypeError, match=r"^particles: multiple values for argument 'shape'\.$"):
         ask(SHAPE, PIXEL, radius=5e-9, area_fraction=0.2, shape=SHAPE)
+
+
+def test_a_gradient_is_of_one_quantity() -> None:
+    line = generate.gradient((1, 3), start="1 GPa", stop="3000 MPa")
+    assert line.tolist() == generate.gradient((1, 3), start="1 GPa", stop=3e9).tolist() == [[1e9, 2e9, 3e9]]
+    with pytest.raises(InputError, match="stop is '10 nm'; allowed: a value in GPa as start is, or in another unit of"):
+        generate.gradient((1, 3), start="1 GPa", stop="10 nm")

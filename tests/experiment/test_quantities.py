@@ -127,6 +127,26 @@ def test_units_may_be_written_in_any_usual_way(text: str) -> None:
     assert in_si(text, "J/m2") == 0.05
 
 
+@pytest.mark.parametrize("value", ["a Dataset", "an array"])
+def test_what_is_no_number_is_not_taken_for_none(value: str) -> None:
+    import xarray as xr
+
+    given: Any = xr.Dataset({"none": ("x", [1.0])}) if value == "a Dataset" else np.array(["none", "none"])
+    field = Number[float | None]("m", None, said="height")
+    assert field.check(None) is None and field.check("none") is None
+    with pytest.raises(pm.InputError, match="height is "):
+        field.check(given)
+    for make in (
+        lambda: pm.Material(1e9, viscosity=given),
+        lambda: pm.Tip(10e-9, modulus=given),
+        lambda: pm.Drive(20e-9, frequency=given),
+        lambda: pm.Interaction(decay_length=given),
+        lambda: pm.Realism(temperature=given),
+    ):
+        with pytest.raises(pm.InputError):
+            make()
+
+
 def test_a_surface_takes_maps_and_lists_with_units() -> None:
     wanted = pm.Surface([[1e9, 3e9]], [[0.05, 0.06]], topography=[[0.0, 1.5e-9]], pixel_size=(4e-9, 2e-9))
     maps = np.array([[1.0, 3.0]]) * UNITS.GPa, np.array([[50.0, 60.0]]) * UNITS.mJ / UNITS.m**2

@@ -224,7 +224,31 @@ def test_a_masked_map_counts_as_nan_under_the_mask() -> None:
         Surface(modulus=masked, pixel_size=1e-9)
 
 
+def test_a_data_array_whose_pixels_have_another_size_is_refused() -> None:
+    x = (np.arange(3) + 0.5) * 2e-9
+    modulus = xr.DataArray([[1e9, 2e9, 3e9]] * 2, {"y": x[:2], "x": x}, ("y", "x"))
+    assert Surface(modulus, pixel_size=2e-9).pixel_size == (2e-9, 2e-9)
+    sentence = (
+        r"pixel_size is '4e-09'; allowed: 2 nm, the spacing of y in {}. Without that coordinate any size is taken: "
+    )
+    for name, make in {
+        "modulus": lambda: Surface(modulus, pixel_size="4 nm"),
+        "topography": lambda: Surface.from_labels(np.ones((2, 3)), [SOFT] * 2, pixel_size=4e-9, topography=modulus * 0),
+        "labels": lambda: Surface.from_labels(modulus * 0, [SOFT], pixel_size=4e-9),
+    }.items():
+        with pytest.raises(InputError, match=sentence.format(name)):
+            make()
+    assert Surface(modulus.drop_vars(["y", "x"]), pixel_size=4e-9).pixel_size == (4e-9, 4e-9)
+
+
 # Labels
+
+
+def test_a_label_under_a_mask_is_none() -> None:
+    labels = np.ma.array([[0, 1, 1]], mask=[[False, True, False]])
+    with pytest.raises(InputError, match="labels is 'masked in 1 pixels'; allowed: a label in every pixel"):
+        Surface.from_labels(labels, {0: SOFT, 1: HARD}, pixel_size=1e-9)
+    assert Surface.from_labels(labels.filled(0), {0: SOFT, 1: HARD}, pixel_size=1e-9).shape == (1, 3)
 
 
 def test_labels_choose_the_material_of_each_pixel() -> None:

@@ -327,3 +327,10 @@ def test_a_material_that_is_in_no_pixel_has_no_sliders() -> None:
     assert list(subject.materials) == ["stiff"]
     assert Setting.of(subject, {}).surface == scene.surface
     xr.testing.assert_equal(answers.image(Setting.of(subject, {})), scene.simulate())
+
+
+@pytest.mark.parametrize("setpoint", [float("nan"), 1.2, "half"])
+def test_a_setpoint_that_is_none_is_refused_before_a_page_opens(setpoint: object) -> None:
+    for explored in ((STEP,), (pm.Surface.from_labels([[0, 1]], [SOFT, HARD], pixel_size=1e-9), SCOPE)):
+        with pytest.raises(pm.InputError, match=r"setpoint is .*allowed: a number above 0 and below 1"):
+            pm.explore(*explored, setpoint=setpoint, browser=False)  # type: ignore[arg-type]

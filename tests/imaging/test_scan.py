@@ -77,6 +77,14 @@ def test_variables_coordinates_and_flags_are_as_agreed() -> None:
         assert np.isin(image[name].values, values).all()
 
 
+def test_the_lag_of_an_image_says_that_it_is_one() -> None:
+    phase = image_of(solver="averaging").phase
+    lag = pm.phase_lag(phase)
+    assert np.array_equal(lag, 90 - phase) and lag.attrs["units"] == "degree"
+    assert lag.attrs["long_name"] == "lag behind the drive, 90 at free resonance, below 90 repulsive"
+    assert "positive repulsive" in phase.attrs["long_name"]
+
+
 def test_the_image_says_where_it_comes_from() -> None:
     image = image_of(solver="orbit")
     assert image.attrs["Conventions"] == "CF-1.11"

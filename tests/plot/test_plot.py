@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from phasemap.cli import main
 from phasemap.plot import describe_failures, describe_flags, plot
 from phasemap.plot.colours import FAILED
 from phasemap.results.words import describe_irregular
+from phasemap.scenes.scene import load_scene
 
 
 def image(
@@ -260,3 +262,29 @@ def test_a_scan_in_time_shows_its_amplitude_error_beside_height_and_phase() -> N
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert "Amplitude error, retrace" in titles and len(figure.axes) == 18
     assert "amplitude error (pm)" in [axes.get_ylabel() for axes in figure.axes]
+
+
+def _means(picture: np.ndarray) -> np.ndarray:
+    """Mean colours of 32 x 32 parts: letters, which the version of a font changes, hardly count."""
+    rows, columns = (np.linspace(0, size, 33).astype(int) for size in picture.shape[:2])
+    cells = [picture[a:b, c:d, :3].mean(axis=(0, 1)) for a, b in pairwise(rows) for c, d in pairwise(columns)]
+    return np.array(cells)
+
+
+def test_the_pictures_that_the_pages_show_are_those_of_the_code_beside_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.pyplot import imread
+
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "tutorials" / "first-image.md").read_text(encoding="utf-8")
+    code = [line[4:] for line in page.splitlines() if line.startswith((">>> ", "... "))]
+    assert "](../../samples/first.png)" in page
+    scene = load_scene(root / "samples" / "blend.toml")
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(code), {})
+    plot(scene.simulate(), "blend.png")
+    for name in ("first.png", "blend.png"):
+        drawn, shown = imread(name), imread(root / "samples" / name)
+        assert drawn.shape == shown.shape
+        assert np.abs(_means(drawn) - _means(shown)).max() < 0.1, name  # a label that moves by a line: 0.05

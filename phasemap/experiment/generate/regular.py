@@ -10,7 +10,8 @@ import numpy as np
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
-from phasemap._shared.quantities import Scalar
+from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import Scalar, is_in, unit_of
 from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, is_x, pixel_centres, sized
 
 _TIE = 1e-9  # of a period: a pixel centre on an edge is past it in every repeat, however the division is rounded
@@ -167,5 +168,8 @@ def gradient(shape: Sequence[int], *, start: Scalar, stop: Scalar, axis: Literal
     """
     ny, nx = sized(shape, 8)
     ends = number("start", start, ""), number("stop", stop, "")
+    units = [unit_of(end) for end in (start, stop)]
+    if all(units) and not is_in(stop, units[0]):
+        raise InputError("stop", stop, f"a value in {units[0]} as start is, or in another unit of the same kind")
     line = np.linspace(*ends, nx) if is_x(axis) else np.linspace(*ends, ny)[:, None]
     return np.broadcast_to(line, (ny, nx)).copy()
