@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import sys
 import warnings
 from importlib.metadata import requires, version
@@ -37,7 +38,7 @@ for name, way in WAYS.items():
     images[name].to_netcdf(f"{name}.nc")
     xr.testing.assert_identical(xr.load_dataset(f"{name}.nc"), images[name])
 
-dependencies = [line.partition(">")[0] for line in requires("afm-phasemap") or [] if ";" not in line]
+dependencies = [re.split("[<>]", line)[0] for line in requires("afm-phasemap") or [] if ";" not in line]
 report = {
     "versions": ", ".join(
         [f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in dependencies)]
