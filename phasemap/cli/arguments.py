@@ -75,7 +75,8 @@ def check_files(arguments: argparse.Namespace) -> None:
 
     Raises FileError if a folder is missing or not writable, or a file exists and is not to be replaced.
     """
-    from phasemap.io.netcdf import check_dataset, check_target
+    from phasemap.io.netcdf import check_dataset
+    from phasemap.io.whole_files import check_target
 
     output, plot = arguments.output, arguments.plot
     if plot is not None and plot == output:

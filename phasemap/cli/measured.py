@@ -57,8 +57,8 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def scene(arguments: argparse.Namespace) -> None:
     """Write the scene of a measured image."""
-    from phasemap.io.netcdf import check_target
     from phasemap.io.read import read_image
+    from phasemap.io.whole_files import check_target
     from phasemap.scenes.measured import scene_from
 
     output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)

@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
-    from phasemap.io.netcdf import check_target, load, load_sample
+    from phasemap.io.netcdf import load, load_sample
+    from phasemap.io.whole_files import check_target
     from phasemap.plot import curve, trace
     from phasemap.plot import plot as draw
     from phasemap.plot.sweep import is_sweep

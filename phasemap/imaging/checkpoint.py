@@ -27,7 +27,7 @@ from phasemap.experiment.surface_variables import QUANTITIES
 from phasemap.imaging.canvas import Canvas, joined_notes
 from phasemap.imaging.job import Job, Values
 from phasemap.imaging.plan import Stretch, fill_part, simulator_of
-from phasemap.io.netcdf import replacing
+from phasemap.io.whole_files import replacing
 from phasemap.results.variables import provenance
 
 EVERY = 2.0  # seconds of work that may be lost

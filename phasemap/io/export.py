@@ -13,7 +13,7 @@ from phasemap.io.gwyddion import MASKED, extra
 from phasemap.io.kinds import METRES
 from phasemap.io.measured import one_scan
 from phasemap.io.metadata import CANONICAL
-from phasemap.io.netcdf import replacing
+from phasemap.io.whole_files import replacing
 
 if TYPE_CHECKING:
     import numpy as np

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import platform
-import re
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +12,8 @@ from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.interrupts import EndlessError, interruptible
 from phasemap._shared.memory import check_fits
 from phasemap.io.classic import check_classic, is_classic
+from phasemap.io.whole_files import check_target, replacing
+from phasemap.io.zarr_store import opened_store
 
 if TYPE_CHECKING:
     import netCDF4
@@ -24,7 +21,6 @@ if TYPE_CHECKING:
 
 LIMIT = 10.0  # seconds to open a file, which takes some thousandths
 HEADER = 1 << 24  # byte: longer headers of classic files are not read
-LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one
 OTHERS = {
     ".toml": "A scene would be lost.",
     ".zarr": "An ensemble may be a zarr store; an image is made one by image.to_zarr in Python.",
@@ -32,44 +28,6 @@ OTHERS = {
 }
 """What no netCDF file is called, and why."""
 COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % smaller and took a quarter longer
-
-
-def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """Return `path` if a file can be written there, before hours are spent on what to write.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be written.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    FileError
-        If the folder is missing or not writable, `path` is neither a file nor a zarr store, or it exists and
-        `overwrite` is False.
-
-    Examples
-    --------
-    >>> check_target("no such folder/image.nc")
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
-    """
-    path = Path(path)
-    if path.exists() and not path.is_file() and not _is_store(path):
-        raise FileError(f"cannot write {path}: it is a folder or a device, not a file.")
-    if not path.parent.is_dir():
-        raise FileError(f"cannot write {path}: the folder {str(path.parent)!r} does not exist.")
-    if not os.access(path.parent, os.W_OK):
-        raise FileError(f"cannot write {path}: no permission to write in the folder {str(path.parent)!r}.")
-    if path.exists() and not overwrite:
-        how = "overwrite it (--overwrite, in Python overwrite=True) or choose another name"
-        raise FileError(f"cannot write {path}: it exists already; {how}.")
-    if len(os.fsencode(path.name)) > LONGEST_NAME:
-        raise FileError(f"cannot write {path}: its name is longer than {LONGEST_NAME} bytes; choose a shorter one.")
-    return path
 
 
 def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -144,90 +102,6 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
     return Path(path)
 
 
-@contextmanager
-def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator[Path]:
-    """Give a temporary name in the folder of `path`; what was written there becomes `path` if all went well.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to write.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Yields
-    ------
-    Path
-        The temporary name, with the suffix of `path`.
-
-    Raises
-    ------
-    FileError
-        If it cannot be written; the temporary file is removed in any case.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with replacing(f"{folder}/note.txt") as temporary:
-    ...         _ = temporary.write_text("whole")
-    ...     Path(folder, "note.txt").read_text()
-    'whole'
-    """
-    path = check_target(path, overwrite)
-    _clear(path)
-    temporary = path.with_name(f".{path.stem}.{_host()}-{os.getpid()}.tmp{path.suffix}")
-    try:
-        yield temporary
-        if temporary.is_file():
-            with temporary.open("r+b") as file:
-                os.fsync(file.fileno())  # the bytes are on the disk before the name points to them
-        if _is_store(path):
-            shutil.rmtree(path)  # a folder takes the place of an empty one only
-        os.replace(temporary, path)
-    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
-        raise FileError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}.") from error
-    finally:
-        _remove(temporary)
-
-
-def _is_store(path: Path) -> bool:
-    """Whether this is a zarr store, which is a folder, as `phasemap.io.zarr_store` writes it."""
-    return path.suffix == ".zarr" and Path(path, ".zgroup").is_file()
-
-
-def _remove(path: Path) -> None:
-    """Remove a file or a store, if it is there."""
-    if path.is_dir():
-        shutil.rmtree(path)
-    path.unlink(missing_ok=True)
-
-
-def _clear(path: Path) -> None:
-    """Remove what processes of this machine that were killed left of this file."""
-    pattern = re.compile(rf"\.{re.escape(path.stem)}\.{_host()}-(\d+)\.tmp{re.escape(path.suffix)}")
-    for name in os.listdir(path.parent):
-        if (found := pattern.fullmatch(name)) and not _is_alive(int(found[1])):
-            _remove(path.with_name(name))
-
-
-def _host() -> str:
-    """The name of this machine: others may write into the same folder."""
-    return re.sub(r"\W", "_", platform.node())
-
-
-def _is_alive(process: int) -> bool:
-    if os.name == "nt":  # where os.kill ends a process whatever the signal
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # somebody else's; no number that a process has
-        return True
-    return True
-
-
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a netCDF file, or a zarr store, into memory.
 
@@ -296,8 +170,6 @@ def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
     if not os.access(path, os.R_OK):
         raise FileError(f"cannot read {path}: no permission.")
     if path.is_dir() and path.suffix == ".zarr":
-        from phasemap.io.zarr_store import opened_store
-
         with opened_store(path) as ds:
             chosen = ds if sample is None else _pick(ds, sample)
             check_fits(f"to read {path}", chosen.nbytes, "Take fewer pixels or variables, or one sample.")

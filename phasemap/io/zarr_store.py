@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import extra
-from phasemap.io.netcdf import check_target, replacing
+from phasemap.io.whole_files import check_target, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +22,7 @@ FORMAT = 2  # which every reader knows; text in version 3 has no agreed form yet
 def check_store(path: Path, overwrite: bool = False) -> Path:
     """Return `path` if a store can be written there, before hours are spent on what to write.
 
-    Raises FileError as in `phasemap.io.netcdf.check_target`; a folder that is no store is never replaced.
+    Raises FileError as in `phasemap.io.whole_files.check_target`; a folder that is no store is never replaced.
     Raises PhasemapError if zarr is not installed.
     """
     extra("zarr", "writing zarr stores", "dask")

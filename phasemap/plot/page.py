@@ -120,7 +120,7 @@ class Page(Figure):
 
         Raises FileError if `path` cannot be written.
         """
-        from phasemap.io.netcdf import replacing
+        from phasemap.io.whole_files import replacing
 
         self.align_ylabels()
         if path is not None:

@@ -182,7 +182,8 @@ class Ensemble:
         {'sample': 2, 'y': 64, 'x': 64}
         """
         from phasemap._shared.processes import in_processes
-        from phasemap.io.netcdf import check_dataset, check_target, replacing
+        from phasemap.io.netcdf import check_dataset
+        from phasemap.io.whole_files import check_target, replacing
         from phasemap.io.zarr_store import SUFFIX, check_store, write_store
         from phasemap.scenes.data_card import card_beside
         from phasemap.scenes.ensemble_file import Parts, assemble

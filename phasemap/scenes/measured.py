@@ -24,8 +24,9 @@ from phasemap.experiment.surface import Surface
 from phasemap.io.flattening import level_height
 from phasemap.io.measured import one_scan, segment_height, segment_phase
 from phasemap.io.metadata import off_resonance
-from phasemap.io.netcdf import check_target, replacing, save
+from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
+from phasemap.io.whole_files import check_target, replacing
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
 from phasemap.scenes.tables import Table, construct, with_override
 from phasemap.scenes.writing import toml_of

@@ -17,7 +17,8 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.energy import close
-from phasemap.solvers.march import ETA, March
+from phasemap.solvers.in_time import ETA
+from phasemap.solvers.march import March
 from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run

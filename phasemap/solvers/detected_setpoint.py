@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.excitation import seen, show
-from phasemap.solvers.march import March
+from phasemap.solvers.in_time import InTime
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
@@ -177,7 +177,7 @@ class _Search:
             self.status[at] = col.NO_STABLE_ORBIT
             return
         self.status[at] = col.PENDING
-        March().settle(self.work, at, Answers(self.rows, self.status, self.used), self.periods)
+        InTime().settle(self.work, at, Answers(self.rows, self.status, self.used), self.periods)
         self.rows[at] = seen(self.rows[at], self.work.lever)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.solvers.march import March
+from phasemap.solvers.in_time import InTime
 from phasemap.solvers.problem import Work
 
 NO_ORBIT = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS, col.UNSTABLE)
@@ -71,12 +71,12 @@ def solve_exactly(
         solve_on_curves(work, limits, average, first, last, answers)
         engage_lost(work, periods, first, last, answers)
         return
-    solve_from_far(work, limits, average, periods, first, last, answers, March())
+    solve_from_far(work, limits, average, periods, first, last, answers, InTime())
 
 
 def solve_from_far(
     work: Work, limits: tuple[float, float], average: bool, periods: int, first: int, last: int, answers: Answers,
-    march: March,
+    march: InTime,
 ) -> np.ndarray:  # fmt: skip
     """Engage every pixel in time; returns the numbers of those that are on curves instead.
 
@@ -134,7 +134,7 @@ def engage_lost(work: Work, periods: int, first: int, last: int, answers: Answer
     if not len(unsolved):
         return
     lost = (*NO_ORBIT, col.NO_STABLE_ORBIT) if beside_resonance(work.lever) else NO_ORBIT
-    March().engage(work, unsolved[np.isin(answers.status[unsolved], lost)], answers, periods)
+    InTime().engage(work, unsolved[np.isin(answers.status[unsolved], lost)], answers, periods)
 
 
 def polish(work: Work, first: int, last: int, answers: Answers) -> None:

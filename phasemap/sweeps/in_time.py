@@ -14,7 +14,7 @@ from phasemap.results.status import Status
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import Visit
-from phasemap.solvers.march import ETA
+from phasemap.solvers.in_time import ETA
 from phasemap.sweeps.dataset import Axis, dataset
 
 if TYPE_CHECKING:

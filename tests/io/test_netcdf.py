@@ -15,6 +15,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap._shared.errors import FileError
 from phasemap.io import netcdf
+from phasemap.io.whole_files import _host, check_target
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -106,14 +107,14 @@ def test_an_interrupt_while_writing_leaves_nothing(
 
 def test_a_target_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(FileError, match=r"the folder '.*missing' does not exist"):
-        netcdf.check_target(tmp_path / "missing" / "image.nc")
+        check_target(tmp_path / "missing" / "image.nc")
     with pytest.raises(FileError, match="is a folder or a device, not a file"):
-        netcdf.check_target(tmp_path, overwrite=True)
+        check_target(tmp_path, overwrite=True)
     with pytest.raises(FileError, match="is a folder or a device, not a file"):
-        netcdf.check_target("/dev/null", overwrite=True)
+        check_target("/dev/null", overwrite=True)
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write anywhere
     with pytest.raises(FileError, match="no permission to write in the folder"):
-        netcdf.check_target(tmp_path / "image.nc")
+        check_target(tmp_path / "image.nc")
 
 
 def test_a_damaged_or_foreign_file_is_refused_in_one_sentence(image: xr.Dataset, tmp_path: Path) -> None:
@@ -132,7 +133,7 @@ def test_a_damaged_or_foreign_file_is_refused_in_one_sentence(image: xr.Dataset,
 def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_writes_is_not(tmp_path: Path) -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    host = netcdf._host()
+    host = _host()
     dead = tmp_path / f".image.{host}-{gone.pid}.tmp.nc"
     alive = tmp_path / f".image.{host}-{os.getppid()}.tmp.nc"
     elsewhere = tmp_path / f".image.else-{gone.pid}.tmp.nc"

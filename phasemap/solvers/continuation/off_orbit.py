@@ -8,7 +8,7 @@ from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import show
 from phasemap.solvers.continuation.pieces import START, Curves
-from phasemap.solvers.march import ETA
+from phasemap.solvers.in_time import ETA
 
 
 class OffOrbit:
