@@ -5,3 +5,5 @@
 the loops over materials that Python calls, `scanning` the tip that moves on, `materials` what is known of
 neighbours, `least_squares` sums over the data of many fits.
 """
+
+from phasemap._kernels import loaded_sources as loaded_sources  # before any kernel, to know what is loaded

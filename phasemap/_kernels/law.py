@@ -8,27 +8,27 @@ compiled alone, for (d, a row of parameters), and called by its address.
 from __future__ import annotations
 
 import ctypes
-import types as python_types
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import njit
 from numba.core import cgutils, types
 from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
 
 from phasemap._kernels import forces
 from phasemap._kernels.columns import BIAS, ROW
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.disk_cache import DiskCache, fingerprint
+from phasemap._kernels.disk_cache import DiskCache
+from phasemap._kernels.frozen import frozen
 
 Formula = Callable[[float, Any], float]
 
 _SIGNATURE = types.float64(types.float64, types.CPointer(types.float64))
-_COMPILED: dict[str, CFunc] = {}
+_COMPILED: dict[Any, CFunc] = {}  # by digest
 
 
 class Law(NamedTuple):
@@ -72,27 +72,16 @@ def law_of(*formulas: Formula) -> Law:
 
 def _address(formula: Formula) -> int:
     """Where the compiled formula is."""
-    name = fingerprint(formula)
-    if name not in _COMPILED:
-        code = CFunc(_compilable(formula), (_SIGNATURE.args, _SIGNATURE.return_type), {}, {"error_model": "numpy"})
-        code._cache = DiskCache(formula)
-        code.compile()
-        _COMPILED[name] = code
-    return int(_COMPILED[name].address)
-
-
-def _compilable(function: Any) -> Any:
-    """A function with all plain functions that it calls compiled."""
-    if hasattr(function, "py_func"):
-        function = function.py_func
-    code, scope, closure = function.__code__, function.__globals__, function.__closure__ or ()
-    helpers = {
-        n: njit(_compilable(f)) for n in code.co_names if isinstance(f := scope.get(n), python_types.FunctionType)
-    }
-    cells = [cell.cell_contents for cell in closure]
-    cells = [njit(_compilable(one)) if isinstance(one, python_types.FunctionType) else one for one in cells]
-    bound = tuple(python_types.CellType(one) for one in cells)
-    return python_types.FunctionType(code, {**scope, **helpers}, function.__name__, function.__defaults__, bound)
+    with global_compiler_lock:
+        copy = frozen(formula)
+        code = _COMPILED.get(copy.digest)
+        if code is None:
+            code = CFunc(copy.function, (_SIGNATURE.args, _SIGNATURE.return_type), {}, {"error_model": "numpy"})
+            if copy.lasts:
+                code._cache = DiskCache(formula, digest=copy.digest)
+            code.compile()
+            _COMPILED[copy.digest or code] = code  # what has no digest is compiled anew each time, and stays in use
+        return int(code.address)
 
 
 @intrinsic

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasemap._kernels.columns import RELEASE
+from phasemap._kernels.frozen import frozen
 from phasemap._shared.errors import FileError
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface
@@ -32,7 +33,6 @@ from phasemap.results.variables import provenance
 
 EVERY = 2.0  # seconds of work that may be lost
 GROWTH = 4  # at most, of what is done at a time
-PROBED = (1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which a user's law is known by its forces
 LIST = "names"  # of what is in a file, for a damaged one may have lost some
 PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 
@@ -150,10 +150,7 @@ def discard(folder: str | os.PathLike[str]) -> None:
 
 
 def _law_in_words(law: ContactLaw) -> str:
-    """What tells a law that is not phasemap's own from others: its parameters, its code, and what comes of both.
-
-    The code may depend on variables that are not in the same file; the forces show it.
-    """
+    """What tells a law that is not phasemap's own from others: its parameters, its code, and what its formulas use."""
     if type(law).__module__.startswith("phasemap."):
         return ""
     try:
@@ -164,11 +161,13 @@ def _law_in_words(law: ContactLaw) -> str:
         for j, column in enumerate(law.columns(stiffness, adhesion, radius)):
             row[j] = np.broadcast_to(column, 1)[0]
         row[RELEASE] = np.broadcast_to(law.release(stiffness, adhesion, radius), 1)[0]
-        return repr(
-            [code, getattr(law, "__dict__", {}), row.tolist(), [float(law.force(depth, row)) for depth in PROBED]]
-        )
-    except Exception:  # typed into a shell, or a formula that does not work here: nothing that was kept is taken for it
-        return str(uuid.uuid4())
+        formulas = law.force, law.slope, law.damping, law.damping_slope, law.attraction.force, law.attraction.slope
+        copies = [frozen(one) for one in formulas]
+        if all(one.lasts for one in copies):
+            return repr([code, getattr(law, "__dict__", {}), row.tolist(), [one.digest for one in copies]])
+    except Exception:  # typed into a shell, or methods that do not work here
+        pass
+    return str(uuid.uuid4())  # nothing that was kept is taken for it
 
 
 def _identity(surface: Surface, law: ContactLaw, configuration: Mapping[str, Any]) -> str:

@@ -326,6 +326,55 @@ def test_a_stiff_maugis_contact_does_without_a_neck_that_would_create_energy() -
     assert alone[10] < 0 and alone[:4] == pytest.approx(stiff[:4])
 
 
+# What laws of one's own hold.
+
+
+@pytest.mark.parametrize("numbers", [np.arange(1, 4), np.array([1.0, 2.0, 3.0], np.float32)])
+def test_a_law_that_holds_a_number_of_numpy_has_its_own_results(numbers: np.ndarray) -> None:
+    def phase(contact: Any, modulus: float) -> float:
+        interaction = Interaction(contact, None)
+        scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9), interaction)
+        return pm.solve_pixel(pm.Material(modulus), scope, 0.8, "averaging").phase
+
+    def times(k: Any) -> ContactLaw:
+        class Times(ContactLaw):
+            @staticmethod
+            def force(d: float, p: np.ndarray) -> float:
+                return k * p[0] * math.sqrt(p[2] * d) * d
+
+        return Times()
+
+    for k in numbers:
+        assert phase(times(k), 1e9) == pytest.approx(phase("hertz", float(k) * 1e9), abs=1e-8)
+
+
+def test_a_slope_is_that_of_the_force_beside_it() -> None:
+    class Stiff:
+        @staticmethod
+        def force(d: float, p: np.ndarray) -> float:
+            return 3.0 * p[0] * d
+
+    class Mixed(Stiff, laws.Hertz):
+        pass
+
+    class Own(ContactLaw):
+        force = staticmethod(Stiff.force)
+
+        @staticmethod
+        def damping(d: float, p: np.ndarray) -> float:
+            return 5.0 * p[8] * d * d
+
+    p = [2.0, *[0.0] * 7, 0.1, *[0.0] * 3]
+    for law in (Mixed, Mixed(), Own, Own()):
+        assert law.slope(1e-9, p) == pytest.approx(6.0)
+    assert Own.damping_slope(1e-9, p) == pytest.approx(1e-9) and Own.damping_slope(0.0, p) == pytest.approx(
+        0.0, abs=1e-14
+    )
+    Own.force = staticmethod(lambda d, p: 4.0 * p[0] * d)  # type: ignore[method-assign]
+    assert Own.slope(1e-9, p) == pytest.approx(8.0)
+    assert damping_slope(Interaction(Own(), None).token(), 1e-9, np.array(p)) == pytest.approx(1e-9)
+
+
 # What is refused, and what is said.
 
 

@@ -62,8 +62,9 @@ class ContactLaw(ABC):
         super().__init_subclass__(**options)
         if "name" not in cls.__dict__:
             cls.name = cls.__name__
-        if "force" in cls.__dict__ and "slope" not in cls.__dict__:
-            cls.slope = staticmethod(_difference(cls.force))  # type: ignore[method-assign, assignment]
+        for formula, slope, start in (("force", "slope", RELEASE), ("damping", "damping_slope", None)):
+            if _rank(cls, formula) < _rank(cls, slope):  # a slope that is inherited is that of another formula
+                setattr(cls, slope, _Quotient(formula, start))
 
     @staticmethod
     @abstractmethod
@@ -129,15 +130,31 @@ class ContactLaw(ABC):
         return self
 
 
-def _difference(force: Callable[[float, Array], float]) -> Callable[[float, Array], float]:
-    """Derivative of a formula: the central difference of order 4, on the side of d = release where the law holds."""
+def _rank(kind: type, name: str) -> int:
+    """How far from a class the one is that has an attribute."""
+    return next(number for number, one in enumerate(kind.__mro__) if name in vars(one))
+
+
+class _Quotient:
+    """Slope of a formula of a law, as that is when the slope is asked for."""
+
+    def __init__(self, formula: str, start: int | None) -> None:
+        self._formula, self._start = formula, start
+
+    def __get__(self, law: ContactLaw | None, owner: type) -> Callable[[float, Array], float]:
+        return _difference(getattr(owner if law is None else law, self._formula), self._start)
+
+
+def _difference(formula: Callable[[float, Array], float], start: int | None) -> Callable[[float, Array], float]:
+    """Derivative of a formula: the central difference of order 4, on the side of d = p[start] where the law holds."""
 
     def slope(d: float, p: Array) -> float:
-        x = max(d - p[RELEASE], LEAST)
+        least = 0.0 if start is None else p[start]
+        x = max(d - least, LEAST)
         h = STEP * x
-        middle = p[RELEASE] + x
-        near = force(middle + h, p) - force(middle - h, p)
-        far = force(middle + 2.0 * h, p) - force(middle - 2.0 * h, p)
+        middle = least + x
+        near = formula(middle + h, p) - formula(middle - h, p)
+        far = formula(middle + 2.0 * h, p) - formula(middle - 2.0 * h, p)
         return (8.0 * near - far) / (12.0 * h)
 
     return slope
