@@ -233,7 +233,7 @@ class Cone(pm.ContactLaw):
         return 0.3 * p[0] * d * d
 found = []
 keep = DiskCache.save_overload
-DiskCache.save_overload = lambda self, sig, data: (found.append(self._function.__name__), keep(self, sig, data))
+DiskCache.save_overload = lambda self, sig, data: (found.append(self._name.rpartition('.')[2]), keep(self, sig, data))
 scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9), pm.Interaction(Cone()))
 assert pm.solve_pixel(pm.Material(2e9, 0.1), scope, 0.8, "averaging").status is pm.Status.good
 print(*sorted(found))
