@@ -5,6 +5,7 @@ On Windows, which has neither owners nor modes in this sense, the user's own fol
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pathlib
 import stat
@@ -50,11 +51,23 @@ def _is_private(known: os.stat_result) -> bool:
 
 def _keeps_names(known: os.stat_result) -> bool:
     """Whether nobody else can rename what is in a folder."""
-    if _is_private(known):
+    if os.name == "nt":
         return True
-    if known.st_uid not in (0, user()):
+    if known.st_uid not in _owners_above():
         return False
-    return bool(known.st_mode & stat.S_ISVTX) or not (known.st_mode & stat.S_IWOTH or _has_members(known.st_gid))
+    if known.st_mode & stat.S_ISVTX or not known.st_mode & OTHERS:
+        return True
+    return not known.st_mode & stat.S_IWOTH and not _has_members(known.st_gid)
+
+
+def _owners_above() -> set[int]:
+    """Who may own a folder above: the user, the administrator, and who stands for him in a container that has none."""
+    owners = {0, user()}
+    with contextlib.suppress(OSError):
+        ranges = pathlib.Path("/proc/self/uid_map").read_text().splitlines()
+        if not any(line.split()[0] == "0" for line in ranges):
+            owners.add(int(pathlib.Path("/proc/sys/fs/overflowuid").read_text()))
+    return owners
 
 
 def _has_members(number: int) -> bool:

@@ -83,6 +83,16 @@ def test_a_folder_above_may_belong_to_a_group_without_others(place: Path, monkey
         assert (chosen() == place) == used
 
 
+def test_in_a_container_without_an_administrator_the_folders_of_the_machine_are_trusted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    above: Any = SimpleNamespace(st_uid=65534, st_gid=65534, st_mode=0o755)
+    for users, trusted in (("0 0 4294967295", False), ("1000 1000 1", True)):
+        said = {"uid_map": users, "overflowuid": "65534"}
+        monkeypatch.setattr(Path, "read_text", lambda path, said=said: said[path.name])
+        assert private_files._keeps_names(above) == trusted
+
+
 def test_a_link_is_as_good_as_what_it_leads_to(place: Path, tmp_path: Path) -> None:
     (tmp_path / "open").mkdir()
     (tmp_path / "open" / "phasemap").mkdir()

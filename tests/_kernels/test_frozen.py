@@ -14,7 +14,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba.extending import overload
 
@@ -68,6 +68,7 @@ def told_apart(of: dict[str, Any]) -> dict[str, Any]:
     return {name: repr(float(one) if name == "entry" else (type(one), one)) for name, one in of.items()}
 
 
+@settings(deadline=None)
 @given(DRAWN, DRAWN, st.sets(st.sampled_from([*WRITTEN, *HELD, "fastmath"]), max_size=2))
 def test_formulas_have_one_digest_only_if_they_are_the_same(
     one: dict[str, Any], other: dict[str, Any], changed: set[str]
