@@ -91,28 +91,9 @@ def _whole_numbers(labels: Any) -> NDArray[Any]:
 
 def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
     """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
-    if isinstance(materials, Sequence) and not isinstance(materials, str):
-        materials = dict(enumerate(materials))
-    if not isinstance(materials, Mapping) or not materials:
-        raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
-    for label, material in materials.items():
-        if not isinstance(label, (int, np.integer)):
-            raise InputError("label of a material", label, "a whole number")
-        if not isinstance(material, Material):
-            raise InputError(f"material {label}", material, "a Material")
-    names = sorted(int(label) for label in materials)
-    chosen = [materials[name] for name in names]
+    labelled = _labelled(materials)
+    chosen = list(labelled.values())
     viscous = any(m.viscosity for m in chosen)
-    damped = next((n for n, m in zip(names, chosen, strict=True) if m.damping), None)
-    if viscous and damped is not None:
-        other = next(n for n, m in zip(names, chosen, strict=True) if m.viscosity)
-        raise InputError(
-            f"damping of material {damped}",
-            materials[damped].damping,
-            f"a viscosity in its place, as material {other} has, or a damping there too",
-            "A preset takes one: Material.preset('PS', damping=0.01). Which damping a viscosity is depends on lever "
-            "and tip, which a scene knows and a surface does not.",
-        )
     rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
     table = np.array(rows, dtype=np.float64)
     if any(m.thickness is not None for m in chosen):
@@ -122,7 +103,32 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
         refuse_film(table.shape[1] > 4)
         relaxing = [(m.relaxed_modulus or m.modulus, m.relaxation_time or math.inf) for m in chosen]
         table = np.column_stack([table, relaxing])
-    return names, table, viscous
+    return list(labelled), table, viscous
+
+
+def _labelled(materials: Mapping[int, Material] | Sequence[Material]) -> dict[int, Material]:
+    """Check the materials, and return them by their labels, in order."""
+    if isinstance(materials, Sequence) and not isinstance(materials, str):
+        materials = dict(enumerate(materials))
+    if not isinstance(materials, Mapping) or not materials:
+        raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")
+    for label, material in materials.items():
+        if not isinstance(label, (int, np.integer)):
+            raise InputError("label of a material", label, "a whole number")
+        if not isinstance(material, Material):
+            raise InputError(f"material {label}", material, "a Material")
+    labelled = {int(label): materials[label] for label in sorted(materials)}
+    viscous = next((label for label, m in labelled.items() if m.viscosity), None)
+    damped = next((label for label, m in labelled.items() if m.damping), None)
+    if viscous is not None and damped is not None:
+        raise InputError(
+            f"damping of material {damped}",
+            labelled[damped].damping,
+            f"a viscosity in its place, as material {viscous} has, or a damping there too",
+            "A preset takes one: Material.preset('PS', damping=0.01). Which damping a viscosity is depends on lever "
+            "and tip, which a scene knows and a surface does not.",
+        )
+    return labelled
 
 
 def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:

@@ -29,7 +29,7 @@ from phasemap.imaging.checkpoint import Checkpoint, fill_kept
 from phasemap.imaging.dask.image import check_lazy, simulate_lazily
 from phasemap.imaging.imperfections import changes, drifted, finish
 from phasemap.imaging.job import Job
-from phasemap.imaging.materials.survey import Place, Survey, survey
+from phasemap.imaging.materials.survey import Place, survey
 from phasemap.imaging.plan import fill_part, plan_image, simulator_of
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.quantities import needs_of
@@ -153,10 +153,7 @@ def simulate(
         }  # fmt: skip
         return _at_each(surface, scope, setpoint, checkpoint, options)
     started = time.perf_counter()
-    for name, thing, cls in (("surface", surface, Surface), ("scope", scope, Microscope)):
-        if not isinstance(thing, cls):
-            hint = "The order is simulate(surface, scope, setpoint)."
-            raise InputError(name, f"a {type(thing).__name__}", f"a {cls.__name__}", hint)
+    _check_sample(surface, scope)
     setpoint = check_setpoint(setpoint)
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
@@ -168,9 +165,6 @@ def simulate(
     # Of the orbits, where an image shows what they do; else of the image, as an instrument would.
     early = derived if not (control.in_time or changes(realism)) else ()
     names = (*inputs_of(stay, () if early else derived, control), *early)
-    if scope.interaction.law.takes_film and surface.thickness is None:
-        allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
-        raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
     if surface.lazy:
         check_lazy(realism, strict, progress, checkpoint)
     else:
@@ -192,17 +186,8 @@ def simulate(
         kept = None
         if checkpoint is not None:
             kept = Checkpoint(checkpoint, surface, scope.interaction.law, {**configuration, "variables": names})
-        canvas, found = _filled(replace(job, memo=kept), kept)
-        if strict:
-            _refuse_failures(canvas.status.reshape(-1, *surface.shape))
-        largest, viscous = _largest_material(surface, workers), surface.viscosity is not None
-        work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
-        image = canvas.image().assign_attrs(
-            dict(zip(FORCES, _forces(largest, viscous, scope), strict=True)),
-            modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
-            distinct_materials=found.count,
-            seconds=round(time.perf_counter() - started, 6),
-        )
+        image = _in_memory(replace(job, memo=kept), kept, strict)
+        image.attrs["seconds"] = round(time.perf_counter() - started, 6)
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
     image = with_channels(finish(image, realism), stay, () if early else derived, control, scope)
@@ -232,6 +217,17 @@ def _at_each(
     return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
 
 
+def _check_sample(surface: Surface, scope: Microscope) -> None:
+    """Refuse what is no surface or no microscope, or a surface without the film that the contact law is of."""
+    for name, thing, cls in (("surface", surface, Surface), ("scope", scope, Microscope)):
+        if not isinstance(thing, cls):
+            hint = "The order is simulate(surface, scope, setpoint)."
+            raise InputError(name, f"a {type(thing).__name__}", f"a {cls.__name__}", hint)
+    if scope.interaction.law.takes_film and surface.thickness is None:
+        allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
+        raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
+
+
 def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
     """Refuse what does not go together with contacts that remember: what is not marched in time.
 
@@ -254,16 +250,25 @@ def workspace(realism: Realism) -> int:
     return 64 * any(realism.drift) + 32 * bool(realism.bits or realism.line_offset or realism.phase_offset)
 
 
-def _filled(job: Job, checkpoint: Checkpoint | None) -> tuple[Canvas, Survey]:
-    """The image of a surface in memory, and what was found out about its materials."""
-    found = survey(job.surface, simulator_of(job.control).most(job), workers=job.workers)
-    canvas = Canvas(job.surface, job.names, job.control.directions)
+def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Dataset:
+    """The image of a surface in memory, and in its attributes what was found out about the materials."""
+    surface, scope = job.surface, job.scope
+    found = survey(surface, simulator_of(job.control).most(job), workers=job.workers)
+    canvas = Canvas(surface, job.names, job.control.directions)
     stretches = plan_image(job, found)
     if checkpoint is None:
         fill_part(job, stretches, canvas)
     else:
         fill_kept(job, stretches, canvas, checkpoint)
-    return canvas, found
+    if strict:
+        _refuse_failures(canvas.status.reshape(-1, *surface.shape))
+    largest, viscous = _largest_material(surface, job.workers), surface.viscosity is not None
+    work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
+    return canvas.image().assign_attrs(
+        dict(zip(FORCES, _forces(largest, viscous, scope), strict=True)),
+        modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
+        distinct_materials=found.count,
+    )
 
 
 def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool = False) -> list[str]:

@@ -124,9 +124,36 @@ def from_sidpy(dataset: Any) -> xr.Dataset:
     ...
     phasemap.InputError: dataset is 'nothing'; allowed: channels that are called height, phase or amplitude.
     """
-    import numpy as np
     import xarray as xr
 
+    found = _found_in(dataset)
+    kinds = [kind for kind in KINDS if any(kind == own for own, _ in found)]
+    directions = [way for way in ("trace", "retrace") if all((kind, way) in found for kind in kinds)]
+    if not directions:
+        directions = ["trace" if any(way == "trace" for _, way in found) else "retrace"]
+        kinds = [kind for kind in kinds if (kind, directions[0]) in found]
+    first, (y, x) = found[kinds[0], directions[0]]
+    several = len(directions) > 1
+    variables = {}
+    for kind in kinds:
+        maps = [_map_of(kind, *found[kind, way], (y, x)) for way in directions]
+        about = {"long_name": KINDS[kind].long_name, "units": _unit(kind, str(found[kind, directions[0]][0].units))[1]}
+        dims = ("direction", "y", "x") if several else ("y", "x")
+        variables[kind] = (dims, maps if several else maps[0], about)
+    coords = coordinates(y[::-1], x)
+    if several:
+        coords["direction"] = ("direction", directions, {})
+    attrs = getattr(first, "original_metadata", None) or {}
+    kept = {
+        str(key): value
+        for key, value in attrs.items()
+        if isinstance(value, str | int | float) and not isinstance(value, bool) and key != "direction"
+    }
+    return xr.Dataset(variables, coords, kept)
+
+
+def _found_in(dataset: Any) -> dict[tuple[str, str], tuple[Any, Any]]:
+    """Channels of an image that have a kind, with the places of their pixels, by kind and direction."""
     channels = list(dataset.values()) if isinstance(dataset, Mapping) else [dataset]
     found: dict[tuple[str, str], tuple[Any, Any]] = {}
     for one in channels:
@@ -137,37 +164,19 @@ def from_sidpy(dataset: Any) -> xr.Dataset:
     if not found:
         listed = ", ".join(str(one.quantity) for one in channels) or "nothing"
         raise InputError("dataset", listed, "channels that are called height, phase or amplitude")
-    kinds = [kind for kind in KINDS if any(kind == own for own, _ in found)]
-    directions = [way for way in ("trace", "retrace") if all((kind, way) in found for kind in kinds)]
-    if not directions:
-        directions = ["trace" if any(way == "trace" for _, way in found) else "retrace"]
-        kinds = [kind for kind in kinds if (kind, directions[0]) in found]
-    _, (y, x) = found[kinds[0], directions[0]]
-    variables = {}
-    for kind in kinds:
-        maps = []
-        for way in directions:
-            one, places = found[kind, way]
-            factor, units = _unit(kind, str(one.units))
-            values = np.asarray(one.compute(), float) * factor
-            if values.shape != (len(x), len(y)) or not all(
-                np.allclose(a, b, rtol=SAME_STEP) for a, b in zip(places, (y, x), strict=True)
-            ):
-                raise InputError(
-                    f"pixels of {one.quantity}", values.shape, f"those of the other channels, {(len(x), len(y))}"
-                )
-            maps.append(values.T)
-        about = {"long_name": KINDS[kind].long_name, "units": units}
-        many = len(directions) > 1
-        variables[kind] = (("direction", "y", "x") if many else ("y", "x"), np.stack(maps) if many else maps[0], about)
-    coords = coordinates(y[::-1], x)
-    attrs = dict(getattr(found[kinds[0], directions[0]][0], "original_metadata", {}) or {})
-    if len(directions) > 1:
-        coords["direction"] = ("direction", directions, {})
-    kept = {
-        str(key): value for key, value in attrs.items() if isinstance(value, str | int | float) and key != "direction"
-    }
-    return xr.Dataset(variables, coords, {key: value for key, value in kept.items() if not isinstance(value, bool)})
+    return found
+
+
+def _map_of(kind: str, channel: Any, places: tuple[Any, Any], wanted: tuple[Any, Any]) -> Any:
+    """Values of a channel over (y, x), in the unit of their kind; refused where pixels are not at the wanted places."""
+    import numpy as np
+
+    factor, _ = _unit(kind, str(channel.units))
+    values = np.asarray(channel.compute(), float) * factor
+    shape = (len(wanted[1]), len(wanted[0]))
+    if values.shape != shape or not all(np.allclose(a, b, rtol=SAME_STEP) for a, b in zip(places, wanted, strict=True)):
+        raise InputError(f"pixels of {channel.quantity}", values.shape, f"those of the other channels, {shape}")
+    return values.T
 
 
 def _kind(called: str) -> str:

@@ -29,7 +29,7 @@ from phasemap.sweeps.contrasts.channels import derived, used_by
 from phasemap.sweeps.contrasts.dataset import DIMS, record
 from phasemap.sweeps.contrasts.edges import borders
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
-from phasemap.sweeps.contrasts.recommendation import RULE, choose
+from phasemap.sweeps.contrasts.recommendation import RULE, Choice, choose
 from phasemap.sweeps.sweep import check_axis
 
 if TYPE_CHECKING:
@@ -148,16 +148,9 @@ def contrast(
         raise InputError("accuracy", accuracy, "an Accuracy")
     check_second(variables, scope.drive.second is not None)
     labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
-    drive = scope.drive
     frequencies = numbers("frequencies", frequencies, "Hz")
     free_amplitudes = numbers("free_amplitudes", free_amplitudes, "m")
-    axes = (
-        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "frequency"),
-        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "free_amplitude"),
-        check_axis("setpoints", setpoints, "1"),
-    )
-    for setpoint in axes[2]:
-        check_setpoint(setpoint)
+    axes = _axes(scope, frequencies, free_amplitudes, setpoints)
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
     pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy, used_by(wanted)), workers_of(threads)
     if pair.materials.law.memory:
@@ -175,29 +168,51 @@ def contrast(
     )
     found = record(rising, labels, engaged, regime, jumps, inversions)
     found = found.assign(derived(wanted, pair, labels, rising, engaged))
-    choice = choose(rising, labels, engaged, regime, jumps)
-    best = dict.fromkeys([f"best_{name}" for name in (*DIMS, "contrast")], np.nan)
-    if choice.place is not None:
-        values = [*(axis[i] for axis, i in zip(rising, choice.place, strict=True)), found["contrast"][choice.place]]
-        best = dict(zip(best, map(float, values), strict=True))
+    found.attrs.update(_recommended(choose(rising, labels, engaged, regime, jumps), rising, found["contrast"]))
     falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
     given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
     found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
-    with unquestioned():
-        held = replace(
-            drive,
-            free_amplitude=float(axes[1][0]) if np.ndim(free_amplitudes) == 0 else drive.free_amplitude,
-            frequency=drive.frequency if frequencies is None or np.ndim(frequencies) else float(axes[0][0]),
-        )
     configuration = {
-        "microscope": describe(replace(scope, drive=held)), "first": describe(first), "second": describe(second),
-        "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
+        "microscope": describe(_without_axes(scope, frequencies, free_amplitudes)), "first": describe(first),
+        "second": describe(second), "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
     }  # fmt: skip
     found.attrs.update(provenance(configuration, "contrast mapped"))
-    found.attrs.update(recommendation=choice.sentence, recommendation_rule=RULE)
-    found.attrs.update(best)
     found.attrs["seconds"] = round(time.perf_counter() - started, 6)
     return found
+
+
+def _recommended(choice: Choice, rising: Axes, contrasts: xr.DataArray) -> dict[str, Any]:
+    """Attributes that say where to work."""
+    values: Sequence[Any] = [np.nan] * 4
+    if choice.place is not None:
+        values = [*(axis[i] for axis, i in zip(rising, choice.place, strict=True)), contrasts[choice.place]]
+    best = {f"best_{name}": float(value) for name, value in zip((*DIMS, "contrast"), values, strict=True)}
+    return {"recommendation": choice.sentence, "recommendation_rule": RULE, **best}
+
+
+def _without_axes(scope: Microscope, frequencies: Any, free_amplitudes: Any) -> Microscope:
+    """The microscope at the numbers that are given instead of its own; what is an axis stays as it is."""
+    drive = scope.drive
+
+    def held(given: Any, own: float | None) -> Any:
+        return own if given is None or np.ndim(given) else float(given)
+
+    with unquestioned():
+        amplitude, frequency = held(free_amplitudes, drive.free_amplitude), held(frequencies, drive.frequency)
+        return replace(scope, drive=replace(drive, free_amplitude=amplitude, frequency=frequency))
+
+
+def _axes(scope: Microscope, frequencies: Any, free_amplitudes: Any, setpoints: Any) -> Axes:
+    """The values along each axis of the map, in the order in which they were given."""
+    drive = scope.drive
+    axes = (
+        _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "frequency"),
+        _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "free_amplitude"),
+        check_axis("setpoints", setpoints, "1"),
+    )
+    for setpoint in axes[2]:
+        check_setpoint(setpoint)
+    return axes
 
 
 def _axis(name: str, values: Any, default: float, parameter: str) -> Array:
