@@ -331,10 +331,10 @@ def test_a_stiff_maugis_contact_does_without_a_neck_that_would_create_energy() -
 
 @pytest.mark.parametrize("numbers", [np.arange(1, 4), np.array([1.0, 2.0, 3.0], np.float32)])
 def test_a_law_that_holds_a_number_of_numpy_has_its_own_results(numbers: np.ndarray) -> None:
-    def phase(contact: Any, modulus: float) -> float:
+    def indentation(contact: Any, modulus: float) -> float:
         interaction = Interaction(contact, None)
         scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9), interaction)
-        return pm.solve_pixel(pm.Material(modulus), scope, 0.8, "averaging").phase
+        return pm.solve_pixel(pm.Material(modulus), scope, 0.8, "averaging").indentation
 
     def times(k: Any) -> ContactLaw:
         class Times(ContactLaw):
@@ -345,7 +345,7 @@ def test_a_law_that_holds_a_number_of_numpy_has_its_own_results(numbers: np.ndar
         return Times()
 
     for k in numbers:
-        assert phase(times(k), 1e9) == pytest.approx(phase("hertz", float(k) * 1e9), abs=1e-8)
+        assert indentation(times(k), 1e9) == pytest.approx(indentation("hertz", float(k) * 1e9), rel=1e-8)
 
 
 def test_a_slope_is_that_of_the_force_beside_it() -> None:
