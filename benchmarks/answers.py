@@ -11,7 +11,7 @@ import pickle
 import sys
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,7 +26,7 @@ CODES = ("status", "branch", "motion", "stable", "fold_branch", "jump_direction"
 """Variables that must be equal."""
 LENGTHS = ("tip_offset", "fold_tip_offset", "jump_from_tip_offset", "jump_to_tip_offset")
 PHASES = ("phase", "fold_phase", "jump_from_phase", "jump_to_phase", "mode2_phase")
-SHARES = ("fold_frequency", "fold_setpoint", "jump_frequency", "jump_setpoint", "fold_amplitude", "amplitude", "floquet")
+SHARES = ("fold_frequency", "fold_setpoint", "fold_amplitude", "jump_frequency", "jump_setpoint", "amplitude")
 SEEN = ("indentation", "mean_deflection", "dissipation", "virial")
 """Variables whose largest relative difference is reported, without a limit."""
 
@@ -61,7 +61,7 @@ def image(task: Plain) -> Answer:
     """Image of maps of material properties, each pixel engaged from far or as `control` says."""
     import phasemap as pm
 
-    maps = {name: np.atleast_2d(values) for name, values in task["maps"].items()}
+    maps: dict[str, Any] = {name: np.atleast_2d(values) for name, values in task["maps"].items()}
     surface = pm.Surface(**maps, pixel_size=task.get("pixel_size", 4e-9))
     name, options = task.get("control", ("Engage", {}))
     given = {"variables": task["variables"]} if "variables" in task else {}
@@ -115,7 +115,7 @@ def _largest(values: Array) -> float:
 KINDS = {"image": image, "curve": curve, "orbits": orbits}
 
 
-def solve(tasks: list[Plain]) -> tuple[list[Answer], float]:
+def solve(tasks: Sequence[Plain]) -> tuple[list[Answer], float]:
     """Answer tasks, and the processor time that it took [s]."""
     started = time.process_time()
     answers = [KINDS[task["kind"]](task) for task in tasks]

@@ -34,7 +34,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 RECORDED = ROOT / "benchmarks" / "recorded.npz"
 SHORT = 0.015  # share of the corpus that is recorded
 WARM_UP = 10  # one task in so many is solved first, untimed, so that what it needs is compiled
-BRIEF = 40.0  # [s] blocks that take less are solved twice, of which the shorter time counts: the first may still compile
+BRIEF = 40.0  # [s] blocks that take less are solved twice and the shorter time counts: the first may still compile
 
 
 # Two versions
@@ -228,7 +228,7 @@ def _relative(found: Difference) -> str:
 
 def record() -> None:
     """Write the answers to the short corpus."""
-    numbers: dict[str, Array] = {}
+    numbers: dict[str, Any] = {}
     for block, answers in _short():
         for i, answer in enumerate(answers):
             for group in ("codes", "values", "within"):
@@ -257,7 +257,7 @@ def _short() -> Iterator[tuple[Block, list[Answer]]]:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.compare", description=__doc__.split("\n\n")[0])
-    parser.add_argument("commit", nargs="?", help="whose package is compared with the working tree: HEAD, main, 6e2dc5c")
+    parser.add_argument("commit", nargs="?", help="to compare the working tree with: HEAD, main, 6e2dc5c")
     parser.add_argument("--block", action="append", default=[], help="only blocks whose name has this in it; repeat")
     parser.add_argument("--show", type=int, default=5, help="how many differences of each block and kind to print")
     parser.add_argument("--identical", action="store_true", help="every bit must be the same")
