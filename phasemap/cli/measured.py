@@ -34,7 +34,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
     add_overrides(parser)
     parser.add_argument(
-        "--phases", type=whole, default=2, metavar="N", help="materials that are told apart; default: 2"
+        "--phases", type=whole, metavar="N", help="materials that are told apart; default: 2, or 1 if it shows one only"
     )
     parser.add_argument(
         "--by", choices=("phase", "height"), default="phase", help="what tells the materials apart; default: phase"

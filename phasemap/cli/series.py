@@ -75,7 +75,8 @@ def series(arguments: argparse.Namespace) -> None:
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
-    scope, told = _microscope(images, arguments.scene) if arguments.scene else scope_of(images, None)
+    given = [word.partition("=")[0].strip().removeprefix("cantilever.") for word in words]
+    scope, told = _microscope(images, arguments.scene) if arguments.scene else scope_of(images, None, given)
     scope, changed = _changed(scope, words)
     options: dict[str, Any] = {}
     for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree")):

@@ -82,7 +82,7 @@ def verdict_of(found: xr.Dataset) -> str:
     """Say how much of the first image the second explains, and what is in the rest.
 
     `found`: what `phasemap.compare` returned.
-    One to five sentences.
+    One to six sentences.
     """
     first, second = names_of(found)
     explained = float(found["explained"])
@@ -95,7 +95,7 @@ def verdict_of(found: xr.Dataset) -> str:
         a, b = found["region_contrast"][:2, 1].values
         said.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
     if found.attrs.get("offset_from", "fitted") != "fitted":
-        said.append(_apart(found))
+        said += [_apart(found), _regimes(found)]
     slope = float(found["crosstalk"].sel(map="measured", cause="slope"))
     if slope > MOSTLY:
         said.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")
@@ -109,14 +109,36 @@ def verdict_of(found: xr.Dataset) -> str:
     return " ".join(filter(None, [turned(found), *said]))
 
 
-def _apart(found: xr.Dataset) -> str:
-    """Say that the images are apart as a whole, where their zeros are held and that is most of what is left."""
-    first, second = names_of(found)
+def apart(found: xr.Dataset) -> float:
+    """How far the images are apart as a whole, if that is most of what is left; else 0 [degree]."""
     mean, spread = float(found["residual"].mean()), float(found["residual"].std())
-    if abs(mean) <= max(spread, NOTABLE):
+    return mean if abs(mean) > max(spread, NOTABLE) else 0.0
+
+
+def _apart(found: xr.Dataset) -> str:
+    """Say that the images are apart as a whole, where their zeros are held."""
+    first, second = names_of(found)
+    mean, how = apart(found), found.attrs["offset_from"]
+    return f"With the zero that is {how}, the {first} phase is {mean:+.3g}° from the {second} one on average." * bool(
+        mean
+    )
+
+
+def _regimes(found: xr.Dataset) -> str:
+    """Say that most of one image is attractive where the other is repulsive, where the zeros are held."""
+    first, second = names_of(found)
+    known = found["residual"].notnull()
+    below = [float((found[name] < 0).where(known).mean()) for name in ("measured", "simulated")]
+    if abs(below[0] - below[1]) <= MOSTLY:
         return ""
-    how = found.attrs["offset_from"]
-    return f"With the zero that is {how}, the {first} phase is {mean:+.3g}° from the {second} one on average."
+    one, other = (
+        f"{'attractive' if share > MOSTLY else 'repulsive'} in {100 * max(share, 1 - share):.0f} % of the pixels"
+        for share in below
+    )
+    return (
+        f"The {first} phase is {one}, the {second} one {other}: bring the simulation into the same regime first, by "
+        "setpoint, free amplitude or adhesion."
+    )
 
 
 def _alike(correlation: float, ssim: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
-from phasemap.comparison.words import lines_of, names_of, verdict_of
+from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
 from phasemap.plot.figure import draw_scale_bar, shortened, side_lengths
 
@@ -47,9 +47,10 @@ def comparison(
 ) -> Figure:
     """Draw the page of a comparison.
 
-    Both phases share one colour scale; the residual has its own, centred on 0, on which a degree takes as much of the
-    colour bar. Pixels that were left out are green. Below are both histograms, phase and height along one row (marked
-    beside the maps), and what the numbers say.
+    Both phases share one colour scale; the residual has its own, on which a degree takes as much of the colour bar, or
+    less where that would not hold it. Its middle is 0, or the mean where the images are apart as a whole. Pixels that
+    were left out are green. Below are both histograms, phase and height along one row (marked beside the maps), and
+    what the numbers say.
 
     Parameters
     ----------
@@ -148,7 +149,9 @@ def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked
 
     width, tall = side_lengths(ds)
     low, high = _limits(ds, asked)
-    phase, rest = Normalize(low, high), Normalize(-(high - low) / 2, (high - low) / 2)
+    middle = apart(ds)
+    reach = max((high - low) / 2, *np.abs(np.subtract(limits_of(ds["residual"].values), middle)))
+    phase, rest = Normalize(low, high), Normalize(middle - reach, middle + reach)
     colours = asked.cmap or MAPS["phase"]
     styles = (("measured", colours, phase), ("simulated", colours, phase), ("residual", MAPS["residual"], rest))
     at = (row + 0.5) / ds.sizes["y"] * tall
@@ -163,7 +166,8 @@ def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked
             axes.plot(side, at, mark, color="0.15", markersize=4.5, clip_on=False, scalex=False, scaley=False)
         draw_scale_bar(axes, width)
         if name != "measured":
-            what = "phase (degrees)" if name == "simulated" else "residual (degrees)"
+            about = f", about {middle:.3g}" if middle else ""
+            what = "phase (degrees)" if name == "simulated" else f"residual (degrees{about})"
             page.bar(image, [axes], what if roomy else "degrees")
 
 

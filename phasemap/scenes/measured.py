@@ -16,13 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.notices import tell
 from phasemap._shared.pixels import coordinate_step
+from phasemap._shared.units import say
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever
 from phasemap.experiment.properties import damping_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.flattening import level_height
-from phasemap.io.measured import one_scan, segment_height, segment_phase
+from phasemap.io.measured import APART, one_scan, segment_height, segment_phase, separation_of
 from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
@@ -63,7 +65,7 @@ UNITS_OF = {"height": "m", "phase": "degree"}
 def scene_from(
     image: xr.Dataset | str | os.PathLike[str],
     path: str | os.PathLike[str],
-    phases: int = 2,
+    phases: int | None = None,
     overrides: Iterable[str] = (),
     *,
     direction: str | None = None,
@@ -78,8 +80,9 @@ def scene_from(
         As `phasemap.read_image` gives it, or the file.
     path : path-like
         The scene to write, .toml; its maps of labels and topography go into ``NAME_maps.nc`` beside it.
-    phases : int
-        How many materials there are, 1 to 4; 1 needs no phase.
+    phases : int, optional
+        How many materials there are, 1 to 4; 1 needs no phase. By default two, or one where the image shows one only,
+        which the scene says then.
     overrides : iterable of str
         ``"table.key=value"``, as in `phasemap.load_scene`: what the file does not say, or says otherwise.
     direction : str, optional
@@ -100,7 +103,7 @@ def scene_from(
     PhasemapError
         If neither the file nor `overrides` say what a scene needs; all that is missing is named.
     InputError
-        If a value is not allowed, or the phase does not hold so many populations.
+        If a value is not allowed, or the phase, or height, does not hold so many populations.
     FileError
         If a file cannot be read or written.
 
@@ -120,7 +123,8 @@ def scene_from(
     ...
     phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
-    whole("phases", phases, 1, 4)
+    if phases is not None:
+        whole("phases", phases, 1, 4)
     check_choice("by", by, WAYS)
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -133,7 +137,7 @@ def scene_from(
     if not hasattr(image, "data_vars"):
         raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
     try:
-        scan = one_scan(image, UNITS_OF if phases > 1 and by == "phase" else ["height"], direction)
+        scan = one_scan(image, UNITS_OF if phases != 1 and by == "phase" else ["height"], direction)
     except FileError as error:
         cure = "Tell materials apart by the height (--by height, in Python by='height'), or take one (--phases 1)."
         raise FileError(f"{error} {cure}") if "height" in image else error from None
@@ -141,7 +145,10 @@ def scene_from(
         if name in scan and scan[name].attrs.get("units", units) != units:
             raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)
     tables, notes = _microscope(scan.attrs, list(overrides))
-    maps = _maps(scan, phases, by)
+    labels, homogeneous = _labels(scan, phases, by)
+    phases = int(labels.max()) + 1 if phases is None else phases
+    tell([homogeneous] if homogeneous else [])
+    maps = _maps(scan, labels, by)
     shares = _shares(maps["labels"].values, scan)
     names = [f"material_{label}" for label in range(phases)]
     pixel_size = [coordinate_step(scan, dim) for dim in ("y", "x")]
@@ -173,7 +180,7 @@ def scene_from(
     }
     save(maps, maps_path, overwrite)
     with replacing(path, overwrite) as temporary:
-        temporary.write_text(toml_of(tables, made | notes, _heading(scan, path)), encoding="utf-8")
+        temporary.write_text(toml_of(tables, made | notes, _heading(scan, path, homogeneous)), encoding="utf-8")
     return load_scene(path)
 
 
@@ -236,17 +243,37 @@ def _off_resonance(lever: Table, drive: Table) -> float | None:
         return None  # what is wrong is said when the scene is checked
 
 
-def _maps(scan: xr.Dataset, phases: int, by: str) -> xr.Dataset:
+def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, str]:
+    """Labels of the materials, and a sentence where there is one only that was not asked for."""
+    import numpy as np
+
+    values = scan["height" if phases == 1 else by].values
+    one = np.zeros(values.shape, int)
+    if phases == 1:
+        return one, ""
+    if phases is None and not np.ptp(values):
+        return one, f"The {by} is the same everywhere: there is one material."
+    labels = segment_phase(values, phases or 2) if by == "phase" else segment_height(values, phases or 2)
+    levelled = values if by == "phase" else level_height(values, labels == np.bincount(labels.ravel()).argmax())
+    distance, ratio = separation_of(levelled, labels)
+    if ratio >= APART:
+        return labels, ""
+    said = (
+        f"The {by} shows one population (parts of it are {say(distance, UNITS_OF[by], 2)} apart, {ratio:.2g} times the "
+        f"spread within them; materials are {APART:g} times or more)"
+    )
+    if phases is not None:
+        other = "height" if by == "phase" else "phase"
+        raise InputError("phases", phases, "fewer for this image", f"{said}. Try by={other!r} (--by {other}) too.")
+    return one, f"{said}: there is one material."
+
+
+def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
     """Labels of the materials, and the topography."""
     import numpy as np
     import xarray as xr
 
-    height = scan["height"].values
-    if phases == 1:
-        labels = np.zeros(height.shape, int)
-    else:
-        labels = segment_phase(scan["phase"].values, phases) if by == "phase" else segment_height(height, phases)
-    topography = level_height(height, labels == np.bincount(labels.ravel()).argmax())
+    topography = level_height(scan["height"].values, labels == np.bincount(labels.ravel()).argmax())
     return xr.Dataset(
         {
             "labels": (("y", "x"), labels.astype(np.int32), {"long_name": f"material, from the lowest {by}"}),
@@ -303,7 +330,7 @@ def _damped(table: Any, given: Any, scope: Microscope) -> Any:
     }
 
 
-def _heading(scan: xr.Dataset, path: Path) -> list[str]:
+def _heading(scan: xr.Dataset, path: Path, homogeneous: str) -> list[str]:
     """What the scene is, and what to know about the file it comes from."""
     source = f"{scan.attrs.get('source', 'a measured image')} {scan.attrs.get('direction', '')}".rstrip()
     return [
@@ -314,6 +341,7 @@ def _heading(scan: xr.Dataset, path: Path) -> list[str]:
         "The materials are PLACEHOLDERS unless given: an image does not say what it is of. EDIT [materials.*]: first "
         "modulus and adhesion, which decide where the tip is repulsive, then damping, until the simulated contrast is "
         "the measured one. The zero of a measured phase is arbitrary; phasemap series fits several files at once.",
+        *([homogeneous] if homogeneous else []),
         *str(scan.attrs.get("warnings", "")).splitlines(),
         "Every length is in m, every other quantity in SI units.",
     ]

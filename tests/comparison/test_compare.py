@@ -550,6 +550,33 @@ def test_what_to_install_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @needs_skimage
+def test_images_of_two_regimes_are_said_to_be_and_the_residual_shows_what_varies() -> None:
+    measured = grains()
+    simulated = measured.assign(phase=measured["phase"] * 0.5 + 60.0)
+    found = pm.compare(measured, simulated, offset=0.0, sign=1, limit=0)
+    said = verdict_of(found)
+    assert (
+        "The measured phase is attractive in 100 % of the pixels, the simulated one repulsive in 100 % of the" in said
+    )
+    residual = pm.plot.comparison(found).axes[2].images[0]
+    shown = residual.norm(residual.get_array())
+    assert 0.0 < np.min(shown) < 0.45 and 0.55 < np.max(shown) < 1.0  # nothing at the ends of the scale, nor one colour
+    assert residual.norm.vmin + residual.norm.vmax == pytest.approx(2 * float(found["residual"].mean()))
+    free = pm.compare(measured, simulated, sign=1, limit=0)
+    assert "attractive" not in verdict_of(free)  # where the zero is fitted nobody knows
+
+
+@needs_skimage
+def test_a_residual_larger_than_both_phases_is_within_its_scale() -> None:
+    one = grains()
+    phase = one["phase"] - float(one["phase"].mean())
+    found = pm.compare(one.assign(phase=phase), one.assign(phase=-phase), offset=0.0, sign=1, limit=0)
+    residual = pm.plot.comparison(found).axes[2].images[0]
+    outside = (np.abs(residual.get_array()) > residual.norm.vmax).mean()
+    assert residual.norm.vmin == -residual.norm.vmax and outside <= 0.01  # the percentiles that are shown
+
+
+@needs_skimage
 def test_the_page_shows_both_phases_on_one_scale_and_a_degree_as_wide_in_the_residual() -> None:
     one = grains()
     found = pm.compare(one, one.assign(phase=one["phase"] * 0.7), names=("day 1", "day 2"))

@@ -215,14 +215,28 @@ def test_a_lever_that_files_do_not_say_is_assumed_aloud():
     assert scope.cantilever.stiffness > 20 and "is assumed" in told[0] and "tip radius" in told[2]
 
 
-def test_levers_that_files_say_differently_and_drives_beside_resonance_are_told():
+def test_quality_factors_that_files_say_differently_and_drives_beside_resonance_are_told():
     files = measure(phases(), stiffness=20.0, quality_factor=400.0)
-    files[1].attrs["stiffness"] = 40.0
+    files[1].attrs["quality_factor"] = 500.0
+    files[1].attrs["drive_frequency"] = 302e3
     files[2].attrs["resonance_frequency"] = 300.75e3
     scope, told = scope_of(files, None)
-    assert scope.cantilever.stiffness == 20.0 and scope.cantilever.resonance_frequency == 300.75e3
-    assert told[0].startswith("The stiffness differs: 20 N/m in at 0.5, 40 N/m in at 0.9")
-    assert "2 half widths below its resonance at 300.75 kHz" in told[-1]
+    assert scope.cantilever.quality_factor == 400.0 and scope.cantilever.resonance_frequency == 300.75e3
+    assert told[0].startswith("The quality factor differs: 400 in at 0.5, 500 in at 0.9")
+    assert "driven at 300 kHz, 2 half widths below its resonance at 300.75 kHz" in told[-1]
+    files.insert(0, files.pop(1))  # whose drive has nothing to do with the resonance of another file
+    assert "driven at 300 kHz, 2.5 half widths below its resonance at 300.75 kHz" in scope_of(files, None)[1][-1]
+
+
+@pytest.mark.parametrize(("name", "unit", "size"), [("stiffness", "N/m", 1), ("resonance_frequency", "kHz", 1e3)])
+def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, unit, size):
+    files = measure(phases(), **{name: 48.0 * size})
+    files[1].attrs[name] = 24.0 * size
+    said = f"{name} of the files is 48 {unit} in at 0.5, 24 {unit} in at 0.9, .* allowed: that of one lever"
+    with pytest.raises(pm.InputError, match=said):
+        pm.series(files)
+    scope_of(files, None, [name])
+    assert scope_of(files, pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE)))[1] == []
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,10 @@ from phasemap.io.netcdf import load, save
 from phasemap.scenes.measured import scene_from
 
 needs_skimage = pytest.mark.skipif(find_spec("skimage") is None, reason='needs pip install "afm-phasemap[read]"')
+needs_reader = pytest.mark.skipif(
+    any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "skimage", "NSFopen")),
+    reason='needs pip install "afm-phasemap[read]" and nsfopen',
+)
 RECORDED: dict[str, Any] = {
     "source": "blend.nid", "drive_frequency": 300e3, "resonance_frequency": 300e3, "quality_factor": 400.0,
     "stiffness": 40.0, "free_amplitude": 20e-9, "setpoint": 0.6,
@@ -76,6 +80,42 @@ def test_what_is_written_runs_and_can_be_edited(tmp_path: Path, capsys: pytest.C
     phase = load(tmp_path / "out.nc")["phase"].values
     labels = load(tmp_path / "blend_maps.nc")["labels"].values
     assert phase.shape == (8, 12) and phase[labels == 1].min() > phase[labels == 0].max()  # stiffer is brighter
+
+
+@needs_skimage
+@pytest.mark.parametrize("by", ["phase", "height"])
+def test_a_homogeneous_sample_is_one_material_which_is_said(tmp_path: Path, by: str) -> None:
+    image, rng = measured(), np.random.default_rng(5)
+    noise = {name: size * rng.normal(size=image[name].shape) for name, size in {"height": 1e-10, "phase": 0.4}.items()}
+    image = image.assign({name: image[name].copy(data=one) for name, one in noise.items()})
+    with pytest.warns(pm.ResultWarning, match=rf"The {by} shows one population \(parts of it are .*: there is one mat"):
+        scene = scene_from(image, tmp_path / "scene.toml", overrides=[TIP], by=by)
+    assert scene.built is not None and scene.built.labels is not None and not np.any(scene.built.labels[0])
+    assert list(scene.config["materials"]) == ["material_0"]
+    assert f"# The {by} shows one population" in (tmp_path / "scene.toml").read_text()
+    with pytest.raises(InputError, match=f"phases is 2; allowed: fewer for this image. The {by} shows one population"):
+        scene_from(image, tmp_path / "two.toml", 2, [TIP], by=by)
+    constant = image.assign({by: 0.0 * image[by]})
+    with pytest.warns(pm.ResultWarning, match=f"The {by} is the same everywhere: there is one material"):
+        scene_from(constant, tmp_path / "same.toml", overrides=[TIP], by=by)
+
+
+@needs_skimage
+def test_two_materials_are_seen_without_being_asked_for(tmp_path: Path) -> None:
+    scene_from(measured(), tmp_path / "scene.toml", overrides=[TIP])
+    assert np.array_equal(load(tmp_path / "scene_maps.nc")["labels"].values, truth()[0])
+
+
+@needs_reader
+@pytest.mark.filterwarnings("ignore::phasemap.ResultWarning")
+def test_sapphire_is_one_material_and_a_flake_on_its_substrate_two(tmp_path: Path) -> None:
+    from importlib.resources import files
+
+    given = [TIP, "drive.free_amplitude=40e-9"]
+    for name, count in {"Calculate_Roughness/sapphire.nid": 1, "Plotting_Data/MoS2.nid": 2}.items():
+        path = str(files("NSFopen") / "example" / name)
+        scene = scene_from(path, tmp_path / "scene.toml", overrides=given, overwrite=True)
+        assert len(scene.config["materials"]) == count
 
 
 def test_everything_that_is_missing_is_named_at_once_with_an_example(tmp_path: Path) -> None:

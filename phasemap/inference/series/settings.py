@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,7 @@ STEP = 0.06  # of setpoints that are interpolated
 ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be anywhere on the circle [degree]
 SAME = 0.02  # by which free amplitudes are the same, and setpoints
 SAME_LEVER = 1.1  # factor within which files say the same of a lever
+OF_THE_LEVER = ("resonance_frequency", "stiffness")  # by which levers are told apart; Q changes with distance and air
 AWAY = 0.2  # half widths of the resonance beside which a drive is said to be
 NEAR_ZERO = 5.0  # by which the phase of the free lever drifts from what was recorded of it [degree]
 SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
@@ -120,8 +121,13 @@ class Settings:
         return replace(self, names=tuple(self.names[i] for i in order), **some), order
 
 
-def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Microscope, list[str]]:
-    """The microscope, of what the files say and what has to be assumed, which is told."""
+def scope_of(
+    images: Sequence[xr.Dataset], scope: Microscope | None, given: Collection[str] = ()
+) -> tuple[Microscope, list[str]]:
+    """The microscope, of what the files say and what has to be assumed, which is told.
+
+    `given`: arguments of the lever that the user says instead, of which files may say what they like.
+    """
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
@@ -131,9 +137,10 @@ def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Mi
         raise InputError("drive frequencies", listed, "those of one lever", "A series is of one sample and one lever.")
     if scope is not None:
         return scope, []
-    said, told = _of_lever(known, names)
-    drive = frequencies[0] if frequencies else None
-    resonance = float(said.get("resonance_frequency", drive or 300e3))
+    said, told = _of_lever(known, names, given)
+    resonance = said.get("resonance_frequency", frequencies[0] if frequencies else 300e3)
+    drive = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
+                  one.get("resonance_frequency") == resonance), None)  # fmt: skip
     nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
     values = {"resonance_frequency": resonance}
     for name, unit in (("stiffness", " N/m"), ("quality_factor", "")):
@@ -144,7 +151,6 @@ def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Mi
     told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
     if "resonance_frequency" not in said:
         told.append("The lever is taken to be driven at its resonance, which the files do not say.")
-        drive = None
     elif drive is not None and abs(away := 2 * values["quality_factor"] * (drive / resonance - 1)) > AWAY:
         told.append(
             f"The lever is driven at {drive / 1e3:.5g} kHz, {abs(away):.2g} half widths "
@@ -153,8 +159,10 @@ def scope_of(images: Sequence[xr.Dataset], scope: Microscope | None) -> tuple[Mi
     return Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS, drive)), told
 
 
-def _of_lever(known: list[dict[str, Any]], names: list[str]) -> tuple[dict[str, float], list[str]]:
-    """Each property by the first file that says it, and sentences where others say something else."""
+def _of_lever(
+    known: list[dict[str, Any]], names: list[str], given: Collection[str]
+) -> tuple[dict[str, float], list[str]]:
+    """Each property by the first file that says it, and a sentence where others say another quality factor."""
     said, told = dict[str, float](), []
     for name, unit in (("resonance_frequency", "Hz"), ("stiffness", "N/m"), ("quality_factor", "1")):
         values = {of: float(one[name]) for of, one in zip(names, known, strict=True) if name in one}
@@ -163,6 +171,10 @@ def _of_lever(known: list[dict[str, Any]], names: list[str]) -> tuple[dict[str, 
         said[name] = next(iter(values.values()))
         if max(values.values()) > SAME_LEVER * min(values.values()):
             listed = ", ".join(f"{say(value, unit, 4)} in {of}" for of, value in values.items())
+            if name in OF_THE_LEVER and name not in given:
+                how = f"say its {name} (cantilever.{name}=..., scope)"
+                hint = f"A series is of one sample and one lever; if it is one, {how}."
+                raise InputError(f"{name} of the files", Word(listed), "that of one lever", hint)
             told.append(f"The {name.replace('_', ' ')} differs: {listed}; the first is taken.")
     return said, told
 
