@@ -31,17 +31,13 @@ Exit code: 0 if no claim fails, 1 if one does, 2 if there is nothing to check (a
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument("image", metavar="IMAGE.nc", type=Path, help="what `phasemap run` or `image.to_netcdf` wrote")
-    parser.add_argument("--pixels", type=whole, default=64, metavar="N", help="how many are solved again; default: 64")
+    parser.add_argument("--pixels", type=whole, default=64, metavar="N", help="so many also in time; default: 64")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the sample of pixels; default: 0")
     surface = parser.add_mutually_exclusive_group()
     surface.add_argument(
         "--scene", metavar="SCENE.toml", type=Path, help="takes the surface of this scene; default: of the image's own"
     )
     surface.add_argument("--surface", metavar="SURFACE.nc", type=Path, help="takes the surface from this file")
-    parser.add_argument(
-        "--solver", choices=("march", "orbit"),
-        help="that solves them again; default: march, or orbit for an image made by march",
-    )  # fmt: skip
     add_threads(parser)
     add_quiet(parser, "the verdict only")
 
@@ -75,7 +71,7 @@ def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Nam
     with progress_bar("", arguments.quiet) as progress:
         return check_image(
             image, surface, folders=(arguments.image.parent, "."), pixels=arguments.pixels, seed=arguments.seed,
-            solver=arguments.solver, threads=arguments.threads, progress=progress,
+            threads=arguments.threads, progress=progress,
         )  # fmt: skip
 
 

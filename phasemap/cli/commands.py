@@ -176,7 +176,7 @@ def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParse
     yield "scene", measured.scene, measured.add_scene, about, measured.SCENE_EXAMPLES
     about = "write an image for Gwyddion, as .gwy or .gsf"
     yield "export", measured.export, measured.add_export, about, measured.EXPORT_EXAMPLES
-    about = "solve a sample of an image's pixels again, and say whether what it says of itself holds"
+    about = "solve an image's pixels again, and say whether what it says of itself holds"
     yield "check", check.check, check.add_arguments, about, check.EXAMPLES
     about = "list usual materials and levers, or one of them with its sources"
     yield "presets", presets.presets, presets.add_arguments, about, presets.EXAMPLES

@@ -46,7 +46,7 @@ class Accessor:
         return phasemap.plot.plot(self._dataset, path, overwrite, **options)
 
     def check(self, *arguments: Any, **options: Any) -> Check:
-        """Solve some of its pixels again, as `phasemap.check`."""
+        """Solve its pixels again, as `phasemap.check`."""
         import phasemap
 
         return phasemap.check(self._dataset, *arguments, **options)

@@ -1,4 +1,4 @@
 """Validation: how far the numbers are to be trusted.
 
-`checking` looks at every pixel of a file and solves some of them again.
+`checking` looks at every pixel of a file and solves it again, some also in time.
 """

@@ -21,7 +21,7 @@ from phasemap.results.variables import describe
 from phasemap.scenes.scene import load_scene, scene_from_json
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
-from phasemap.validation.checking.again import carried, other_solver
+from phasemap.validation.checking.again import carried
 from phasemap.validation.checking.claims import claims_of, microscope_from
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import FAILS, OPEN
@@ -287,15 +287,6 @@ def test_the_sample_has_some_of_every_kind_and_depends_on_the_seed_only() -> Non
     assert len(set(chosen.tolist())) == 12 and set(kinds(picture)[chosen]) == set(kinds(picture))
     assert sample(picture, 12, seed=4).tolist() == chosen.tolist() != sample(picture, 12, seed=5).tolist()
     assert sample(picture, 1000, seed=0).tolist() == list(range(24))
-
-
-def test_the_second_solver_is_independent_of_the_first() -> None:
-    assert [other_solver(name, None).name for name in ("auto", "orbit", "averaging", "march")] == [
-        "march", "march", "march", "orbit"
-    ]  # fmt: skip
-    for made_by, wanted in (("auto", "orbit"), ("march", "march"), ("auto", "averaging")):
-        with pytest.raises(pm.InputError, match="independent"):
-            other_solver(made_by, wanted)
 
 
 def test_what_comes_to_no_rest_on_the_way_from_far_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,8 +91,8 @@ def unsolved(monkeypatch: pytest.MonkeyPatch) -> None:
     def reached(*_: Any) -> NoReturn:
         raise ReachedError
 
-    monkeypatch.setattr(checking, "solve_again", reached)
-    monkeypatch.setattr(checking, "scan_again", reached)
+    for name in ("image_again", "solve_again", "scan_again"):
+        monkeypatch.setattr(checking, name, reached)
     monkeypatch.setenv("PHASEMAP_MEMORY", "64e6")
 
 

@@ -1,27 +1,27 @@
-"""Sampled pixels of an image at rest, solved by another solver than the one that made it."""
+"""Pixels of an image at rest, solved again: all as the image was made, or any by a solver of one's own choice."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.columns import NOWHERE
 from phasemap._kernels.scanning.slots import Orbits
-from phasemap._kernels.wide import WIDE
-from phasemap._shared.errors import InputError
+from phasemap._shared.notices import untold
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import film_of, properties
 from phasemap.experiment.surface import Surface
+from phasemap.imaging.canvas import values_of
 from phasemap.imaging.imperfections import scopes_by_row
+from phasemap.imaging.simulation import simulate
+from phasemap.results.variables import FLOATS, IMAGE_VARIABLES, OF_ADHESION
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.integrals import bare_rows, with_adhesion
-from phasemap.solvers.march import FromFar
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, make_work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
@@ -29,18 +29,22 @@ from phasemap.validation.checking.picture import Picture
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.intp]
-Codes = NDArray[np.int8]
+Values = dict[str, NDArray[Any]]
+
+NAMES = (*IMAGE_VARIABLES, *OF_ADHESION)
 
 
 class Again(NamedTuple):
-    """What a solver found, for n pixels."""
+    """What a solver found in n pixels."""
 
-    pixels: Pixels  # int, shape (n,); Flat, in the order of the picture
-    rows: Array  # shape (n, WIDE)
-    # status, solver: int8, shape (n,)
-    status: Codes
-    solver: Codes
-    materials: int  # how many distinct ones these pixels have
+    pixels: Pixels  # shape (n,); flat, in the order of the picture
+    values: Values  # variables of these pixels, as an image has them, shape (n,) each
+    materials: int  # how many distinct ones were solved
+
+    @property
+    def status(self) -> NDArray[np.int8]:
+        """Codes, shape (n,)."""
+        return self.values["status"]
 
 
 @dataclass(frozen=True)
@@ -53,19 +57,22 @@ class _Part:
     numbers: NDArray[np.intp]
 
 
-def other_solver(made_by: str, wanted: str | None) -> Solver:
-    """The solver that shares nothing with the one that made the image: the march from far, or the orbit for a march."""
-    independent: dict[str, Solver] = {"march": FromFar(), "orbit": Orbit(complete=True)}
-    if made_by == "march":
-        del independent["march"]
-    elif made_by != "averaging":  # auto solves by orbit
-        del independent["orbit"]
-    if wanted is None:
-        wanted = next(iter(independent))
-    if wanted not in independent:
-        allowed = " or ".join(map(repr, independent))
-        raise InputError("solver", wanted, f"{allowed}, independent of {made_by!r}, which made the image")
-    return independent[wanted]
+def image_again(picture: Picture, surface: Surface, threads: int | None, progress: Progress | None) -> Again:
+    """Simulate the whole image again as it was made, with what the file has and what it takes to compare that.
+
+    `surface`: as it passed under the tip.
+    `threads`, `progress`: as in `phasemap.simulate`.
+    """
+    claims = picture.claims
+    still = replace(claims.realism, drift=(0.0, 0.0, 0.0), line_offset=0.0, phase_offset=0.0, bits=None)
+    with untold():
+        image = simulate(
+            surface, claims.microscope, claims.setpoint, claims.solver, claims.control, claims.accuracy,
+            realism=still, variables=(*IMAGE_VARIABLES, *map(str, picture.image.data_vars)), progress=progress,
+            threads=threads,
+        )  # fmt: skip
+    values = {str(name): variable.values.reshape(-1) for name, variable in image.data_vars.items()}
+    return Again(np.arange(int(np.prod(picture.shape))), values, int(image.attrs["distinct_materials"]))
 
 
 def solve_again(
@@ -78,29 +85,31 @@ def solve_again(
     `threads`, `progress`: as in `phasemap.simulate`.
     """
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
-    rows = np.full((len(pixels), WIDE), np.nan)
-    status, used = np.zeros(len(pixels), np.int8), np.zeros(len(pixels), np.int8)
+    values = {name: np.zeros(len(pixels), np.float64 if name in FLOATS else np.int8) for name in NAMES}
     materials = done = 0
     for part in _parts(picture, surface, pixels):
-        report = None if progress is None else _after(progress, done, len(pixels))
+        report = after(progress, done, len(pixels))
         at: tuple[NDArray[np.intp], ...]
         if carries:
             found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
             at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
-            several = with_adhesion(found.rows, part.work, found.solver, part.bare), found.status, found.solver
+            solved, codes, by = found.rows, found.status, found.solver
         else:
-            # Only the march knows a memory: instead of an orbit it is engaged from far, which images may do without.
-            by_time = FromFar() if part.work.law.memory and isinstance(solver, Orbit) else solver
-            solved, codes, by = run(by_time, part.work, claims.accuracy, threads=threads, progress=report)
-            at, several = (part.numbers,), (with_adhesion(solved, part.work, by, part.bare), codes, by)
-        rows[part.pixels], status[part.pixels], used[part.pixels] = (values[at] for values in several)
+            solved, codes, by = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
+            at = (part.numbers,)
+        some = values_of(NAMES, with_adhesion(solved, part.work, by, part.bare), codes, by)
+        for name in NAMES:
+            values[name][part.pixels] = some[name][at]
         materials, done = materials + len(part.work), done + len(part.pixels)
-    return Again(pixels, rows, status, used, materials)
+    if surface.topography is not None:
+        relief = surface.topography.reshape(-1)[pixels % surface.topography.size]
+        values["height"] = np.add(values["height"], relief)
+    return Again(pixels, values, materials)
 
 
-def _after(progress: Progress, done: int, total: int) -> Progress:
-    """Progress in pixels, from that in materials: as if these were the pixels."""
-    return lambda count, _: progress(min(done + count, total), total)
+def after(progress: Progress | None, done: int, total: int) -> Progress | None:
+    """Progress in pixels, from that in materials after so many: as if these were the pixels."""
+    return None if progress is None else lambda count, _: progress(min(done + count, total), total)
 
 
 def _parts(picture: Picture, surface: Surface, pixels: Pixels) -> list[_Part]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,20 +44,16 @@ def follows(picture: Picture) -> Claim | None:
     return judged(about, picture, bad, share, picture.good, ", ".join(made))
 
 
-def solved_again(
-    picture: Picture, again: Again, values: Mapping[str, Any], largest: Mapping[str, Array]
-) -> dict[str, tuple[Array, Array, Array]]:
+def solved_again(picture: Picture, again: Again, largest: Mapping[str, Array]) -> dict[str, tuple[Array, Array, Array]]:
     """Channels of one mode, of sampled pixels: as in the image, as found again, and how far apart they may be.
 
     That is what the largest differences of what a channel is made of change in it, one added to the other. The virial
     of the attraction goes with the root of the indentation, the energy stored with the power 5/2 of it.
 
-    `values`: variables of the pixels, as `phasemap.validation.checking.tolerance.values_again` has them.
     `largest`: largest differences of those, as `phasemap.validation.checking.tolerance.allowed` has them.
     """
-    scope = picture.claims.microscope
-    orbit = {name: np.asarray(values[name]) for name in ("dissipation", "virial")}
-    orbit |= {name: FLOATS[name].value(again.rows) for name in OF_ADHESION}
+    scope, values = picture.claims.microscope, again.values
+    orbit = {name: values[name] for name in ("dissipation", "virial", *OF_ADHESION)}
     with np.errstate(all="ignore"):
         deeper = largest["indentation"] / np.abs(values["indentation"])
     apart = {name: largest[name] for name in ("dissipation", "virial")}

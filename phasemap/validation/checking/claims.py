@@ -167,7 +167,8 @@ def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape
     """
     if "scene" not in image.attrs:
         raise PhasemapError(
-            "the image does not carry the scene that it was made of, so nothing says which materials it shows. "
+            "the image does not carry the scene that it was made of: which material each pixel shows is not known, so "
+            "no height, phase, branch or indentation can be judged. "
             "Give its surface: --scene SCENE.toml or --surface SURFACE.nc; in Python pm.check(image, surface)."
         )
     text, failed = image.attrs["scene"], None

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.lever import lever_of
-from phasemap.experiment.surface import Surface
 from phasemap.results.quantities import CHANNELS, Channel
 from phasemap.results.variables import FLOATS, Variable, flag_attributes
 from phasemap.validation.checking.again import Again
@@ -24,7 +23,6 @@ from phasemap.validation.checking.tolerance import (
     allowed,
     spread,
     stated,
-    values_again,
 )
 
 if TYPE_CHECKING:
@@ -51,10 +49,10 @@ class _Quantity(NamedTuple):
         return np.asarray(np.abs(self.claimed - self.again))
 
 
-def compare(picture: Picture, surface: Surface, again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
-    """Judge what the image says of the pixels that were solved again.
+def compare(picture: Picture, again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
+    """Judge what the image says of the pixels that were solved again by another solver.
 
-    `surface`: as it passed under the tip.
+    `by`: that solver, in words.
     """
     claimed, found = picture.raw("status").reshape(-1)[again.pixels], again.status == col.GOOD
     decided = _decided(picture, again)
@@ -62,7 +60,7 @@ def compare(picture: Picture, surface: Surface, again: Again, by: str) -> tuple[
     if not decided.all():
         left = "time comes to no rest on the way from far: any orbit may be right there"
         claims.append(Claim("solved again: what no other solver decides", OPEN, int((~decided).sum()), left))
-    both, values = found & (claimed == col.GOOD), values_again(again, surface)
+    both, values = found & (claimed == col.GOOD), again.values
     claims.append(_motion(picture, again, both, values))
     if "branch" in picture:
         same = picture.raw("branch").reshape(-1)[again.pixels] == values["branch"]
@@ -152,7 +150,7 @@ def _quantities(picture: Picture, again: Again, values: Values) -> dict[str, _Qu
         for name in QUANTITIES
         if name in picture
     }
-    derived = solved_again(picture, again, values, largest)
+    derived = solved_again(picture, again, largest)
     return found | {name: _Quantity(*three) for name, three in derived.items()}
 
 

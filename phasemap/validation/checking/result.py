@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"
 SHOWN = 3  # of the pixels that fail
 WIDTH = 62  # of what was found, in letters
+PAGE = 100  # of what stands below the table
 LAYOUT = "{:<46}  {:<10}  {:>9}  "
 
 
@@ -45,10 +46,16 @@ class Check:
     sample : xarray.Dataset or None
         The pixels that were solved again, dim "pixel": direction, row, column; phase, height and more as in the image,
         but for offsets of lines, and as found again; the difference that was allowed. None for an image in time.
+    judged : str
+        Which pixels were judged, and how.
+    unseen : str
+        What no claim can see.
     """
 
     claims: tuple[Claim, ...]
     sample: xr.Dataset | None = None
+    judged: str = ""
+    unseen: str = ""
 
     @property
     def holds(self) -> bool:
@@ -73,7 +80,7 @@ class Check:
         return preformatted(str(self))
 
     def __str__(self) -> str:
-        """The table of claims, and the verdict."""
+        """The table of claims, what was judged, and the verdict."""
         lines = [LAYOUT.format("claim", "result", "pixels") + "what was found"]
         for claim in self.claims:
             found = textwrap.wrap(claim.found, WIDTH) or [""]
@@ -82,7 +89,11 @@ class Check:
                 first = (claim.result, claim.pixels or "") if i == 0 else ("", "")
                 said = LAYOUT.format(about[i] if i < len(about) else "", *first)
                 lines.append((said + (found[i] if i < len(found) else "")).rstrip())
-        return "\n".join([*lines, "", f"verdict  {self.verdict}"])
+        below = {"judged": self.judged, "unseen": self.unseen, "verdict": self.verdict}
+        for word, text in below.items():
+            if text:
+                lines += ["", textwrap.fill(f"{word:<7}  {text}", PAGE, subsequent_indent=" " * 9)]
+        return "\n".join(lines)
 
 
 def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:

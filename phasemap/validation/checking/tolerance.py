@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.lever import lever_of
-from phasemap.experiment.surface import Surface
-from phasemap.imaging.canvas import values_of
 from phasemap.imaging.tolerances import DEEPEST
-from phasemap.results.variables import IMAGE_VARIABLES
-from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import MEAN, Picture
 
 Array = NDArray[np.float64]
@@ -43,14 +39,6 @@ def stated(picture: Picture, pixels: NDArray[np.intp]) -> Errors:
             usual = np.nan if claims.solver == "averaging" else getattr(claims.accuracy, name)
             errors.append(np.full(len(pixels), usual))
     return Errors(*errors)
-
-
-def values_again(again: Again, surface: Surface) -> dict[str, Any]:
-    """Variables of the pixels that were solved again, as an image has them."""
-    values = values_of(IMAGE_VARIABLES, again.rows, again.status, again.solver)
-    if surface.topography is not None:
-        values["height"] = values["height"] + surface.topography.reshape(-1)[again.pixels % surface.topography.size]
-    return values
 
 
 def allowed(
