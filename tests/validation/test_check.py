@@ -63,6 +63,14 @@ def test_a_true_image_holds(solver: str, control: Any) -> None:
     assert len(left) == (6 if solver == "averaging" else 0)  # it states no errors of phase, height and what follows
 
 
+def test_y_may_rise_in_an_earlier_image_only() -> None:
+    image = image_of()
+    rising = image.assign_coords(y=image["y"].values[::-1])
+    assert failures(rising) == [LAYOUT]
+    rising["y"].attrs["long_name"] = "position from the top of the image"
+    assert pm.check(rising, SURFACE).holds
+
+
 def test_what_a_real_microscope_adds_is_allowed_for() -> None:
     realism = Realism(
         line_offset=1e-9, phase_offset=2.0, bits=12, drift=(5e-9, 0.0, 1e-9), tip_change=TipChange(1, 2e-8), seed=3

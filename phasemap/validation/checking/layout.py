@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.pixels import centres, downwards
+from phasemap._shared.pixels import centres
 from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
 from phasemap.validation.checking.claims import Claims
@@ -16,6 +16,8 @@ from phasemap.validation.checking.result import FAILS, HOLDS, Claim
 
 if TYPE_CHECKING:
     import xarray as xr
+
+RISING = "position from the top of the image"  # what y is called in earlier images, and only there
 
 
 def layout(image: xr.Dataset, claims: Claims) -> Claim:
@@ -58,7 +60,7 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
     for dim, count, step in zip(("y", "x"), claims.shape, claims.pixel_size, strict=True):
         if dim not in image.coords:
             yield f"there is no coordinate {dim}"
-        elif image.sizes.get(dim) == count and not _near(downwards(image[dim].values, dim), centres(count, step)):
+        elif image.sizes.get(dim) == count and not _near(_from_the_corner(image[dim]), centres(count, step)):
             yield f"{dim} is not at the centres of pixels of {step:g} m"
     names = list(claims.control.directions)
     if names and ("direction" not in image.coords or list(image["direction"].values) != names):
@@ -78,6 +80,13 @@ def _says(variable: xr.DataArray, name: str, text: str) -> bool:
     """Whether an attribute is this text: it may be an array, too."""
     said = variable.attrs.get(name)
     return isinstance(said, str) and said == text
+
+
+def _from_the_corner(places: xr.DataArray) -> NDArray[Any]:
+    """Places along x or y as they rise from the top left corner."""
+    falls = places.dims == ("y",) and not _says(places, "long_name", RISING)
+    values: NDArray[Any] = places.values
+    return values[::-1] if falls else values
 
 
 def _near(values: NDArray[Any], wanted: NDArray[np.float64]) -> bool:
