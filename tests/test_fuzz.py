@@ -14,15 +14,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
+from inspect import isfunction
+from itertools import product
 from pathlib import Path
 from random import Random
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import psutil
 import pytest
 import xarray as xr
+from fuzz import calls as public
 from fuzz import world
 from fuzz.targets import TARGETS, Target
 from fuzz.writing import written
@@ -79,6 +82,20 @@ def test_bad_input_gives_a_result_or_one_sentence(target: Target, rng: Random) -
     with suppress(PhasemapError):
         target.take(*made)
     assert not world.sprung()
+
+
+@pytest.mark.usefixtures("little")
+@pytest.mark.parametrize("call", public.calls(solved=False), ids=lambda call: call.name)
+def test_any_argument_that_is_anything_gives_a_result_or_one_sentence(call: public.Call) -> None:
+    for argument, value in product(call.arguments, public.HOSTILE):
+        with suppress(PhasemapError):
+            public.take(call, argument, value)
+
+
+@pytest.mark.parametrize("owner", [pm, pm.generate, pm.plot], ids=lambda owner: owner.__name__)
+def test_every_public_function_looks_at_its_arguments_first(owner: ModuleType) -> None:
+    functions = [found for name in owner.__all__ if isfunction(found := getattr(owner, name))]
+    assert [one.__name__ for one in functions if not hasattr(one, "__wrapped__")] == []
 
 
 @needs_reader

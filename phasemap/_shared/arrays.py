@@ -2,22 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.checks import numbers
+from phasemap._shared.errors import InputError, Word
+from phasemap._shared.memory import check_fits
 
 
 def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
-    """Return what the user gave as an array of whatever type."""
+    """Return what the user gave as an array of whatever type; an `InputError` says what is allowed.
+
+    Raises TooLargeError for a sequence, such as a range, that would not fit into memory.
+    """
+    if isinstance(value, Sequence):
+        try:
+            check_fits(name, 8.0 * len(value), "Give fewer numbers.")
+        except OverflowError:  # a range of more than 2**63
+            raise InputError(name, value, allowed) from None
     try:
         return np.asarray(value)
     except (MemoryError, RecursionError):
         raise
     except Exception:  # ValueError mostly; what other libraries' arrays raise is theirs
-        raise InputError(name, "a list of rows of unequal length", allowed) from None
+        shown = "a list of rows of unequal length" if isinstance(value, (list, tuple)) else f"a {type(value).__name__}"
+        raise InputError(name, shown, allowed) from None
+
+
+def real_numbers(name: str, values: object, unit: str) -> NDArray[np.float64]:
+    """Return numbers, with units or in `unit`, as a float64 array of any shape; NaN where they are masked.
+
+    Examples
+    --------
+    >>> real_numbers("depths", ["1 nm", 2e-9], "m").tolist(), real_numbers("at", "20 nm", "m").tolist()
+    ([1e-09, 2e-09], 2e-08)
+    """
+    allowed = f"numbers{f' in {unit}' if unit not in ('', '1') else ''}"
+    given = as_array(name, numbers(name, values, unit), allowed)
+    if given.dtype.kind not in "fiu":
+        raise InputError(name, Word(f"of type {given.dtype.name}"), allowed)
+    found = given.astype(np.float64)
+    if isinstance(values, np.ma.MaskedArray):
+        found[np.ma.getmaskarray(values)] = np.nan
+    return found
 
 
 def is_uniform(array: NDArray[Any]) -> bool:

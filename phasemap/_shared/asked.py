@@ -1,4 +1,4 @@
-"""Sentences for arguments that a function or class does not have, or misses."""
+"""Sentences for arguments that a function or class does not have, misses, or has of another kind."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import ParamSpec, TypeVar
+
+from phasemap._shared.kinds import of_kind
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -29,6 +31,8 @@ def no_argument(of: str, name: str, names: Iterable[str], symbols: Mapping[str, 
 def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Let a function say in a sentence which arguments it takes, where it is called with others.
 
+    What an argument may be is read from its annotation, as `phasemap._shared.kinds` does.
+
     `hint`: what else to say where arguments are missing, or too many.
     `**symbols`: arguments, by the names that others have for them.
 
@@ -49,31 +53,46 @@ def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Calla
 
     def helpful(ask: Callable[P, R]) -> Callable[P, R]:
         asked = signature(ask)
+        own = [name for name in asked.parameters if name not in ("self", "cls")]
+        needed = [name for name in own if asked.parameters[name].default is Parameter.empty]
+        call = _call(ask.__name__, asked, needed)
 
         @wraps(ask)
         def answer(*given: P.args, **named: P.kwargs) -> R:
             try:
-                asked.bind(*given, **named)
+                bound = asked.bind(*given, **named)
             except TypeError as error:
-                said = _wrongly(ask.__name__, asked, len(given), list(named), symbols)
+                said = _wrongly(ask.__name__, asked, call, len(given), list(named), symbols)
                 raise TypeError(f"{said or f'{ask.__name__}: {error}.'} {hint}".rstrip()) from None
-            return ask(*given, **named)
+            for name, value in bound.arguments.items():
+                order = f"The order is {call}." if name in needed else ""
+                bound.arguments[name] = of_kind(name, value, asked.parameters[name].annotation, order)
+            return ask(*bound.args, **bound.kwargs)
 
         return answer
 
     return helpful
 
 
-def _wrongly(of: str, asked: Signature, given: int, named: list[str], symbols: Mapping[str, str]) -> str:
+def _wrongly(of: str, asked: Signature, call: str, given: int, named: list[str], symbols: Mapping[str, str]) -> str:
     """What is wrong with a call, in a sentence; nothing where an argument is given twice."""
     names = list(asked.parameters)
     for name in named:
         if name not in names:
             return no_argument(of, name, names, symbols)
-    ordered = [name for name, one in asked.parameters.items() if one.kind is Parameter.POSITIONAL_OR_KEYWORD]
+    ordered = _ordered(asked)
     needed = [name for name, one in asked.parameters.items() if one.default is Parameter.empty]
-    call = f"{of}({', '.join(name if name in ordered else f'{name}=...' for name in needed)})"
     if given > len(ordered):
         return f"{of} takes {len(ordered)} arguments by their order and {given} are given; it is called as {call}."
     missing = [name for name in needed if name not in {*ordered[:given], *named}]
     return f"{of} needs {' and '.join(missing)}; it is called as {call}." if missing else ""
+
+
+def _call(of: str, asked: Signature, needed: list[str]) -> str:
+    """How a function is called with what it needs."""
+    ordered = _ordered(asked)
+    return f"{of}({', '.join(name if name in ordered else f'{name}=...' for name in needed)})"
+
+
+def _ordered(asked: Signature) -> list[str]:
+    return [name for name, one in asked.parameters.items() if one.kind is Parameter.POSITIONAL_OR_KEYWORD]

@@ -9,6 +9,7 @@ from numbers import Integral, Real
 from typing import Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.memory import check_fits
 from phasemap._shared.quantities import KINDS, NotThatUnit, array_in_si, in_si, is_quantity, range_in_si, with_unit
 
 LONGEST = 10**8  # pixels along a side, so that numbers of pixels and of bytes fit into 64 bits
@@ -77,6 +78,7 @@ def numbers(name: str, values: Any, unit: str) -> Any:
         return found[0]
     import numpy as np
 
+    check_fits(name, 8.0 * found[2], "Give fewer numbers.")
     return np.linspace(found[0], found[1], int(found[2]))
 
 
@@ -124,7 +126,7 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
 def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
     """Refuse what is not one of the choices."""
     choices = list(choices)
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
         raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")
 

@@ -105,7 +105,7 @@ def _shown(value: object) -> str:
     """A value as an error repeats it: strings in quotes, and nothing without end."""
     try:
         return on_one_line(repr(value) if isinstance(value, str) else str(value))
-    except (RecursionError, ValueError):  # tables in tables in tables, a whole number of thousands of digits
+    except Exception:  # tables in tables in tables, whole numbers of thousands of digits, what others' objects raise
         return f"a {type(value).__name__} too large to be shown"
 
 

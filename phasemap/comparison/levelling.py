@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
 from phasemap.io.flattening import level_rows, on_one_turn, row_medians
@@ -20,6 +22,7 @@ STRIKING = 8.0  # times the usual spread of lines, above which a line is an outl
 VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spread
 
 
+@asked_as()
 def level(
     image: xr.Dataset,
     *,
@@ -72,8 +75,7 @@ def level(
         ("phase", phase, ("constant", "rows")),
         ("lines", lines, ("flag", "replace")),
     ):
-        if choice not in known:
-            raise InputError(name, choice, " or ".join(repr(word) for word in known))
+        check_choice(name, choice, known)
     there = tuple(channel for channel in ("height", "phase") if channel in getattr(image, "data_vars", ()))
     for direction in image["direction"].values if "direction" in image.dims else [None]:
         channels_of("the image", image, direction, there or ("height", "phase"))

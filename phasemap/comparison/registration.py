@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import say
@@ -65,6 +66,7 @@ class Registration:
         down, right = (say(one, "m", 3) for one in self.shift)
         return f"Registration({'' if self.accepted else 'not '}accepted: {down} down, {right} right; {self.reason})"
 
+    @asked_as()
     def apply(self, moving: xr.Dataset) -> xr.Dataset:
         """Return the moving image in its place: with shifted coordinates if the shift is accepted, else as it is.
 
@@ -83,6 +85,7 @@ class Registration:
         return _shifted(moving, (-down if falls else down, right))
 
 
+@asked_as()
 def register(
     fixed: xr.Dataset,
     moving: xr.Dataset,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
@@ -47,6 +48,7 @@ class _Frame(NamedTuple):
         return self.sign * (measured - self.offset)
 
 
+@asked_as()
 def compare(
     measured: xr.Dataset,
     simulated: xr.Dataset,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from phasemap._shared.checks import whole
+from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.shown import Shown
@@ -179,10 +179,10 @@ class Feedback(Shown):
         A turn at constant acceleration that runs on by a part o of the line takes as long as 4 o of the line, twice in
         each period.
         """
+        whole("pixels", pixels, 1)
         return 1 / (self.line_rate * 2 * (1 + 4 * self.overscan) * pixels)
 
 
 def check_engage(engage: object) -> None:
     """Refuse what is neither "line" nor "image"."""
-    if engage not in ("line", "image"):
-        raise InputError("engage", engage, "'line' or 'image'")
+    check_choice("engage", engage, ("line", "image"))

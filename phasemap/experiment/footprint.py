@@ -13,6 +13,7 @@ has a wider edge on that side.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from phasemap._shared.arrays import as_array
 from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError, Word
+from phasemap._shared.memory import check_fits
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
@@ -171,6 +173,8 @@ class _Seen:
         from scipy.signal import fftconvolve
 
         end = float(np.hypot(a, beyond))
+        points = math.prod((2 * end / step + 3) * FINE for step in self.pixel_size)
+        check_fits(f"to see edges with a disc of radius {end:.3g} m", 32 * points, "Give smaller depths.")
         half = [int(np.ceil(end / step)) for step in self.pixel_size]
         if not any(half):
             return values

@@ -108,7 +108,7 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
 
 def _labelled(materials: Mapping[int, Material] | Sequence[Material]) -> dict[int, Material]:
     """Check the materials, and return them by their labels, in order."""
-    if isinstance(materials, Sequence) and not isinstance(materials, str):
+    if isinstance(materials, Sequence) and not isinstance(materials, (str, range)):
         materials = dict(enumerate(materials))
     if not isinstance(materials, Mapping) or not materials:
         raise InputError("materials", materials, "a dict with at least one Material, such as {0: soft, 1: hard}")

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import centres
@@ -127,6 +128,7 @@ class Maps:
         )  # fmt: skip
         return [column for column in fields if column is not None]
 
+    @asked_as()
     def rows(self, rows: slice) -> Self:
         """Some rows of it, as a surface that shares its maps.
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from phasemap._shared.checks import number
+from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Renamed, known_as
 from phasemap._shared.plausible import question
@@ -138,8 +138,7 @@ class Mode(Shown):
     detection: str = "fm"
 
     def __post_init__(self) -> None:
-        if self.detection not in DETECTIONS:
-            raise InputError("detection", self.detection, " or ".join(map(repr, DETECTIONS)))
+        check_choice("detection", self.detection, DETECTIONS)
 
 
 @known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
@@ -174,8 +173,7 @@ class Drive(Shown):
     second: Mode | None = None
 
     def __post_init__(self) -> None:
-        if self.excitation not in EXCITATIONS:
-            raise InputError("excitation", self.excitation, " or ".join(map(repr, EXCITATIONS)))
+        check_choice("excitation", self.excitation, EXCITATIONS)
         if self.second is not None and not isinstance(self.second, Mode):
             raise InputError("second", self.second, "a Mode, or None")
         if self.frequency is None:  # else a Microscope knows how far from resonance the lever is driven

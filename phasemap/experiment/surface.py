@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
@@ -143,6 +144,7 @@ class Surface(Maps):
         object.__setattr__(self, "_unique", None)
 
     @classmethod
+    @asked_as()
     def from_labels(
         cls,
         labels: ArrayLike,
@@ -196,6 +198,7 @@ class Surface(Maps):
         return surface
 
     @classmethod
+    @asked_as()
     def from_dataset(cls, dataset: xr.Dataset, *, allow_nan: bool = False) -> Surface:
         """Read a surface from a Dataset, as `to_dataset` writes it or with the same names.
 
@@ -269,6 +272,7 @@ class Surface(Maps):
         with unquestioned():
             return Surface(**maps, pixel_size=self.pixel_size, shape=self.shape, allow_nan=self.allow_nan)
 
+    @asked_as()
     def dilated(self, tip: Tip, half_angle: float | None = None) -> Surface:
         """Return the surface as a tip of finite size meets it: steps and particles look wider, pits narrower.
 
@@ -295,6 +299,7 @@ class Surface(Maps):
         self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
 
+    @asked_as()
     def seen_by(self, scope: Microscope, setpoint: Scalar, *, depth: ArrayLike | None = None) -> Surface:
         """Return the surface as a tip sees it that touches and attracts an area: edges between materials are blurred.
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from phasemap._shared.arrays import as_array, is_frozen, is_uniform, read_only
 from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
 from phasemap._shared.dask_arrays import is_lazy, lazy_map
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.plausible import question
@@ -41,6 +41,8 @@ def property_map(name: str, value: Any, allow_nan: bool) -> Any:
 
 def _in_si(name: str, value: Any) -> Any:
     """Numbers and maps with units, or a DataArray that says its units and dims, as plain numbers in SI."""
+    if hasattr(value, "data_vars"):
+        raise InputError(name, Word("a Dataset"), "one number or a 2-D map, such as one of its variables")
     if hasattr(value, "dims") and hasattr(value, "coords"):
         for dim in value.coords.keys() & {"y", "x"} & set(value.dims):
             coordinate_step(value, dim)  # refuses what is not even

@@ -7,6 +7,7 @@ import os
 import threading
 from typing import TYPE_CHECKING
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import PhasemapError
 
@@ -69,6 +70,7 @@ class Explorer:
         return f'<iframe src="{html.escape(self.url)}" {more}></iframe>'
 
 
+@asked_as()
 def explore(
     surface_or_scene: Surface | Scene | str | os.PathLike[str],
     scope: Microscope | None = None,

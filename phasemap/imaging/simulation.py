@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, SolveError, Word
 from phasemap._shared.notices import tell
 from phasemap._shared.quantities import Scalar
@@ -49,6 +50,7 @@ Array = np.ndarray
 MANY = 1 << 20  # pixels among which a thread looks for the largest
 
 
+@asked_as()
 def simulate(
     surface: Surface,
     scope: Microscope,
@@ -58,7 +60,7 @@ def simulate(
     accuracy: Accuracy | None = None,
     *,
     realism: Realism | None = None,
-    variables: Iterable[str] | None = None,
+    variables: str | Iterable[str] | None = None,
     strict: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
@@ -86,7 +88,7 @@ def simulate(
         Largest error against the exact orbit, for "auto".
     realism : Realism, optional
         What a real microscope adds: noise, drift, offsets of lines, a change of the tip, quantisation; none by default.
-    variables : iterable of str, optional
+    variables : str or iterable of str, optional
         Which variables to return, all below by default; `status` always comes along. Also higher harmonics, amplitude_2
         to amplitude_6 [m] and phase_2 to phase_6 [degree], and channels that are derived from others, by the names of
         `phasemap.channels`: "loss_tangent", "loss_tangent_corrected" and more; and what only these need,
@@ -146,7 +148,7 @@ def simulate(
     >>> [round(float(p), 2) for p in image.phase.values[0]]
     [42.05, 44.5]
     """
-    if isinstance(setpoint, (list, tuple, np.ndarray)):
+    if isinstance(setpoint, (list, tuple)) or getattr(setpoint, "ndim", 0) > 0:
         options = {
             "solver": solver, "control": control, "accuracy": accuracy, "realism": realism, "variables": variables,
             "strict": strict, "progress": progress, "threads": threads,
@@ -158,8 +160,6 @@ def simulate(
     control = Engage() if control is None else control
     accuracy = Accuracy() if accuracy is None else accuracy
     simulator = simulator_of(control)
-    if not isinstance(accuracy, Accuracy):
-        raise InputError("accuracy", accuracy, "an Accuracy")
     realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
     stay, derived = split(variables, control, scope.drive.second is not None)
     # Of the orbits, where an image shows what they do; else of the image, as an instrument would.
@@ -218,11 +218,7 @@ def _at_each(
 
 
 def _check_sample(surface: Surface, scope: Microscope) -> None:
-    """Refuse what is no surface or no microscope, or a surface without the film that the contact law is of."""
-    for name, thing, cls in (("surface", surface, Surface), ("scope", scope, Microscope)):
-        if not isinstance(thing, cls):
-            hint = "The order is simulate(surface, scope, setpoint)."
-            raise InputError(name, f"a {type(thing).__name__}", f"a {cls.__name__}", hint)
+    """Refuse a surface without the film that the contact law is of."""
     if scope.interaction.law.takes_film and surface.thickness is None:
         allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
         raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")

@@ -9,7 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.asked import asked_as
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates, downwards
 from phasemap.io.gwyddion import extra
 from phasemap.io.kinds import KINDS, METRES
@@ -26,6 +27,7 @@ WRITTEN = {"degree": "deg", "1": "a.u."}
 SAME_STEP = 1e-3  # by which pixels of one image may differ
 
 
+@asked_as()
 def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
     """Make Datasets of sidpy of an image, one a channel and direction.
 
@@ -98,6 +100,7 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
     return made
 
 
+@asked_as()
 def from_sidpy(dataset: Any) -> xr.Dataset:
     """Take an image from sidpy.
 
@@ -155,6 +158,9 @@ def from_sidpy(dataset: Any) -> xr.Dataset:
 def _found_in(dataset: Any) -> dict[tuple[str, str], tuple[Any, Any]]:
     """Channels of an image that have a kind, with the places of their pixels, by kind and direction."""
     channels = list(dataset.values()) if isinstance(dataset, Mapping) else [dataset]
+    for one in channels:
+        if not hasattr(one, "quantity"):
+            raise InputError("dataset", Word(f"a {type(one).__name__}"), "a sidpy.Dataset, or a dict of them")
     found: dict[tuple[str, str], tuple[Any, Any]] = {}
     for one in channels:
         called = next((str(word) for word in (one.quantity, one.title) if _kind(str(word))), "")

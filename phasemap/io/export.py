@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.io.gwyddion import MASKED, extra
@@ -34,6 +35,7 @@ NOTES = (
 )  # texts that go along
 
 
+@asked_as()
 def export(
     ds: xr.Dataset,
     path: str | os.PathLike[str],
@@ -91,6 +93,7 @@ def export(
     return write_gwy(ds, path, overwrite=overwrite)
 
 
+@asked_as()
 def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write every real variable of an image as a channel of a .gwy file.
 
@@ -161,6 +164,7 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     return Path(path)
 
 
+@asked_as()
 def write_gsf(
     ds: xr.Dataset,
     path: str | os.PathLike[str],

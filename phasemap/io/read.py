@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import tell
 from phasemap._shared.pixels import centres, coordinates
@@ -29,6 +30,7 @@ SAME_SIZE = 1e-3  # by which channels of one scan may differ
 SAME_STEP = 5e-5  # as many digits has the size of a scan in the files
 
 
+@asked_as()
 def read_image(
     path: str | os.PathLike[str],
     *,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 from phasemap.plot.colours import FAILED, FAILED_TEXT, PALETTE, Colours, given_colours
@@ -49,6 +50,7 @@ WIDTH, PANEL, STRIP, LEFT, RIGHT, GAP, AXIS, BAR = 6.6, 2.3, 0.3, 0.75, 0.2, 0.1
 MAP = 4.2
 
 
+@asked_as()
 def contrast(
     ds: xr.Dataset,
     path: str | os.PathLike[str] | None = None,

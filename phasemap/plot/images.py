@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
@@ -41,6 +42,7 @@ LETTER = 0.075  # of the label of a colour bar [inch]
 ACROSS = 4  # pictures side by side; more go below
 
 
+@asked_as()
 def plot(
     ds: xr.Dataset | xr.DataArray,
     path: str | os.PathLike[str] | None = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import FAILED, MAPS
 from phasemap.plot.figure import draw_scale_bar, side_lengths
@@ -26,6 +27,7 @@ WORST = 0.5  # standard error of a logarithm at the end of the scale
 WIDE, STEP, LEFT, TITLE, BELOW = 2.5, 3.37, 0.25, 0.3, 0.12
 
 
+@asked_as()
 def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
     """Draw the maps of an inversion above, on logarithmic scales, and their standard errors below.
 

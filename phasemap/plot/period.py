@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
@@ -23,6 +24,7 @@ WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.55  # [inch]
 
 
+@asked_as()
 def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
     """Draw deflection and force over one period of the drive, for both directions of a sweep.
 

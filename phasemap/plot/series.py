@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
@@ -29,6 +30,7 @@ def is_series(ds: xr.Dataset) -> bool:
     return "branch_phase" in ds
 
 
+@asked_as()
 def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
     """Draw a series: contrasts, branches, images as recorded and as fitted, and the verdict.
 

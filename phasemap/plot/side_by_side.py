@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
@@ -35,6 +36,7 @@ TITLE, PANEL, LABELS, AXIS, KEY = 0.3, 1.9, 0.45, 0.55, 1.1
 WIDTH = 2 * MARGIN + 3 * MAP + GAP + 2 * BAR
 
 
+@asked_as()
 def comparison(
     ds: xr.Dataset,
     path: str | os.PathLike[str] | None = None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
 from phasemap.plot.colours import PALETTE, words_of
@@ -37,6 +38,7 @@ KEYS = 5  # of the legend, in a row
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.6
 
 
+@asked_as()
 def curve(
     ds: xr.Dataset,
     path: str | os.PathLike[str] | None = None,

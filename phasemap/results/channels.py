@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
@@ -32,6 +33,7 @@ UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_f
 """What may have a standard deviation, and its unit."""
 
 
+@asked_as()
 def channels(
     image: xr.Dataset,
     names: Iterable[str] | None = None,

@@ -12,6 +12,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, SIDEBANDS, STORAGE, WAVES
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import DETECTED
 from phasemap.results.status import Status
@@ -172,6 +173,7 @@ SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset
 """Of a scan in time."""
 
 
+@asked_as()
 def phase_lag(phase: T) -> T:
     """Turn phase into the lag of the tip behind the drive, the other common convention.
 

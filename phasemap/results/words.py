@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.sentences import counted
 from phasemap._shared.units import say
 from phasemap.results.status import Status
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phase image
 
 
+@asked_as()
 def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many pixels have no solution, why, and what helps.
 
@@ -96,6 +98,7 @@ def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
     ]
 
 
+@asked_as()
 def describe_flags(flags: xr.DataArray) -> str:
     """Say which flags occur and how often, most frequent first.
 

@@ -34,6 +34,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, InputErrors
 from phasemap._shared.notices import untold
@@ -269,6 +270,7 @@ def is_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     return "ensemble" in read_tables(path, overrides)
 
 
+@asked_as()
 def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Ensemble:
     """Read a scene file with a table ``[ensemble]``, and draw or read the values of its samples.
 

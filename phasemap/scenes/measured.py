@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.notices import tell
@@ -62,6 +63,7 @@ RECORDED = {
 UNITS_OF = {"height": "m", "phase": "degree"}
 
 
+@asked_as()
 def scene_from(
     image: xr.Dataset | str | os.PathLike[str],
     path: str | os.PathLike[str],

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
 from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
@@ -184,6 +185,7 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
         return Setup(microscope, materials, None if setpoint is None else setpoint[0])
 
 
+@asked_as()
 def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scene:
     """Read and check a scene file.
 

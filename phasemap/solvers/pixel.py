@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import SolveError
 from phasemap._shared.shown import table
@@ -112,6 +113,7 @@ class Pixel:
         return {name: say(value, FLOATS[name].units) for name, value in known.items()}
 
 
+@asked_as()
 def solve_pixel(
     material: Material,
     scope: Microscope,

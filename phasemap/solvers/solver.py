@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from phasemap._kernels.rows.answers import Answers
-from phasemap._shared.errors import InputError
+from phasemap._shared.checks import check_choice
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.auto import Auto
 from phasemap.solvers.averaging import Averaging
@@ -34,7 +34,6 @@ SOLVERS: tuple[Solver, ...] = (Auto(), Averaging(), Orbit(), March())
 
 def by_name(name: object) -> Solver:
     """Return the solver of this name."""
-    for solver in SOLVERS:
-        if solver.name == name:
-            return solver
-    raise InputError("solver", name, "one of " + ", ".join(solver.name for solver in SOLVERS))
+    known = {solver.name: solver for solver in SOLVERS}
+    check_choice("solver", name, known)
+    return known[str(name)]

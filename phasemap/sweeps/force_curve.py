@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels.columns import RELEASE
+from phasemap._shared.asked import asked_as
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import describe, provenance
@@ -20,6 +21,7 @@ DEPTHS = "-5 nm:2 nm:281"
 USUAL = (0.0, 1e-5)  # m, of depths and distances of interest
 
 
+@asked_as()
 def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> xr.Dataset:
     """The conservative force of a material on the tip, approaching and retracting.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+@asked_as()
 def orbits(
     material: Material, scope: Microscope, setpoint: Scalar | None = None, *, tip_offset: Scalar | None = None
 ) -> xr.Dataset:

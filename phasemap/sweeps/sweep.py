@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._shared.checks import number, numbers
+from phasemap._shared.arrays import real_numbers
+from phasemap._shared.asked import asked_as
+from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import Scalar
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 OFFSETS = (0.0, 1e-4)  # m, where a tip is held in practice
 
 
+@asked_as()
 def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, samples: int = 0) -> xr.Dataset:
     """Approach the surface and retract again: amplitude, phase and all else against the tip offset.
 
@@ -61,6 +64,7 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     return distance(material, scope, axis, check_samples(samples))
 
 
+@asked_as()
 def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, samples: int = 0) -> xr.Dataset:
     """Lower the setpoint from the highest to the lowest and raise it again, with the feedback on.
 
@@ -99,6 +103,7 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
     return setpoint(material, scope, axis, check_samples(samples))
 
 
+@asked_as()
 def sweep_frequency(
     material: Material, scope: Microscope, frequencies: Any, *, tip_offset: Scalar, samples: int = 0
 ) -> xr.Dataset:
@@ -142,6 +147,7 @@ def sweep_frequency(
     return parameter(material, scope, "frequency", axis, None, height, check_samples(samples))
 
 
+@asked_as()
 def sweep_parameter(
     material: Material,
     scope: Microscope,
@@ -196,8 +202,7 @@ def sweep_parameter(
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
     ratio = None if setpoint is None else check_setpoint(setpoint)
     height = None if tip_offset is None else _offset(tip_offset)
-    if name not in NUMBERS:
-        raise InputError("parameter", name, "one of " + ", ".join(NUMBERS))
+    check_choice("parameter", name, NUMBERS)
     axis = check_axis(name, values, UNITS[name], usual=NUMBERS[name].usual)
     return parameter(material, scope, name, axis, ratio, height, check_samples(samples))
 
@@ -213,11 +218,7 @@ def check_axis(
     name: str, values: Any, unit: str, above: float = -np.inf, usual: tuple[float, float] | None = None
 ) -> np.ndarray:
     """Return the values of a sweep as an array, in `unit` where they have one, and warn of what is not `usual`."""
-    values = numbers(name, values, unit)
-    try:
-        axis = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(name, values, "numbers [" + unit + "]" if unit else "numbers") from None
+    axis = real_numbers(name, values, unit)
     if axis.ndim != 1 or len(axis) < 2:
         raise InputError(name, f"an array of shape {axis.shape}", "at least two values in one dimension")
     for value in axis[~(np.isfinite(axis) & (axis > above))][:1]:

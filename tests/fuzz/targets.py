@@ -14,7 +14,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
-from fuzz import mutate, world
+from fuzz import calls, mutate, world
 from fuzz.writing import written
 
 Input = tuple[Any, ...]
@@ -493,8 +493,12 @@ def take_parts(data: bytes) -> None:
         assemble(Path("whole.nc"), [Path("part.nc"), Path(file)], keys, {}, True)
 
 
+def _call(rng: Random) -> Input:
+    return rng.choice(calls.grid())
+
+
 TARGETS = (
-    Target("scene", 0.2, _scene, take_scene),
+    Target("scene", 0.18, _scene, take_scene),
     Target("scene text", 0.2, _scene_text, take_scene),
     Target("overrides", 0.1, _overrides, take_scene),
     Target("command", 0.05, _command, take_command),
@@ -513,6 +517,7 @@ TARGETS = (
         _measured("image.gsf", "image.nid", "image.stp", "image.001", "image.tiff", "image.jpk", "image.ibw"),
         take_measured,
     ),
+    Target("calls", 0.02, _call, calls.take),
     Target("xarray engine", 0.002, _measured("image.gwy", "image.gsf", "image.nc"), take_backend),
 )
 """Every one of them."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._kernels.columns import BIAS, DAMPING, RELAXATION, RELAXING, RELEASE
 from phasemap._kernels.forces import hertzian
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.shown import Shown
@@ -95,8 +96,7 @@ class Interaction(Shown):
             raise InputError(
                 "bias", self.bias, f"0 where the contact is {law.name!r}, for its force is that of a sphere"
             )
-        if self.withdrawal not in WITHDRAWALS:
-            raise InputError("withdrawal", self.withdrawal, " or ".join(map(repr, WITHDRAWALS)))
+        check_choice("withdrawal", self.withdrawal, WITHDRAWALS)
         if self.withdrawal == "ting":
             check_half_space(law)
             if self.damping_exponent != law.spread:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import power_law, power_law_slope
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.experiment.interaction.base import ContactLaw
 
@@ -120,8 +121,7 @@ class Film(ContactLaw):
     takes_film: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if self.base not in BASES:
-            raise InputError("base of the film", self.base, " or ".join(map(repr, BASES)))
+        check_choice("base of the film", self.base, BASES)
 
     @staticmethod
     def force(d: float, p: Array) -> float:

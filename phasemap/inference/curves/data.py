@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from phasemap._shared.arrays import real_numbers
 from phasemap._shared.errors import InputError
-from phasemap._shared.quantities import array_in_si
 from phasemap.sweeps.sweep import check_axis
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
@@ -73,10 +73,7 @@ def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[st
 
 
 def _finite(name: str, values: Any, unit: str) -> np.ndarray:
-    try:
-        found = np.asarray(array_in_si(values, unit), dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(name, values, f"numbers [{unit}]") from None
+    found = real_numbers(name, values, unit)
     bad = found[~np.isfinite(found)]
     if bad.size:
         where = f" ({bad.size} of {found.size} values)" if found.ndim else ""

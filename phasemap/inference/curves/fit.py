@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
@@ -15,6 +16,7 @@ __all__ = ["Fit", "fit_distance", "fit_frequency"]
 ARGUMENTS = {"frequency": "frequencies", "tip_offset": "tip_offsets"}  # what the axis of a fit is given as
 
 
+@asked_as()
 def fit_frequency(
     frequencies: Any,
     *,
@@ -87,6 +89,7 @@ def fit_frequency(
     return _fit("frequency", frequencies, given, direction, scope, start, height, parameters, starts)
 
 
+@asked_as()
 def fit_distance(
     tip_offsets: Any,
     *,

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
@@ -24,6 +25,7 @@ BLOCKS = (512, 8192)  # least and most pixels that are solved together: small pa
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 
 
+@asked_as()
 def invert(
     images: xr.Dataset | Sequence[xr.Dataset],
     scope: Microscope | Sequence[Microscope],

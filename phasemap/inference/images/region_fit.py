@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.asked import asked_as
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -38,6 +40,7 @@ DOUBT = (
 )
 
 
+@asked_as()
 def fit_regions(
     images: xr.Dataset | Sequence[xr.Dataset],
     labels: Any,
@@ -128,8 +131,8 @@ def fit_regions(
     ([0.6, 0.2], True)
     """
     factor = check_prior(prior, prior_factor)
-    if branch is not None and branch not in BRANCHES:
-        raise InputError("branch", branch, " or ".join(map(repr, BRANCHES)))
+    if branch is not None:
+        check_choice("branch", branch, BRANCHES)
     given = list_of_images(images)
     whole = make_stack(given, scope, setpoints, (phase_error, 0.0, 0.0), (height_error, 0.0, 0.0))
     plan = make_plan(given, (phase_zero, phase_zero_error), (height_zero, height_zero_error), topography_error)

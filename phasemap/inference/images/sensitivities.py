@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
 from phasemap._shared.threads import Progress, bounds_of, spread, workers_of
@@ -33,6 +34,7 @@ FINE = Accuracy(phase=float(np.degrees(LIMITS[0])), height=float(LIMITS[1]))
 CHUNK = 256  # materials that a thread solves at a time
 
 
+@asked_as()
 def sensitivity(
     surface: Surface,
     scope: Microscope,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.inference.images.regions import MEDIAN, SPREAD, labels_of
@@ -49,8 +50,8 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     """
     if labels is not None:
         return Regions(_given(labels, images), ["Regions as given."])
-    if by is not None and by not in WAYS:
-        raise InputError("by", by, ", ".join(map(repr, WAYS)))
+    if by is not None:
+        check_choice("by", by, WAYS)
     if by in ("height", "both") and not all("height" in one for one in images):
         raise InputError("by", by, "'phase', because a file has no height")
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
@@ -37,6 +38,7 @@ FACTORS = (10.0, 2.5, 5.0)  # within which modulus, adhesion and damping are kno
 MOST = 64  # files
 
 
+@asked_as()
 def series(
     files: Sequence[xr.Dataset | str | os.PathLike[str]],
     scope: Microscope | None = None,

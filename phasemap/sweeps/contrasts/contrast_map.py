@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import number, numbers
+from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SETPOINTS = "0.3:0.95:40"
+PER_POINT = 16  # numbers of a point beside the columns of a solver, in what is recorded of it
 
 
 @asked_as("The two materials come one after the other: contrast(first, second, scope), not in a dict or list.")
@@ -138,24 +142,22 @@ def contrast(
     [0.79]
     """
     started = time.perf_counter()
-    for name, material in (("first", first), ("second", second)):
-        if not isinstance(material, Material):
-            hint = "The order is contrast(first, second, scope, setpoints)."
-            given = material if isinstance(material, str) else f"a {type(material).__name__}"
-            raise InputError(name, given, "a Material", hint)
     accuracy = Accuracy() if accuracy is None else accuracy
-    if not isinstance(accuracy, Accuracy):
-        raise InputError("accuracy", accuracy, "an Accuracy")
     check_second(variables, scope.drive.second is not None)
     labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
-    frequencies = numbers("frequencies", frequencies, "Hz")
-    free_amplitudes = numbers("free_amplitudes", free_amplitudes, "m")
+    frequencies = _given("frequencies", frequencies, "Hz")
+    free_amplitudes = _given("free_amplitudes", free_amplitudes, "m")
     axes = _axes(scope, frequencies, free_amplitudes, setpoints)
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
     pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy, used_by(wanted)), workers_of(threads)
     if pair.materials.law.memory:
         check_marches(pair.solver.name)
         check_integrals([name for name in wanted if CHANNELS[name].needs])
+    check_fits(
+        f"a contrast map of {' x '.join(str(len(axis)) for axis in rising)} points",
+        16.0 * math.prod(map(len, rising)) * (pair.columns + PER_POINT),
+        "Take fewer points.",
+    )
     engaged, regime = _solve(pair, rising, workers, progress)
     points = regime[0].size
 
@@ -213,6 +215,14 @@ def _axes(scope: Microscope, frequencies: Any, free_amplitudes: Any, setpoints: 
     for setpoint in axes[2]:
         check_setpoint(setpoint)
     return axes
+
+
+def _given(name: str, values: Any, unit: str) -> Array | float | None:
+    """What was given for an axis, in `unit`."""
+    if values is None:
+        return None
+    found = real_numbers(name, values, unit)
+    return found if found.ndim else float(found)
 
 
 def _axis(name: str, values: Any, default: float, parameter: str) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
@@ -54,6 +55,7 @@ Found = tuple[list[Claim], "xr.Dataset", str]
 
 @unquestioned()  # who made the image was told already
 @np.errstate(all="ignore")  # a file may hold any numbers
+@asked_as()
 def check(
     image: xr.Dataset,
     surface: Surface | None = None,

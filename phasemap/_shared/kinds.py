@@ -1,0 +1,112 @@
+"""Whether an argument is of the kind that the annotation of its function names, told before anything is done with it.
+
+Numbers, single texts and arrays are left to their function, which knows what of them is allowed.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from itertools import islice
+from typing import NamedTuple
+
+from phasemap._shared.errors import InputError, Word
+
+MOST = 10_000  # things in a list that is no array
+
+
+class Kind(NamedTuple):
+    """What an argument may be: in words, in words for several, and whether a value is that."""
+
+    words: str
+    several: str
+    takes: Callable[[object], bool]
+
+
+CLASSES = (
+    "Accuracy", "Cantilever", "Drive", "Interaction", "Material", "Microscope", "Mode", "Realism", "Scene", "Surface",
+    "Tip", "TipChange", "slice", "xr.DataArray", "xr.Dataset",
+)  # fmt: skip
+KINDS = {
+    "None": Kind("None", "None", lambda value: value is None),
+    "bool": Kind("True or False", "True and False", lambda value: type(value).__name__ == "bool"),
+    "str": Kind("a text", "texts", lambda value: isinstance(value, str)),
+    "os.PathLike[str]": Kind("a path", "paths", lambda value: isinstance(value, os.PathLike)),
+    "Progress": Kind("a function, called as progress(done, total)", "functions", callable),
+}
+"""By how an annotation says it."""
+
+
+def of_kind(name: str, value: object, annotation: object, hint: str = "") -> object:
+    """Return the value, as a list where it could be walked through only once, or without end.
+
+    Raises InputError if the value is of another kind.
+
+    Examples
+    --------
+    >>> of_kind("names", iter(["a", "b"]), "Iterable[str] | None")
+    ['a', 'b']
+    >>> of_kind("scope", 3, "Microscope | None", "The order is f(scope).")
+    Traceback (most recent call last):
+    ...
+    phasemap.InputError: scope is 3; allowed: a Microscope or None. The order is f(scope).
+    """
+    kind = kind_of(annotation) if isinstance(annotation, str) else None
+    if kind is None:
+        return value
+    given = value
+    if "Iterable[" in str(annotation) and isinstance(value, Iterable) and not isinstance(value, (Sequence, Mapping)):
+        with suppress(Exception):  # it says that it can be walked through, and raises what it likes
+            given = list(islice(value, MOST + 1))
+    if kind.takes(given):
+        return given
+    shown = value if isinstance(value, (str, bool, int, float, type(None))) else _sort(value)
+    raise InputError(name, shown, kind.words, hint)
+
+
+@cache
+def kind_of(annotation: str) -> Kind | None:
+    """The kind that an annotation names; None where that is left to the function."""
+    return None if annotation in ("str", "str | None") else _kind(ast.parse(annotation, mode="eval").body)
+
+
+def _kind(node: ast.expr) -> Kind | None:
+    name = ast.unparse(node)
+    if isinstance(node, ast.BinOp):
+        one, other = _kind(node.left), _kind(node.right)
+        return one and other and _either(one, other)
+    if isinstance(node, ast.Subscript) and ast.unparse(node.value) in ("Iterable", "Sequence"):
+        one = _kind(node.slice)
+        return one and _list_of(one)
+    return _instance_of(name) if name in CLASSES else KINDS.get(name)
+
+
+def _either(one: Kind, other: Kind) -> Kind:
+    return Kind(
+        f"{one.words} or {other.words}",
+        f"{one.several} or {other.several}",
+        lambda value: one.takes(value) or other.takes(value),
+    )
+
+
+def _list_of(one: Kind) -> Kind:
+    def takes(value: object) -> bool:
+        if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) > MOST:
+            return False
+        return all(map(one.takes, value))
+
+    return Kind(f"a list of {one.several}", f"lists of {one.several}", takes)
+
+
+def _instance_of(name: str) -> Kind:
+    """Told by the name of the class, so that none needs to be imported."""
+    last, said = name.rpartition(".")[2], name.replace("xr.", "xarray.")
+    words = f"an {said}" if said[0] in "AIx" else f"a {said}"
+    return Kind(words, f"{said}s", lambda value: any(cls.__name__ == last for cls in type(value).__mro__))
+
+
+def _sort(value: object) -> Word:
+    return Word(f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}")
