@@ -13,9 +13,10 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 
 
-def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
-    """Return what the user gave as an array of whatever type; an `InputError` says what is allowed.
+def as_array(name: str, value: object, allowed: str, dtype: Any = None) -> NDArray[Any]:
+    """Return what the user gave as an array, of whatever type if none is asked for.
 
+    Raises InputError, with what is allowed, if it cannot be one.
     Raises TooLargeError for a sequence, such as a range, that would not fit into memory.
     """
     if isinstance(value, Sequence):
@@ -24,12 +25,17 @@ def as_array(name: str, value: object, allowed: str) -> NDArray[Any]:
         except OverflowError:  # a range of more than 2**63
             raise InputError(name, value, allowed) from None
     try:
-        return np.asarray(value)
+        return np.asarray(value, dtype)
     except (MemoryError, RecursionError):
         raise
     except Exception:  # ValueError mostly; what other libraries' arrays raise is theirs
         shown = "a list of rows of unequal length" if isinstance(value, (list, tuple)) else f"a {type(value).__name__}"
         raise InputError(name, shown, allowed) from None
+
+
+def as_list(name: str, value: object, allowed: str) -> list[Any]:
+    """Return a value, or several, as a list."""
+    return list(np.atleast_1d(as_array(name, value, allowed, object)).tolist())
 
 
 def real_numbers(name: str, values: object, unit: str) -> NDArray[np.float64]:

@@ -123,6 +123,11 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
     raise InputError(name, value, f"a whole number {allowed}")
 
 
+def is_sign(value: object) -> bool:
+    """Whether a value is 1 or -1."""
+    return isinstance(value, Real) and not isinstance(value, bool) and value in (1, -1)
+
+
 def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
     """Refuse what is not one of the choices."""
     choices = list(choices)

@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from typing import Any
 
 LONGEST = 300  # characters of a name or a value that an error repeats
+SENTENCE = 2000  # characters of what an error says at all
 
 
 class PhasemapError(Exception):
     """Base of every error that phasemap raises on purpose."""
 
     __module__ = "phasemap"
+
+    def __init__(self, said: str = "") -> None:
+        super().__init__(said if len(said) <= SENTENCE else f"{said[: SENTENCE // 2]} ... {said[-SENTENCE // 2 :]}")
 
 
 class Word(str):

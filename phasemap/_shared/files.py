@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
+import shutil
 import stat
+from contextlib import suppress
+from pathlib import Path
 
 from phasemap._shared.errors import FileError
 
 PIECE = 1 << 20  # byte
+FULL = 1 << 20  # byte left on a disk that is full: what could not be written was larger
 
 
 def size_of(path: str | os.PathLike[str], what: str) -> int:
@@ -31,6 +36,19 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
     if not stat.S_ISREG(about.st_mode):
         raise FileError(f"cannot read {what}: it is a folder, a device or a pipe, not a file.")
     return about.st_size
+
+
+def reason_of(error: Exception, folder: str | os.PathLike[str] | None = None) -> str:
+    """Why a file could not be written or read, in words.
+
+    `folder`: where it is; libraries of file formats say "HDF error" or "Permission denied" where the disk is full.
+    """
+    full = isinstance(error, OSError) and error.errno == errno.ENOSPC
+    with suppress(OSError):
+        full = full or (folder is not None and shutil.disk_usage(folder).free < FULL)
+    if full:
+        return "the disk is full" + (f", {Path(folder).absolute()}" if folder is not None else "")
+    return str(getattr(error, "strerror", None) or error)
 
 
 def digest_of(path: str | os.PathLike[str], what: str) -> str:

@@ -1,4 +1,4 @@
-"""Ctrl-C: work that it can stop, files that it cannot harm, and an end without a traceback."""
+"""Ctrl-C and SIGTERM: work that they can stop, files that they cannot harm, and an end without a traceback."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
+STOPPING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # what stops a command, in words
 GRACE = 1.0  # seconds after Ctrl-C in which another one changes nothing
 
 
@@ -21,6 +21,7 @@ class EndlessError(Exception):
     """Work that did not end in its time."""
 
 
+_stopped_by = signal.SIGINT
 _left: list[threading.Event] = []  # the ends of what nobody waits for any more
 
 
@@ -57,6 +58,12 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
     return done[0]
 
 
+def stopped(said: str = "") -> int:
+    """Say on stderr what stopped the command and what is left of it; returns the exit code, as shells have it."""
+    print(f"phasemap: {STOPPING[_stopped_by]}; {said or 'nothing was written'}.", file=sys.stderr, flush=True)
+    return 128 + _stopped_by
+
+
 def leave(ended: threading.Event) -> None:
     """Wait no more for what goes on in threads of its own until this is set; `still_busy` says so."""
     _left.append(ended)
@@ -72,8 +79,7 @@ def ending_at_once(done: str = "nothing was written") -> Iterator[None]:
     """Let Ctrl-C end the process at once and say what is done: in an import, libraries make other errors of it."""
 
     def end() -> None:
-        print(f"phasemap: interrupted; {done}.", file=sys.stderr, flush=True)
-        os._exit(INTERRUPTED)
+        os._exit(stopped(done))
 
     with _at_interrupt(end):
         yield
@@ -81,7 +87,7 @@ def ending_at_once(done: str = "nothing was written") -> Iterator[None]:
 
 @contextmanager
 def interrupted_once() -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt once: more of them should not break what that sets going."""
+    """Let Ctrl-C or SIGTERM raise KeyboardInterrupt once: more of them should not break what that sets going."""
 
     def interrupt() -> None:
         raise KeyboardInterrupt
@@ -97,23 +103,28 @@ class _Once:
         self._do = do
         self._since: float | None = None
 
-    def __call__(self, *_: object) -> None:
+    def __call__(self, by: int, _: object) -> None:
+        global _stopped_by
         if self._since is None:
-            self._since = time.monotonic()
+            self._since, _stopped_by = time.monotonic(), signal.Signals(by)
             self._do()
         elif time.monotonic() - self._since > GRACE:
-            os._exit(INTERRUPTED)
+            os._exit(128 + _stopped_by)
 
 
 @contextmanager
 def _at_interrupt(do: Callable[[], None]) -> Iterator[None]:
-    """Do something at Ctrl-C, unless that is seen to by others."""
-    before, in_main = signal.getsignal(signal.SIGINT), threading.current_thread() is threading.main_thread()
-    if not in_main or not (isinstance(before, _Once) or before is signal.default_int_handler):
+    """Do something at Ctrl-C or SIGTERM, unless that is seen to by others."""
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    signal.signal(signal.SIGINT, _Once(do))
+    once, before = _Once(do), {}
+    for by, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
+        handler = signal.getsignal(by)
+        if isinstance(handler, _Once) or handler is usual:
+            before[by] = signal.signal(by, once)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for by, handler in before.items():
+            signal.signal(by, handler)

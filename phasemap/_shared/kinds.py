@@ -81,6 +81,8 @@ def _kind(node: ast.expr) -> Kind | None:
     if isinstance(node, ast.Subscript) and ast.unparse(node.value) in ("Iterable", "Sequence"):
         one = _kind(node.slice)
         return one and _list_of(one)
+    if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Mapping":
+        return Kind("a dict", "dicts", lambda value: isinstance(value, Mapping))
     return _instance_of(name) if name in CLASSES else KINDS.get(name)
 
 

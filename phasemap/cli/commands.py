@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NoReturn
 
 from phasemap._shared.errors import InputErrors, PhasemapError, on_one_line
-from phasemap._shared.interrupts import INTERRUPTED, ending_at_once, interrupted_once, still_busy
+from phasemap._shared.files import reason_of
+from phasemap._shared.interrupts import ending_at_once, interrupted_once, still_busy, stopped
+from phasemap._shared.memory import check_address_space
 from phasemap._shared.plausible import once, strict_units
 from phasemap._shared.quantities import is_number
 from phasemap.cli import (
@@ -65,7 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt.
+        Exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt, 143
+        after SIGTERM.
     """
     with ending_at_once():
         parser = _parser()
@@ -91,18 +94,18 @@ def _called(arguments: argparse.Namespace) -> int:
     if getattr(arguments, "quiet", False):
         os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
     try:
+        check_address_space()
         return arguments.command(arguments) or 0
     except InputErrors as found:
         return max(_complain(str(error)) for error in found.errors)
     except PhasemapError as error:
         return _complain(str(error))
     except OSError as error:
-        return _complain(f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "") + ".")
+        return _complain(reason_of(error) + (f": {error.filename}" if error.filename else "") + ".")
     except MemoryError:
         return _complain("not enough memory; simulate fewer pixels.")
-    except KeyboardInterrupt as stopped:
-        print(f"phasemap: interrupted; {str(stopped) or 'nothing was written'}.", file=sys.stderr)
-        return INTERRUPTED
+    except KeyboardInterrupt as interrupt:
+        return stopped(str(interrupt))
 
 
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phasemap._shared.arrays import as_array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
@@ -80,9 +81,11 @@ def level(
     for direction in image["direction"].values if "direction" in image.dims else [None]:
         channels_of("the image", image, direction, there or ("height", "phase"))
     shape = image.sizes["y"], image.sizes["x"]
-    masked = np.zeros(shape, bool) if mask is None else np.asarray(mask, bool)
-    if masked.shape != shape:
-        raise InputError("shape of mask", masked.shape, f"that of the image, {shape}")
+    allowed = f"True or False for each pixel of the image, {shape}"
+    masked = np.zeros(shape, bool) if mask is None else as_array("mask", mask, allowed)
+    if masked.shape != shape or masked.dtype.kind not in "biu":
+        raise InputError("mask", f"{masked.dtype} of shape {masked.shape}", allowed)
+    masked = masked.astype(bool)
     done = image.transpose(..., "y", "x").copy()
     flagged: Any = False
     for name in there:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.arrays import as_array
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import number
+from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
 from phasemap.comparison.levelling import outlier_lines
@@ -126,7 +127,7 @@ def compare(
     >>> [round(float(found[name]), 6) for name in ("offset", "sign", "correlation")]
     [-10.0, -1.0, 1.0]
     """
-    if sign not in ("recorded", "free") and (isinstance(sign, str | bool) or sign not in (1, -1)):
+    if not is_sign(sign) and (not isinstance(sign, str) or sign not in ("recorded", "free")):
         raise InputError("sign", sign, "'recorded', 'free', 1 or -1")
     if not isinstance(names, tuple | list) or len(names) != 2 or not all(isinstance(name, str) for name in names):
         raise InputError("names", names, "two names, of the measured and of the simulated image")
@@ -169,9 +170,9 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
     """Phases recorded in free air, of both images [degree]; None if the offset is free."""
     if isinstance(offset, Real) and not isinstance(offset, bool):
         return number("offset", offset, "degree"), 0.0
-    if offset == "free":
+    if isinstance(offset, str) and offset == "free":
         return None
-    if offset not in ("fixed", "recorded"):
+    if not isinstance(offset, str) or offset not in ("fixed", "recorded"):
         raise InputError("offset", offset, "'recorded', 'free', 'fixed' or a number of degrees")
     zeros = [of_simulation(ds.attrs) | ds.attrs for ds in (measured, simulated)]
     if offset == "recorded" and "phase_zero" not in zeros[0]:
@@ -213,7 +214,7 @@ def _frame(measured: Array, simulated: Array, zero: tuple[float, float] | None, 
 
 def _labels(regions: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Given labels, checked."""
-    labels = np.asarray(regions)
+    labels = as_array("regions", regions, f"2 to 4, or whole numbers, {shape}")
     if labels.dtype.kind not in "iu" or labels.shape != shape:
         raise InputError("regions", f"{labels.dtype} of shape {labels.shape}", f"2 to 4, or whole numbers, {shape}")
     return labels

@@ -274,7 +274,7 @@ def _known(ds: xr.Dataset, variable: str | None) -> str:
     known = _real(ds)
     if variable is None and len(known) == 1:
         return known[0]
-    if variable not in known:
+    if not isinstance(variable, str) or variable not in known:
         raise InputError("variable", variable, "one of " + ", ".join(known) if known else "a real one over ('y', 'x')")
     return variable
 

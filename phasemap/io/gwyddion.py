@@ -6,6 +6,7 @@ phasemap knows them.
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -86,9 +87,9 @@ def load_channels(path: Path) -> list[Channel]:
     ...
     phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder.")
-    if not path.is_file():
+    if not os.path.isfile(path):  # nor is a name that is no name
         raise FileError(f"cannot read {path}: there is no such file.")
     if not path.stat().st_size:
         raise FileError(f"cannot read {path}: it is empty.")

@@ -46,7 +46,7 @@ def one_scan(
             source = image.attrs.get("source", "the image")
             raise FileError(f"cannot use {source}: there is no {name} channel; it holds {listed}.")
     known = image["direction"].values.tolist() if "direction" in image.dims else [image.attrs.get("direction")]
-    if direction is not None and direction not in known:
+    if direction is not None and not (isinstance(direction, str) and direction in known):
         raise InputError("direction", direction, "one that was read: " + ", ".join(map(str, known)))
     if "direction" not in image.dims:
         return image

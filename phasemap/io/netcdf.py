@@ -165,7 +165,7 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
 def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
     """A file, or one sample of it."""
     path = Path(path)
-    if not path.exists():
+    if not os.path.exists(path):
         raise FileError(f"cannot read {path}: there is no such file.")
     if not os.access(path, os.R_OK):
         raise FileError(f"cannot read {path}: no permission.")

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from phasemap._shared.errors import FileError
+from phasemap._shared.files import reason_of
 
 LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one
 
@@ -39,15 +40,17 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     phasemap.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
     """
     path = Path(path)
-    if path.exists() and not path.is_file() and not _is_store(path):
+    if os.path.exists(path) and not path.is_file() and not _is_store(path):
         raise FileError(f"cannot write {path}: it is a folder or a device, not a file.")
     if not path.parent.is_dir():
         raise FileError(f"cannot write {path}: the folder {str(path.parent)!r} does not exist.")
     if not os.access(path.parent, os.W_OK):
         raise FileError(f"cannot write {path}: no permission to write in the folder {str(path.parent)!r}.")
-    if path.exists() and not overwrite:
+    if os.path.exists(path) and not overwrite:
         how = "overwrite it (--overwrite, in Python overwrite=True) or choose another name"
         raise FileError(f"cannot write {path}: it exists already; {how}.")
+    if "\0" in path.name:
+        raise FileError(f"cannot write {path}: its name has a null byte; choose another one.")
     if len(os.fsencode(path.name)) > LONGEST_NAME:
         raise FileError(f"cannot write {path}: its name is longer than {LONGEST_NAME} bytes; choose a shorter one.")
     return path
@@ -95,7 +98,7 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
             shutil.rmtree(path)  # a folder takes the place of an empty one only
         os.replace(temporary, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
-        raise FileError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}.") from error
+        raise FileError(f"cannot write {path}: {reason_of(error, path.parent)}.") from error
     finally:
         _remove(temporary)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import number
+from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.quantities import Scalar
@@ -118,7 +118,7 @@ def channels(
     """
     if "phase" not in getattr(image, "data_vars", ()):
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
-    if sign not in (1, -1) or isinstance(sign, bool):
+    if not is_sign(sign):
         raise InputError("sign", sign, "1 or -1")
     lever, said = _lever(image, scope)
     wanted = _chosen(names, image, lever.drive.second is not None)

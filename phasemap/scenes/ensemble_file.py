@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap._shared.files import digest_of
+from phasemap._shared.files import digest_of, reason_of
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened
 from phasemap.io.whole_files import replacing
 from phasemap.results.variables import provenance
@@ -69,7 +69,7 @@ class Parts:
             self.folder.mkdir(exist_ok=True)
             self._present = set(os.listdir(self.folder))
         except OSError as error:
-            raise FileError(f"cannot keep samples in {self.folder}: {error.strerror}.") from error
+            raise FileError(f"cannot keep samples in {self.folder}: {reason_of(error, self.folder.parent)}.") from error
         self.done = sum(file.name in self._present for file in self.files)
 
     def missing(self) -> Iterator[tuple[int, Path]]:

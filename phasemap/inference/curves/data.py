@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,7 +47,7 @@ def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[st
     along = check_axis(name, values, unit, above=0 if axis == "frequency" else -np.inf)
     allowed = DIRECTIONS[axis]
     directions = (direction,) if isinstance(direction, str) else direction
-    if not isinstance(directions, Sequence) or tuple(directions) not in ((allowed[0],), (allowed[1],), allowed):
+    if not isinstance(directions, (list, tuple)) or tuple(directions) not in ((allowed[0],), (allowed[1],), allowed):
         raise InputError("direction", direction, f'"{allowed[0]}", "{allowed[1]}" or {allowed}')
     one = isinstance(direction, str)
     shape = (len(along),) if one else (len(directions), len(along))

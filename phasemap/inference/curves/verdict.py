@@ -122,7 +122,7 @@ def _not_determined(problem: Problem, solution: Solution, known: Knowledge) -> d
         if abs(q) > END * parameter.reach:
             found[name] = f"{name} has run to {value}, the end of the range searched: the data do not determine it."
         elif np.isinf(known.errors[i]):
-            if np.abs(known.null[:, i]).max() > ALONE:
+            if np.abs(known.null[:, i]).max(initial=0.0) > ALONE:
                 found[name] = f"The data do not depend on {name}."
             else:
                 together.append(name)

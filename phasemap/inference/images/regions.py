@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import as_array
 from phasemap._shared.errors import InputError
 from phasemap.inference.images.stack import Stack
 
@@ -16,7 +17,7 @@ MEDIAN = 1.2533  # standard error of a median over that of a mean
 
 def labels_of(labels: object, shape: tuple[int, ...]) -> NDArray[Any]:
     """Check a map of labels."""
-    given = np.asarray(labels)
+    given = as_array("labels", labels, f"whole numbers of shape {shape}")
     if given.shape != shape or given.dtype.kind not in "iub":
         raise InputError("labels", f"{given.dtype} of shape {given.shape}", f"whole numbers of shape {shape}")
     return given

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import as_array, as_list
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.experiment.microscope import Microscope
@@ -73,9 +74,10 @@ def list_of_images(images: object) -> list[xr.Dataset]:
 def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ...]:
     """Setpoint of each image: as given, or from its attributes."""
     if setpoints is not None:
-        given = np.atleast_1d(np.asarray(setpoints, dtype=object)).tolist()
+        allowed = f"{len(images)} numbers, one an image"
+        given = as_list("setpoints", setpoints, allowed)
         if len(given) != len(images):
-            raise InputError("setpoints", setpoints, f"{len(images)} numbers, one an image")
+            raise InputError("setpoints", setpoints, allowed)
         return tuple(check_setpoint(one) for one in given)
     found = []
     for i, one in enumerate(images):
@@ -115,17 +117,15 @@ def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> A
             allowed = f"a number or {len(images)} [{unit}], because an image has no attribute {name!r}"
             raise InputError(name, None, allowed)
         given = recorded
-    found = np.asarray(given, dtype=object)
-    if found.shape not in ((), (len(images),)):
-        raise InputError(name, given, f"a number or {len(images)} [{unit}]")
-    return np.array([number(name, one, unit) for one in np.broadcast_to(found, (len(images),)).tolist()])
+    return numbers_of(name, given, unit, len(images))
 
 
-def noise_of(name: str, value: object, unit: str, count: int, **bounds: float) -> Array:
-    """Standard errors within these bounds, shape (m,)."""
-    given = np.asarray(value, dtype=object)
+def numbers_of(name: str, value: object, unit: str, count: int, **bounds: float) -> Array:
+    """A number of each image within these bounds, shape (m,)."""
+    allowed = f"a number or {count} [{unit}]"
+    given = as_array(name, value, allowed, object)
     if given.shape not in ((), (count,)):
-        raise InputError(name, value, f"a number or {count} [{unit}]")
+        raise InputError(name, value, allowed)
     return np.array([number(name, one, unit, **bounds) for one in np.broadcast_to(given, (count,)).tolist()])
 
 
@@ -141,8 +141,8 @@ def make_stack(
     errors = np.full(values.shape, np.inf)
     channels = (PHASE, "phase", "degree", *phase), (HEIGHT, "height", "m", *height)
     for channel, name, unit, error, zero, beside in channels:
-        noise = noise_of(f"{name}_error", error, unit, count, above=0)
-        wrong = noise_of(f"{name}_zero_error", beside, unit, count, minimum=0)
+        noise = numbers_of(f"{name}_error", error, unit, count, above=0)
+        wrong = numbers_of(f"{name}_zero_error", beside, unit, count, minimum=0)
         below = zeros_of(found, f"{name}_zero", zero, unit)
         if channel == HEIGHT and not heights:
             continue

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, noise_of, zeros_of
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, numbers_of, zeros_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,14 +125,14 @@ def make_plan(
     if phase[0] is None:
         phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]
     kinds = _kind("phase_zero", phase[0], (SHARED, FREE)), _kind("height_zero", height[0], (FREE,))
-    none = np.zeros(count)
+    none, unknown = np.zeros(count), isinstance(topography_error, float) and topography_error == np.inf
     return Plan(
         *kinds,
         none if kinds[0] else np.radians(zeros_of(images, "phase_zero", phase[0], "degree")),
         none if kinds[1] else zeros_of(images, "height_zero", height[0], "m"),
-        np.radians(noise_of("phase_zero_error", phase[1], "degree", count, minimum=0)),
-        noise_of("height_zero_error", height[1], "m", count, minimum=0),
-        np.inf if topography_error == np.inf else number("topography_error", topography_error, "m", minimum=0),
+        np.radians(numbers_of("phase_zero_error", phase[1], "degree", count, minimum=0)),
+        numbers_of("height_zero_error", height[1], "m", count, minimum=0),
+        np.inf if unknown else number("topography_error", topography_error, "m", minimum=0),
     )
 
 

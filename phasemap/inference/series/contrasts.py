@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import as_array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
@@ -43,15 +44,15 @@ class Regions(NamedTuple):
 
 
 def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, by: str | None, count: int) -> Regions:
-    """Take the labels given, or find them.
+    """Take the labels given, one map for each image, or find them.
 
     `by` ("phase" or "height" or "both"): what tells regions apart; by default the phase, or the height where it is
         much sharper and tells apart what the phase shows.
     """
-    if labels is not None:
-        return Regions(_given(labels, images), ["Regions as given."])
     if by is not None:
         check_choice("by", by, WAYS)
+    if labels is not None:
+        return Regions(_given(labels, images), ["Regions as given."])
     if by in ("height", "both") and not all("height" in one for one in images):
         raise InputError("by", by, "'phase', because a file has no height")
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
@@ -97,12 +98,21 @@ def medians(images: Sequence[xr.Dataset], labels: Sequence[Labels]) -> Medians:
     return Medians(*(np.stack(part, axis=1) for part in zip(*columns, strict=True)))
 
 
-def _given(labels: Any, images: Sequence[xr.Dataset]) -> list[Labels]:
+def each_of(labels: Any, count: int) -> list[Any]:
+    """The map of labels of each file: one for all, or one a file, whose sizes may differ."""
+    allowed = f"one 2-D map of whole numbers, or {count}, one a file"
+    listed = isinstance(labels, list | tuple) and len(labels) > 0
+    first = as_array("labels", labels[0] if listed else labels, allowed)
+    if first.ndim != (2 if listed else 3):
+        return [labels] * count
+    each = list(labels if listed else first)
+    if len(each) != count:
+        raise InputError("labels", f"{len(each)} maps", allowed)
+    return each
+
+
+def _given(each: Sequence[Any], images: Sequence[xr.Dataset]) -> list[Labels]:
     shapes = [one["phase"].shape for one in images]
-    one_for_all = np.ndim(labels) == 2 or (not isinstance(labels, list | tuple) and np.ndim(labels) < 3)
-    each = [labels] * len(images) if one_for_all else list(labels)
-    if len(each) != len(images):
-        raise InputError("labels", f"{len(each)} maps", f"one, or {len(images)}, one a file")
     found = [labels_of(one, shape).astype(np.int64) for one, shape in zip(each, shapes, strict=True)]
     every = np.unique(np.concatenate([np.unique(one[one >= 0]) for one in found]))
     if not 2 <= len(every) <= 5:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import as_list
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
@@ -20,7 +21,7 @@ from phasemap.inference.images.images import PRIOR, check_prior
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack
 from phasemap.inference.series.answer import dataset_of
-from phasemap.inference.series.contrasts import medians, regions_of
+from phasemap.inference.series.contrasts import each_of, medians, regions_of
 from phasemap.inference.series.orbits import Lever, make_table
 from phasemap.inference.series.problem import REACH, Problem
 from phasemap.inference.series.recorded import read_files
@@ -154,8 +155,9 @@ def series(
     }  # fmt: skip
     settings, order = settings_of(images, names, given).ordered()
     images = [images[i] for i in order]
-    if labels is not None and np.ndim(labels[0]) == 2:
-        labels = [labels[i] for i in order]
+    if labels is not None:
+        each = each_of(labels, len(images))
+        labels = [each[i] for i in order]
     found = regions_of(images, settings.names, labels, by, regions)
     seen = medians(images, found.labels)
     lever = _lever(used, prior)
@@ -183,9 +185,10 @@ def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str
 
 def _widths(prior: Material, factors: Any) -> Array:
     """Standard deviations of the logarithms."""
-    given = np.atleast_1d(np.asarray(factors, dtype=object)).tolist()
+    allowed = "a number above 1, or three"
+    given = as_list("prior_factor", factors, allowed)
     if len(given) not in (1, 3):
-        raise InputError("prior_factor", factors, "a number above 1, or three")
+        raise InputError("prior_factor", factors, allowed)
     return np.log([check_prior(prior, one) for one in given * (3 // len(given))])
 
 

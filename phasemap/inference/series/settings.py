@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.checks import number
+from phasemap._shared.arrays import as_list
+from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.plausible import question
 from phasemap._shared.units import say
@@ -194,7 +195,7 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
     if sign is None and len({one.get("phase_sign") for one in known}) == 1 and known[0].get("phase_sign") in (1, -1):
         sign = int(known[0]["phase_sign"])
         told.append(f"Phase is counted with sign {sign}, as this vendor documents.")
-    if sign not in (None, 1, -1):
+    if sign is not None and not is_sign(sign):
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
         told.append("Which way the instrument counts phase is not known: both ways are tried.")
@@ -216,9 +217,10 @@ def _all_of(known: list[dict[str, Any]], name: str) -> Array | None:
 
 
 def _given(name: str, value: Any, count: int, unit: str) -> Array:
-    values = np.atleast_1d(np.asarray(value, dtype=object)).tolist()
+    allowed = f"a number or {count}, one a file"
+    values = as_list(name, value, allowed)
     if len(values) not in (1, count):
-        raise InputError(name, value, f"a number or {count}, one a file")
+        raise InputError(name, value, allowed)
     return np.array([number(name, one, unit, above=0) for one in values] * (count // len(values)))
 
 
@@ -297,9 +299,10 @@ def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str])
             raise InputError("phase_zero", given, "'shared', 'free' or numbers [degree]")
         return given, np.zeros(count), error
     if given is not None:
-        values = np.atleast_1d(np.asarray(given, dtype=object)).tolist()
+        allowed = f"a number or {count} [degree], one a file"
+        values = as_list("phase_zero", given, allowed)
         if len(values) not in (1, count):
-            raise InputError("phase_zero", given, f"a number or {count} [degree], one a file")
+            raise InputError("phase_zero", given, allowed)
         return HELD, np.array([number("phase_zero", one, "degree") for one in values]), error
     recorded = [one.get("phase_zero") for one in known]
     if all(one is None for one in recorded):
