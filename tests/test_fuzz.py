@@ -9,6 +9,8 @@ import ast
 import json
 import os
 import pickle
+import subprocess
+import sys
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -294,6 +296,27 @@ def test_a_generator_says_how_much_memory_there_is_not(name: str, monkeypatch: p
         TooLargeError, match=r"to generate 200000 x 200000 pixels needs .* and 21 GB are free\. Take fewer"
     ):
         getattr(generate, name)((200_000, 200_000), **pixels, **more[name])
+
+
+def test_what_is_asked_for_is_held_against_memory_before_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHASEMAP_MEMORY", "2e9")
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    soft, many = pm.Material(1e9), np.linspace(10e-9, 20e-9, 100_000)
+    with pytest.raises(TooLargeError, match=r"a contrast map of 1 x 100000 x 100000 points needs .* and 2 GB are free"):
+        pm.contrast(soft, soft, scope, np.linspace(0.3, 0.9, 100_000), many)
+    edge = Surface([[1e9, 3e9]], pixel_size=4e-9)
+    with pytest.raises(TooLargeError, match=r"to see edges with a disc of radius 3\.16 m needs .* and 2 GB are free"):
+        edge.seen_by(scope, 0.7, depth=1e9)
+    with pytest.raises(TooLargeError, match="setpoints needs 8 TB of memory, and 2 GB are free"):
+        pm.sweep_setpoint(soft, scope, range(10**12))
+
+
+@pytest.mark.parametrize("limit", [400_000, 760_000, 850_000])
+def test_a_command_says_that_its_address_space_is_too_small(limit: int) -> None:
+    run = ["bash", "-c", f"ulimit -v {limit}; exec {sys.executable} -m phasemap presets PS"]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and done.stderr.startswith("phasemap: the address space is limited to ")
+    assert done.stderr.endswith(" MB, and phasemap needs 1.02 GB; raise the limit: ulimit -v 1000000.\n")
 
 
 def test_discs_take_memory_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,9 +27,9 @@ GUESSES: dict[str, Callable[[], Any]] = {
     "Did you mean 'adhesion'?": lambda: pm.Material(1e9, adhesio=0.1),
     "allowed: a Cantilever. The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...)).":
         lambda: pm.Microscope(TIP, LEVER, DRIVE),
-    "surface is a Microscope; allowed: a Surface. The order is simulate(surface, scope, setpoint).":
+    "surface is of type Microscope; allowed: a Surface. The order is simulate(surface, scope, setpoint).":
         lambda: pm.simulate(SCOPE, SURFACE, 0.7),
-    "surface is a list; allowed: a Surface.": lambda: pm.simulate([[0, 1]], SCOPE, 0.7),
+    "surface is of type list; allowed: a Surface.": lambda: pm.simulate([[0, 1]], SCOPE, 0.7),
 }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.checks import numbers
-from phasemap._shared.errors import InputError, Word
+from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
 
 
@@ -49,7 +49,7 @@ def real_numbers(name: str, values: object, unit: str) -> NDArray[np.float64]:
     allowed = f"numbers{f' in {unit}' if unit not in ('', '1') else ''}"
     given = as_array(name, numbers(name, values, unit), allowed)
     if given.dtype.kind not in "fiu":
-        raise InputError(name, Word(f"of type {given.dtype.name}"), allowed)
+        raise InputError(name, values, allowed)
     found = given.astype(np.float64)
     if isinstance(values, np.ma.MaskedArray):
         found[np.ma.getmaskarray(values)] = np.nan

@@ -64,7 +64,8 @@ def of_kind(name: str, value: object, annotation: object, hint: str = "") -> obj
     if kind.takes(given):
         return given
     shown = value if isinstance(value, (str, bool, int, float, type(None))) else _sort(value)
-    raise InputError(name, shown, kind.words, hint)
+    allowed = kind.words.replace(" or ", ", ", kind.words.count(" or ") - 1)
+    raise InputError(name, shown, allowed, hint)
 
 
 @cache
@@ -111,4 +112,4 @@ def _instance_of(name: str) -> Kind:
 
 
 def _sort(value: object) -> Word:
-    return Word(f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}")
+    return Word(f"the class {value.__name__}" if isinstance(value, type) else f"of type {type(value).__name__}")

@@ -81,10 +81,12 @@ def level(
     for direction in image["direction"].values if "direction" in image.dims else [None]:
         channels_of("the image", image, direction, there or ("height", "phase"))
     shape = image.sizes["y"], image.sizes["x"]
-    allowed = f"True or False for each pixel of the image, {shape}"
+    allowed = "True or False for each pixel"
     masked = np.zeros(shape, bool) if mask is None else as_array("mask", mask, allowed)
-    if masked.shape != shape or masked.dtype.kind not in "biu":
-        raise InputError("mask", f"{masked.dtype} of shape {masked.shape}", allowed)
+    if masked.shape != shape:
+        raise InputError("shape of mask", masked.shape, f"that of the image, {shape}")
+    if masked.dtype.kind not in "biu":
+        raise InputError("type of mask", masked.dtype.name, allowed)
     masked = masked.astype(bool)
     done = image.transpose(..., "y", "x").copy()
     flagged: Any = False

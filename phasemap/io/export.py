@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.asked import asked_as
+from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.io.gwyddion import MASKED, extra
@@ -141,7 +142,7 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     size = _size(ds)
     notes = _notes(ds)
     container = objects.GwyContainer()
-    for number, (name, title, values, bad) in enumerate(_fields(ds)):
+    for place, (name, title, values, bad) in enumerate(_fields(ds)):
         mask = bad | ~np.isfinite(values)
         filled = np.where(np.isfinite(values), values, np.mean(values[~mask]) if not mask.all() else 0.0)
 
@@ -150,15 +151,15 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
                 data, xreal=size[1], yreal=size[0], si_unit_xy=_unit(objects, "m"), si_unit_z=_unit(objects, unit)
             )
 
-        container[f"/{number}/data"] = field(filled, _units(ds, name))
-        container[f"/{number}/data/title"] = title
-        container[f"/{number}/base/palette"] = PALETTES.get(name, OTHER_PALETTE)
-        container[f"/{number}/data/visible"] = name in ("height", "phase")
+        container[f"/{place}/data"] = field(filled, _units(ds, name))
+        container[f"/{place}/data/title"] = title
+        container[f"/{place}/base/palette"] = PALETTES.get(name, OTHER_PALETTE)
+        container[f"/{place}/data/visible"] = name in ("height", "phase")
         texts = dict(notes)
         if mask.any():
-            container[f"/{number}/mask"] = field(mask.astype(float), "1")
+            container[f"/{place}/mask"] = field(mask.astype(float), "1")
             texts["mask"] = MASKED
-        container[f"/{number}/meta"] = objects.GwyContainer(texts, dict.fromkeys(texts, "s"))
+        container[f"/{place}/meta"] = objects.GwyContainer(texts, dict.fromkeys(texts, "s"))
     with replacing(path, overwrite) as temporary:
         container.tofile(str(temporary))
     return Path(path)
@@ -254,8 +255,6 @@ def _real(ds: xr.Dataset) -> list[str]:
 
 def _checked(ds: xr.Dataset) -> xr.Dataset:
     """The image, rows before columns."""
-    if not hasattr(ds, "data_vars"):
-        raise InputError("the image", type(ds).__name__, "an xarray.Dataset")
     return ds.transpose(..., "y", "x", missing_dims="ignore")
 
 
@@ -286,7 +285,8 @@ def _size(ds: xr.Dataset) -> tuple[float, float]:
 
 def _notes(ds: xr.Dataset) -> dict[str, str]:
     """What is known about the image, as texts that `phasemap.read_image` reads back."""
-    numbers = {name: f"{float(ds.attrs[name])!r} {unit}" for name, unit in CANONICAL.items() if name in ds.attrs}
+    known = {name: number(f"attribute {name}", ds.attrs[name], "") for name in CANONICAL if name in ds.attrs}
+    numbers = {name: f"{value!r} {CANONICAL[name]}" for name, value in known.items()}
     return {name: str(ds.attrs[name]) for name in NOTES if name in ds.attrs} | numbers
 
 

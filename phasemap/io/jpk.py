@@ -54,7 +54,10 @@ def is_quantitative_imaging(path: Path) -> bool:
 def _slots(tags: dict[int, Any]) -> dict[str, dict[str, Any]]:
     """The slots of a channel that are proportional to its counts, by their names."""
     found = {}
-    for at in range(FIRST, FIRST + LENGTH * min(int(tags.get(SLOTS, 0)), MOST), LENGTH):
+    slots = tags.get(SLOTS)
+    if not isinstance(slots, int):
+        return {}
+    for at in range(FIRST, FIRST + LENGTH * min(slots, MOST), LENGTH):
         factor, offset = tags.get(at + FACTOR), tags.get(at + OFFSET)
         if tags.get(at + SCALING) == "LinearScaling" and isinstance(factor, float) and factor and offset == 0:
             found[str(tags.get(at + NAME))] = {
@@ -68,10 +71,11 @@ def _directories(path: Path) -> Iterator[dict[int, Any]]:
     tifffile = extra("tifffile", "reading measured files", "read")
     try:
         with _silent("tifffile"), tifffile.TiffFile(path) as file:
-            every = [{tag.code: tag.value for tag in page.tags} for page in file.pages]
+            pages = [[(tag.code, tag.value) for tag in page.tags] for page in file.pages]
     except Exception:  # as of whatever is met in a damaged file, of which Gwyddion has read the image
         return
-    yield from every
+    for page in pages:  # what is not one text or one number is another program's, or damaged
+        yield {code: value for code, value in page if isinstance(value, (str, int, float))}
 
 
 @contextmanager

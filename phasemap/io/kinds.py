@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.pixels import coordinate_step
+from phasemap._shared.units import say
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LARGEST = 1e-3  # m, of a pixel and of a height: some ten times what scanners reach
 
 
 class Kind(NamedTuple):
@@ -43,3 +54,29 @@ KINDS = {
     ),
 }  # fmt: skip
 """By the variable of the Dataset."""
+
+
+def check_places(path: Path, ds: xr.Dataset) -> None:
+    """Refuse an image whose coordinates y and x are not numbers in equal steps.
+
+    Raises FileError.
+    """
+    for dim in ("y", "x"):
+        try:
+            step = coordinate_step(ds, dim)
+        except InputError as error:
+            raise FileError(f"cannot use {path}: {error}") from None
+        if not math.isfinite(step):
+            raise FileError(f"cannot use {path}: the places of pixels along {dim} are not numbers.")
+
+
+def implausible(ds: xr.Dataset) -> list[str]:
+    """Sentences on pixels and heights that no microscope reaches: the file is damaged, or in another unit."""
+    import numpy as np
+
+    lengths = {f"a pixel along {dim}": coordinate_step(ds, dim) for dim in ("y", "x") if ds.sizes[dim] > 1}
+    if "height" in ds and np.isfinite(ds["height"].values).any():
+        with np.errstate(over="ignore"):
+            lengths["the relief"] = float(np.ptp(ds["height"].values[np.isfinite(ds["height"].values)]))
+    most = say(LARGEST, "m")
+    return [f"{what} is {size:.3g} m; plausible: at most {most}" for what, size in lengths.items() if size > LARGEST]

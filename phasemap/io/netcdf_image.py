@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import FileError
+from phasemap._shared.notices import tell
 from phasemap._shared.pixels import LONG_NAMES
 from phasemap.io.flattening import on_one_turn
-from phasemap.io.kinds import KINDS, METRES
+from phasemap.io.kinds import KINDS, METRES, check_places, implausible
 from phasemap.io.metadata import of_simulation
 from phasemap.io.netcdf import load
 
@@ -54,11 +55,14 @@ def read_netcdf(path: Path) -> xr.Dataset:
         ds = ds.sortby("x")
     for name in images:
         ds[name] = ds[name].transpose(..., "y", "x")
+    check_places(path, ds)
     if "phase" in images:
         ds["phase"] = ds["phase"].copy(data=on_one_turn(ds["phase"].values))
-    if unknown:
-        remark = f"There are no units of {' and '.join(unknown)}: taken as m and degrees."
-        ds.attrs["warnings"] = "\n".join(filter(None, [str(ds.attrs.get("warnings", "")), remark]))
+    remarks = [f"There are no units of {' and '.join(unknown)}: taken as m and degrees."] if unknown else []
+    doubts = [f"In {path.name} {found}." for found in implausible(ds)]
+    tell(doubts)
+    if remarks or doubts:
+        ds.attrs["warnings"] = "\n".join(filter(None, [str(ds.attrs.get("warnings", "")), *remarks, *doubts]))
     ds.attrs = {**of_simulation(ds.attrs), **ds.attrs}
     return ds
 

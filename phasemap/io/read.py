@@ -17,7 +17,7 @@ from phasemap._shared.notices import tell
 from phasemap._shared.pixels import centres, coordinates
 from phasemap.io.flattening import on_one_turn
 from phasemap.io.gwyddion import Channel, load_channels, merged
-from phasemap.io.kinds import KINDS, Kind
+from phasemap.io.kinds import KINDS, Kind, implausible
 from phasemap.io.netcdf_image import NETCDF, read_netcdf
 from phasemap.io.vendors import mode_of, scan_data
 
@@ -217,7 +217,10 @@ def _assemble(
             raise FileError(f"cannot use {path}: the size of the image along {dim} is {length:g} m.")
         sides.append(centres(pixels, length / pixels))
     coords |= coordinates(sides[0][::-1], sides[1])
-    return xr.Dataset(variables, coords)
+    ds = xr.Dataset(variables, coords)
+    for found in implausible(ds):
+        raise FileError(f"cannot use {path}: {found}. It is damaged, or in another unit.")
+    return ds
 
 
 def _check_unit(path: Path, channel: Channel, kind: Kind) -> None:

@@ -123,7 +123,7 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
             if what != "cmap":
                 unit = variables[name]
                 value = number(f"{what} of {name}", value, unit if unit in KINDS else "")
-            elif value not in matplotlib.colormaps:
+            elif not isinstance(value, str) or value not in matplotlib.colormaps:
                 raise InputError(what, value, "a colour map of matplotlib, such as 'cividis', 'coolwarm' or 'gray'")
             asked[name][what] = value
     found = {name: Colours(**values) for name, values in asked.items()}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.asked import asked_as
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import draw_scale_bar, side_lengths
@@ -112,8 +112,6 @@ def plot(
     if isinstance(ds, xr.DataArray):
         name = str(ds.name or "variable")
         ds, variables = ds.to_dataset(name=name), (name,)
-    if not isinstance(ds, xr.Dataset):
-        raise InputError("what is drawn", f"a {type(ds).__name__}", "a Dataset of phasemap, or a variable of an image")
     colours: dict[str, Any] = {"vmin": vmin, "vmax": vmax, "cmap": cmap}
     if is_contrast(ds):
         return contrast(ds, path, overwrite, **colours)
@@ -198,6 +196,8 @@ def _levelled(ds: xr.Dataset) -> xr.Dataset:
 def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None:
     """Refuse what is not an image, or does not have what is to be drawn or marked."""
     held = sorted(str(key) for key, one in ds.data_vars.items() if one.dtype.kind == "f")
+    if not names:
+        raise InputError("variables", Word("none"), f"some of {', '.join(held)}")
     for name in names:
         if name not in ds:
             raise InputError("the dataset", held, f"an image with {' and '.join(names)}")
@@ -213,6 +213,8 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
     for dim in ("y", "x"):
         if dim not in ds.coords:
             raise InputError("the dataset", "without coordinates", f"an image with a coordinate {dim} [m]")
+        if not ds.sizes[dim]:
+            raise InputError(f"number of pixels along {dim}", 0, "at least 1")
     if mark_irregular and "motion" not in ds:
         raise InputError("the dataset", "without motion", "an image that has this variable, to mark irregular pixels")
 

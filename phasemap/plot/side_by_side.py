@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._shared.asked import asked_as
+from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
@@ -95,8 +96,7 @@ def comparison(
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.compare returned")
     if row is None:
         row = _middle(ds)
-    elif not 0 <= row < ds.sizes["y"]:
-        raise InputError("row", row, f"from 0 to {ds.sizes['y'] - 1}")
+    row = whole("row", row, 0, ds.sizes["y"] - 1)
     asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
     lines = [(word, wrapped) for word, said in lines_of(ds) for wrapped, word in _wrapped(word, said, 128)]
     verdict = textwrap.wrap(verdict_of(ds), 105)

@@ -167,7 +167,7 @@ def test_an_interrupt_leaves_nothing_and_ends_with_130(
     ("error", "sentence"),
     [
         (MemoryError(), "not enough memory"),
-        (OSError(28, "No space left on device", "step.nc"), "No space left on device: step.nc."),
+        (OSError(28, "No space left on device", "step.nc"), "the disk is full: step.nc."),
         (OSError("odd"), "odd."),
     ],
 )

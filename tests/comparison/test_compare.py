@@ -511,7 +511,7 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "sign is 2; allowed: 'recorded', 'free', 1 or -1": lambda: pm.compare(one, one, sign=2),
         "number of materials is 7; allowed: 2 to 4": lambda: pm.compare(one, one, regions=7),
         "limit is -1.0": lambda: pm.register(one, one, limit=-1.0),
-        "height is 'rowwise'; allowed: 'rows' or 'plane'": lambda: pm.level(one, height="rowwise"),
+        "height is 'rowwise'; allowed: one of rows, plane": lambda: pm.level(one, height="rowwise"),
         "shape of mask is ": lambda: pm.level(one, mask=np.zeros((3, 3), bool)),
         "number of pixels to level by is 0": lambda: pm.level(one, mask=np.ones((40, 48), bool)),
         "coordinate x of measured is 'uneven or falling'": lambda: pm.compare(

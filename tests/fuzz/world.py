@@ -146,7 +146,7 @@ def _images() -> None:
     surface.to_dataset().to_netcdf("map.nc")
     surface.to_dataset().to_netcdf("map3.nc", format="NETCDF3_CLASSIC")
     large = image.isel(direction=0, y=[0, 1, 2, 3] * 3, x=[0, 1, 2, 3] * 4).assign_coords(
-        y=np.arange(0.5, 12), x=np.arange(0.5, 16)
+        y=np.arange(0.5, 12) * 1e-9, x=np.arange(0.5, 16) * 1e-9
     )
     write_gwy(large, Path("image.gwy"))
     write_gsf(large, Path("image.gsf"), "height")

@@ -319,7 +319,7 @@ def test_a_full_disk_costs_a_warning_and_not_the_image(tmp_path: Path, monkeypat
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(np, "savez", full)
-    with pytest.warns(UserWarning, match=r"nothing is kept for another try: .*No space left on device"):
+    with pytest.warns(UserWarning, match=r"nothing is kept for another try: .*the disk is full"):
         image = pm.simulate(FEW, SCOPE, 0.7, checkpoint=tmp_path)
     assert same_data(image, pm.simulate(FEW, SCOPE, 0.7))
     assert list(tmp_path.iterdir()) == []
@@ -402,7 +402,7 @@ def heeding() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_command_that_was_stopped_goes_on(
     stop: signal.Signals, undisturbed: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -415,10 +415,12 @@ def test_a_command_that_was_stopped_goes_on(
             time.sleep(0.02)
         run.send_signal(stop)
         said = run.communicate()[1]
-    assert run.returncode == {signal.SIGKILL: -9, signal.SIGINT: 130}[stop] and "Traceback" not in said
+    assert run.returncode == {signal.SIGKILL: -9, signal.SIGINT: 130, signal.SIGTERM: 143}[stop]
+    assert "Traceback" not in said
     assert not output.exists() and 0 < max(last for _, last in written(parts)) < 60
-    if stop == signal.SIGINT:
-        assert f"what is done is kept in {parts}; run the same command again to go on" in said
+    if stop != signal.SIGKILL:
+        word = "interrupted" if stop == signal.SIGINT else "terminated"
+        assert f"{word}; what is done is kept in {parts}; run the same command again to go on" in said
     monkeypatch.setattr(checkpoint, "EVERY", 0.1)
     assert main(command) == 0
     assert list(tmp_path.iterdir()) == [output]

@@ -480,7 +480,7 @@ def test_control_that_cannot_work_is_refused(control: pm.Feedback, sentence: str
         ({"line_rate": 0.0}, "line_rate is 0.0; allowed: a finite number above 0 Hz"),
         ({"integral_gain": 100.0}, "integral_gain is 100.0; allowed: both gains, or None for both"),
         ({"order": 5}, "order is 5; allowed: a whole number from 1 to 4"),
-        ({"engage": "pixel"}, "engage is 'pixel'; allowed: 'line' or 'image'"),
+        ({"engage": "pixel"}, "engage is 'pixel'; allowed: one of line, image"),
         ({"overscan": 2.0}, "overscan is 2.0; allowed: a finite number of at least 0 and at most 1"),
     ],
 )

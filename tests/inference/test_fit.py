@@ -240,7 +240,7 @@ def test_a_model_that_does_not_fit_is_tried_from_other_starts() -> None:
         ({"phase": np.full(41, np.nan)}, "phase is 'nan .41 of 41 values.'"),
         ({"amplitude_error": 0.0}, "amplitude_error is 0.0; allowed: numbers above 0 m"),
         ({"phase_error": np.full(41, -1.0)}, "phase_error is -1.0"),
-        ({"phase_error": None}, "phase_error is 'None'; allowed: finite numbers"),
+        ({"phase_error": None}, "phase_error is None; allowed: numbers in degree"),
         ({"phase_error": np.ones(3)}, "phase_error is 'an array of shape"),
         ({"phase": "much"}, "phase is 'much'; allowed: numbers"),
         ({"direction": "up"}, 'direction is \'up\'; allowed: "approach", "retract"'),

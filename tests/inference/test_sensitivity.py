@@ -75,5 +75,5 @@ def test_numbers_do_not_depend_on_threads():
 
 
 def test_wrong_input_is_named():
-    with pytest.raises(pm.InputError, match="surface is 'ndarray'"):
+    with pytest.raises(pm.InputError, match="surface is of type ndarray"):
         pm.sensitivity(np.ones((2, 2)), SCOPE, 0.7)

@@ -129,10 +129,12 @@ def test_gwyddion_gets_metres_and_degrees_whatever_units_and_order_an_image_has(
     assert [held[f"/{n}/data"]["si_unit_z"]["unitstr"] for n in (0, 1)] == ["m", "deg"]
     read = read_image(write_gsf(other, tmp_path / "height.gsf", "height"))
     assert read["height"].values == pytest.approx(image["height"].values, rel=1e-6)
-    with pytest.raises(InputError, match=r"the image is 'DataArray'; allowed: an xarray\.Dataset"):
+    with pytest.raises(InputError, match=r"ds is of type DataArray; allowed: an xarray\.Dataset"):
         export(image["phase"], tmp_path / "phase.gwy")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="variable is 'phase'; allowed: a real one over"):
         export(image.astype(int), tmp_path / "phase.gsf", "phase")
+    with pytest.raises(InputError, match="attribute setpoint is 'x'; allowed: a finite number"):
+        export(image.assign_attrs(setpoint="x"), tmp_path / "phase.gwy")
 
 
 def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

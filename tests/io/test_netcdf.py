@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,9 +76,17 @@ def test_an_existing_file_is_refused_and_left_as_it_was(image: xr.Dataset, tmp_p
     xr.testing.assert_identical(netcdf.load(path), image)
 
 
-@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), RuntimeError("NetCDF: HDF error")])
+@pytest.mark.parametrize(
+    ("failure", "free", "reason"),
+    [
+        (OSError(28, "No space left on device"), 1 << 40, "the disk is full"),
+        (RuntimeError("NetCDF: HDF error"), 0, "the disk is full"),
+        (PermissionError(13, "Permission denied"), 0, "the disk is full"),
+        (RuntimeError("NetCDF: HDF error"), 1 << 40, "NetCDF: HDF error"),
+    ],
+)
 def test_a_write_that_fails_leaves_nothing_and_keeps_the_old_file(
-    image: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
+    image: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception, free: int, reason: str
 ) -> None:
     path = netcdf.save(image, tmp_path / "image.nc")
     before = path.read_bytes()
@@ -86,7 +96,8 @@ def test_a_write_that_fails_leaves_nothing_and_keeps_the_old_file(
         raise failure
 
     monkeypatch.setattr(xr.Dataset, "to_netcdf", half)
-    with pytest.raises(FileError, match=r"cannot write .*image\.nc: (No space left|NetCDF: HDF error)"):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    with pytest.raises(FileError, match=rf"cannot write .*image\.nc: {reason}"):
         netcdf.save(image, path, overwrite=True)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["image.nc"]

@@ -564,7 +564,7 @@ def test_an_image_of_another_program_is_brought_to_metres_and_degrees(tmp_path: 
     rising = foreign().assign_coords(y=foreign()["y"].values[::-1] * 1e-9)  # as earlier versions of phasemap had it
     rising.to_netcdf(tmp_path / "rising.nc")
     xr.testing.assert_allclose(read_image(tmp_path / "rising.nc"), image)
-    mirrored = foreign().assign_coords(x=foreign()["x"].values[::-1])
+    mirrored = foreign().assign_coords(x=foreign()["x"].copy(data=foreign()["x"].values[::-1]))
     mirrored.to_netcdf(tmp_path / "mirrored.nc")
     assert read_image(tmp_path / "mirrored.nc")["height"].values == pytest.approx(1e-9 * values[:, ::-1])
 
@@ -579,7 +579,50 @@ def test_an_image_without_units_or_places_is_not_taken_in_silence(tmp_path: Path
     with pytest.raises(FileError, match="there is no coordinate y, the places of pixels in m"):
         read_image(tmp_path / "nowhere.nc")
     foreign()[["height"]].drop_attrs().to_netcdf(tmp_path / "numbers.nc")
-    assert "no units of height: taken as m" in read_image(tmp_path / "numbers.nc").attrs["warnings"]
+    with pytest.warns(pm.ResultWarning, match=r"numbers.nc a pixel along y is 20 m; plausible: at most 1 mm\."):
+        image = read_image(tmp_path / "numbers.nc")
+    assert "no units of height: taken as m" in image.attrs["warnings"] and "is 20 m" in image.attrs["warnings"]
+
+
+@pytest.mark.parametrize(
+    ("places", "reason"),
+    [
+        ([0.0, np.nan, 2e-9, 3e-9], "coordinate x is 'not increasing'"),
+        ([1e-9] * 4, "coordinate x is 'not increasing'"),
+        ([0.0, 1e-9, 5e-9, 6e-9], "spacing of x is '1e-09 to 4e-09'; allowed: the same between all pixels"),
+    ],
+)
+def test_places_that_are_no_even_steps_are_refused(tmp_path: Path, places: list[float], reason: str) -> None:
+    foreign().assign_coords(x=("x", places, {"units": "m"})).to_netcdf(tmp_path / "image.nc")
+    with pytest.raises(FileError, match=f"cannot use .*image.nc: {reason}"):
+        read_image(tmp_path / "image.nc")
+
+
+@needs_reader
+@pytest.mark.parametrize(("name", "factor", "what"), [("height", 1e7, "the relief"), ("x", 1e8, "a pixel along x")])
+def test_lengths_that_no_microscope_reaches_are_refused(tmp_path: Path, name: str, factor: float, what: str) -> None:
+    image = xr.Dataset({"height": (("y", "x"), 1e-9 * np.eye(2))}, {"y": [3e-9, 1e-9], "x": [1e-9, 3e-9]})
+    damaged = image.assign({name: image[name] * factor})
+    with pytest.raises(FileError, match=rf"cannot use .*: {what} is .* m; plausible: at most 1 mm\."):
+        read_image(pm.write_gwy(damaged, tmp_path / "damaged.gwy"))
+
+
+@needs_reader
+def test_a_refusal_has_an_end_however_much_a_file_holds(tmp_path: Path) -> None:
+    names = {f"{'much' * 200}{n}": (("y", "x"), np.eye(2), {"units": "V"}) for n in range(90)}
+    pm.write_gwy(xr.Dataset(names, {"y": [3e-9, 1e-9], "x": [1e-9, 3e-9]}), tmp_path / "many.gwy")
+    with pytest.raises(FileError, match="there is neither height nor phase") as caught:
+        read_image(tmp_path / "many.gwy")
+    assert len(str(caught.value)) < 2100
+
+
+@needs_reader
+def test_a_jpk_tag_of_several_numbers_is_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    jpk_file(tmp_path / "scan.jpk")
+    whole = tifffile.TiffTag.value.fget
+    monkeypatch.setattr(tifffile.TiffTag, "value", property(lambda tag: (3, 3) if tag.code == 0x8080 else whole(tag)))
+    assert "amplitude_sensitivity" not in read_image(tmp_path / "scan.jpk").attrs
 
 
 # Through xarray.

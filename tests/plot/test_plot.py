@@ -102,7 +102,7 @@ def test_limits_that_cannot_be_are_refused(given: dict[str, Any], said: str) -> 
 
 def test_one_variable_may_be_drawn_and_what_is_no_image_is_named() -> None:
     assert [axes.get_title(loc="left") for axes in plot(image().phase).axes if axes.images] == ["Phase"]
-    with pytest.raises(InputError, match="what is drawn is 'a ndarray'"):
+    with pytest.raises(InputError, match=r"ds is of type ndarray; allowed: an xarray.Dataset or an xarray.DataArray"):
         plot(image().phase.values)  # type: ignore[arg-type]
 
 
@@ -234,6 +234,10 @@ def test_a_picture_is_written_and_not_overwritten_unasked(tmp_path: Path) -> Non
 
 
 def test_what_is_no_image_is_refused() -> None:
+    with pytest.raises(InputError, match="number of pixels along x is 0; allowed: at least 1"):
+        plot(image().isel(x=slice(0, 0)))
+    with pytest.raises(InputError, match="variables is none; allowed: some of height, phase"):
+        plot(image(), variables=[])
     with pytest.raises(InputError, match=r"the dataset is \['height'.*\]; allowed: an image with height and phase"):
         plot(image().drop_vars("phase"))
     with pytest.raises(InputError, match=r"dims of height is \('x',\); allowed: \('y', 'x'\)"):

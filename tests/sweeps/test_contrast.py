@@ -253,7 +253,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"free_amplitudes": [20e-9, -1e-9]}, "free_amplitudes is -1e-09"),
     ({"frequencies": 0.0}, "frequencies is 0.0; allowed: a finite number above 0 Hz"),
     ({"names": ("a", "a")}, "two different names"),
-    ({"names": "ab"}, "two different names"),
+    ({"names": "ab"}, "a list of texts"),
     ({"accuracy": 0.1}, "an Accuracy"),
     ({"solver": "best"}, "one of auto"),
 ]

@@ -86,7 +86,7 @@ def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ..
             value = json.loads(one.attrs["configuration"]).get("setpoint")
         if value is None:
             raise InputError("setpoints", None, f"{len(images)} numbers, because image {i} has no attribute 'setpoint'")
-        found.append(check_setpoint(float(value)))
+        found.append(check_setpoint(value))
     return tuple(found)
 
 
