@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: work that they can stop, files that they cannot harm, and an end without a traceback."""
+"""Ctrl-C, SIGTERM and work that is no longer wanted: how all end, without harm to files and without a traceback."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -19,6 +20,27 @@ GRACE = 1.0  # seconds after Ctrl-C in which another one changes nothing
 
 class EndlessError(Exception):
     """Work that did not end in its time."""
+
+
+_check: ContextVar[Callable[[], None]] = ContextVar("_check", default=lambda: None)
+
+
+@contextmanager
+def stoppable(check: Callable[[], None]) -> Iterator[None]:
+    """Let work of this thread call `check` every now and then, which raises where the work is to end.
+
+    It is called between compiled functions, which cannot be stopped, and most of which take milliseconds.
+    """
+    token = _check.set(check)
+    try:
+        yield
+    finally:
+        _check.reset(token)
+
+
+def check_stopped() -> None:
+    """Raise what ends the work of this thread, if it is to end."""
+    _check.get()()
 
 
 _stopped_by = signal.SIGINT

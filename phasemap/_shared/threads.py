@@ -11,6 +11,7 @@ from queue import SimpleQueue
 from typing import TypeVar
 
 from phasemap._shared.checks import whole
+from phasemap._shared.interrupts import check_stopped
 
 T = TypeVar("T")
 
@@ -63,6 +64,7 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
     def report(more: int) -> None:
         nonlocal done
         done += more
+        check_stopped()
         if progress is not None:
             progress(done, total)
 

@@ -6,8 +6,6 @@ Every answer is made of public functions: `phasemap.simulate`, `sweep_distance` 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,6 +16,7 @@ from phasemap._shared.notices import untold
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.material import Material
+from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import Found, lines_of
 from phasemap.imaging.simulation import simulate
@@ -34,9 +33,6 @@ from phasemap.sweeps.sweep import sweep_distance
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Check = Callable[[int, int], None]
-"""Called while a long answer is made, with what is done and all; raises to stop it."""
 
 VARIABLES = (
     "height", "phase", "tip_offset", "indentation", "dissipation", "virial", "branch", "motion", "status", "solver",
@@ -63,7 +59,10 @@ def picture(setting: Setting) -> Picture:
     """Answer a drag: the image of every pixel engaged from far, and what each material does."""
     surface = setting.shown
     with untold():  # the page says it
-        ds = simulate(surface, setting.scope, setting.setpoint, setting.solver, variables=VARIABLES, threads=1)
+        ds = simulate(
+            surface, setting.scope, setting.setpoint, setting.solver, accuracy=accuracy_of(setting.scope),
+            variables=VARIABLES, threads=1,
+        )  # fmt: skip
     labels = setting.subject.sample_under(setting.scope.tip).labels
     step = setting.subject.step
     found = _materials(setting, ds, np.ascontiguousarray(labels[::step, ::step]))
@@ -73,30 +72,27 @@ def picture(setting: Setting) -> Picture:
         "why": lines_of(first, second) if first is not None and second is not None else [],
         "free_amplitude": setting.scope.driven_amplitude,
         "step": step,
+        "far_off": far_off(setting.scope),
     }
     return _picture(ds, about)
 
 
-def image(setting: Setting, progress: Check | None = None) -> xr.Dataset:
-    """The whole image, as the scene of the subject says it is taken; what the page saves.
-
-    `progress`: as of `phasemap.simulate`.
-    """
+def image(setting: Setting) -> xr.Dataset:
+    """The whole image, as the scene of the subject says it is taken; what the page saves."""
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
         surface = seen(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
-        scene = scene_from_tables(setting.tables(), subject.folder, surface)
-        return scene.simulate(progress=progress)
+        return scene_from_tables(setting.tables(), subject.folder, surface).simulate()
     solver = setting.solver if setting.exact else subject.options["solver"]
     options = {**subject.options, "setpoint": setting.setpoint, "solver": solver}
-    return simulate(setting.surface, setting.scope, **options, progress=progress)
+    return simulate(setting.surface, setting.scope, **options)
 
 
-def scan(setting: Setting, progress: Check) -> Picture:
+def scan(setting: Setting) -> Picture:
     """The whole image for the page to draw; of one that is taken in two directions the trace."""
     with untold():
-        ds = image(setting, progress)
-    about: dict[str, Any] = {"step": 1, "free_amplitude": setting.scope.driven_amplitude}
+        ds = image(setting)
+    about = {"step": 1, "free_amplitude": setting.scope.driven_amplitude, "far_off": far_off(setting.scope)}
     return _picture(ds.isel(direction=0) if "direction" in ds.dims else ds, about)
 
 
@@ -116,10 +112,9 @@ def curves(setting: Setting) -> dict[str, Any]:
     return found
 
 
-def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
+def contrast_map(setting: Setting) -> dict[str, Any]:
     """The contrast of the pair against setpoint and free amplitude.
 
-    `progress`: as of `phasemap.contrast`.
     Returns axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence
         and the point, None where there is none.
     """
@@ -127,7 +122,7 @@ def contrast_map(setting: Setting, progress: Check) -> dict[str, Any]:
     amplitudes = AMPLITUDES * middle_of(setting)
     ds = contrast(
         setting.materials[first], setting.materials[second], setting.scope, SETPOINTS, amplitudes,
-        solver=setting.solver, names=(first, second), progress=progress, threads=1,
+        solver=setting.solver, accuracy=accuracy_of(setting.scope), names=(first, second), threads=1,
     )  # fmt: skip
     return {
         "setpoints": SETPOINTS.tolist(),
@@ -145,13 +140,6 @@ def middle_of(setting: Setting) -> float:
     return float(base * 4.0 ** round(math.log(setting.scope.drive.free_amplitude / base, 4.0)))
 
 
-def map_key(setting: Setting) -> object:
-    """What the map of the contrast depends on: settings that have the same share it."""
-    scope = setting.scope
-    around = replace(scope, drive=replace(scope.drive, free_amplitude=middle_of(setting)))
-    return around, [(name, setting.materials[name]) for name in setting.pair], setting.exact
-
-
 def _picture(ds: xr.Dataset, about: dict[str, Any]) -> Picture:
     """The maps of an image as the page wants them."""
     height = ds["height"].values * 1e9
@@ -166,7 +154,8 @@ def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> d
     used, first = np.unique(labels, return_index=True)
     at = dict(zip(used.tolist(), first.tolist(), strict=True))
     rows, viscous = material_rows(setting.materials.values())
-    codes = regimes(make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude))
+    work = make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude)
+    codes = regimes(work, accuracy_of(setting.scope).periods)
     return {
         name: _found(setting, name, ds, at[i], bool(codes[i] == BISTABLE)) if i in at else None
         for i, name in enumerate(setting.materials)
@@ -208,13 +197,15 @@ def _word(name: str, code: int) -> str:
 def _plain(found: Found) -> dict[str, Any]:
     """A material as JSON has it."""
     values = found._asdict()
-    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()}
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()
+    }
 
 
 def _curve(setting: Setting, material: Material) -> dict[str, Any]:
     """The curve of one material."""
     scope = setting.scope
-    pixel = solve_pixel(material, scope, setting.setpoint, setting.solver)
+    pixel = solve_pixel(material, scope, setting.setpoint, setting.solver, accuracy_of(scope))
     free = scope.driven_amplitude
     low, high = DEEPEST * free, max(HIGHEST * free, free + BEYOND)
     axis = np.linspace(low, high, POINTS)

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import html
 import os
+import shutil
+import tempfile
 import threading
+import weakref
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
-from phasemap._shared.errors import PhasemapError
+from phasemap._shared.errors import FileError, PhasemapError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from phasemap.experiment.microscope import Microscope
     from phasemap.experiment.surface import Surface
     from phasemap.explorer.subject import Subject
     from phasemap.scenes.scene import Scene
 
 HEIGHT = 900  # pixels of the frame in a notebook
+LEADS = """<!doctype html>
+<meta charset="utf-8"><meta http-equiv="refresh" content="0;url={0}"><title>phasemap explorer</title>
+<p>The explorer is <a href="{0}">here</a>.</p>
+"""
 
 
 class Explorer:
@@ -39,10 +49,37 @@ class Explorer:
         except OSError as error:
             raise PhasemapError(f"cannot serve on {HOST} port {port}: {error.strerror or error}.") from error
         self.url = self._server.url
+        self._forget: Callable[[], object] = lambda: None  # removes the file that leads a browser here
         threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True).start()
+
+    def show(self) -> None:
+        """Open the page in the browser.
+
+        All users of this machine can see what a browser is started with. So that is not the address with its token, but
+        the name of a file, which only this user can read and which leads there. It is removed when the page is closed.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        import webbrowser
+
+        try:
+            folder = tempfile.mkdtemp(prefix="phasemap-")
+            self._forget = weakref.finalize(self._server, shutil.rmtree, folder, ignore_errors=True)
+            file = Path(folder, "explorer.html")
+            file.touch(0o600)
+            file.write_text(LEADS.format(html.escape(self.url)), "utf-8")
+        except OSError as error:
+            self.close()
+            hint = "Open no browser (--no-browser, browser=False), and go to the address that is given."
+            raise FileError(f"cannot write a file for the browser: {error.strerror or error}. {hint}") from error
+        webbrowser.open(file.as_uri())
 
     def close(self) -> None:
         """Stop serving; the page says so."""
+        self._forget()
         if not self._server.closing:
             self._server.closing = True
             self._server.shutdown()
@@ -109,17 +146,18 @@ def explore(
     InputError
         If an argument is out of range, or there are more than eight materials.
     FileError
-        If the scene cannot be read.
+        If the scene cannot be read, or the file that leads the browser to the page cannot be written.
     PhasemapError
         If the port is taken.
 
     Notes
     -----
     The page is served on this machine only, under an address that holds a random token, and loads nothing from
-    elsewhere. In a notebook that runs on another machine the browser does not reach it.
+    elsewhere. In a notebook that runs on another machine the browser does not reach it. The browser is led there by a
+    file that only the user can read, which is removed in the end.
 
     While a slider moves every pixel is engaged anew from far, with the cheapest solver that is within the accuracy, on
-    at most 256 x 256 pixels. What is saved is simulated whole and as the scene says.
+    at most 256 x 256 pixels, with ten seconds of computing. What is saved is simulated whole and as the scene says.
 
     Examples
     --------
@@ -139,14 +177,12 @@ def serve(subject: Subject, port: int = 0, browser: bool = False) -> Explorer:
 
     Raises
     ------
-    InputError, PhasemapError
+    InputError, FileError, PhasemapError
         As `explore`.
     """
     explorer = Explorer(subject, whole("port", port, 0, 65535))
     if browser:
-        import webbrowser
-
-        webbrowser.open(explorer.url)
+        explorer.show()
     return explorer
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
-from phasemap.explorer.answers import Check, image
+from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting
 from phasemap.io.netcdf import save
 from phasemap.plot.images import plot
@@ -34,7 +34,7 @@ class File(NamedTuple):
     content: bytes
 
 
-def scene_file(setting: Setting, _progress: Check) -> File:
+def scene_file(setting: Setting) -> File:
     """The scene as TOML; of a surface that came from no scene with names, together with its maps in an archive.
 
     Files that the scene names are where they were, by their whole paths.
@@ -60,24 +60,24 @@ def scene_file(setting: Setting, _progress: Check) -> File:
     return File(f"{name}.zip", "application/zip", archive.getvalue())
 
 
-def image_file(setting: Setting, progress: Check) -> File:
+def image_file(setting: Setting) -> File:
     """The whole image as netCDF."""
-    ds = image(setting, progress)
+    ds = image(setting)
     return File(f"{_name(setting)}.nc", "application/x-netcdf", _written_by(lambda path: save(ds, path), ".nc"))
 
 
-def picture_file(setting: Setting, progress: Check) -> File:
+def picture_file(setting: Setting) -> File:
     """A picture of the whole image, as ``phasemap plot`` draws it."""
-    ds = image(setting, progress)
+    ds = image(setting)
     return File(f"{_name(setting)}.png", "image/png", _written_by(lambda path: plot(ds, path), ".png"))
 
 
-def python_file(setting: Setting, _progress: Check) -> File:
+def python_file(setting: Setting) -> File:
     """The Python that makes the image."""
     return File(f"{_name(setting)}.py", "text/x-python", python_of(setting).encode())
 
 
-SAVED: dict[str, Callable[[Setting, Check], File]] = {
+SAVED: dict[str, Callable[[Setting], File]] = {
     "scene": scene_file, "image": image_file, "picture": picture_file, "python": python_file
 }  # fmt: skip
 """What can be saved, by the name of its button."""
@@ -92,13 +92,13 @@ def python_of(setting: Setting) -> str:
     >>> print(python_of(Setting.of(subject_of("samples/step.toml"), {"setpoint": 0.6})), end="")
     import phasemap as pm
     <BLANKLINE>
-    scene = pm.load_scene("samples/step.toml", [
-        "scan.setpoint=0.6",
+    scene = pm.load_scene('samples/step.toml', [
+        'scan.setpoint=0.6',
     ])
     image = scene.simulate()
-    pm.plot.image(image, "step_explored.png")
+    pm.plot.image(image, 'step_explored.png')
     """
-    drawn = f'pm.plot.image(image, "{_name(setting)}.png")\n'
+    drawn = f"pm.plot.image(image, {_name(setting) + '.png'!r})\n"
     if setting.subject.scene is None:
         return _python_of_surface(setting) + drawn
     source = setting.subject.scene.source
@@ -106,10 +106,10 @@ def python_of(setting: Setting) -> str:
         raise InputError("the scene", "of no file", "one that was read from a file", "Save the scene instead.")
     before = scene_from_tables(read_tables(source), source.parent, setting.shown).config
     changed = _differences(before, {**setting.tables(), "files": before["files"]})
-    lines = [f"scene = pm.load_scene({written(str(source))}"]
+    lines = [f"scene = pm.load_scene({str(source)!r}"]
     if changed:
         lines = [lines[0] + ", ["]
-        lines += [f"    {written(f'{key}={written(value)}')}," for key, value in changed.items()]
+        lines += [f"    {f'{key}={written(value)}'!r}," for key, value in changed.items()]
         lines += ["])"]
     else:
         lines[0] += ")"
@@ -146,17 +146,19 @@ image = pm.simulate(surface, scope, setpoint={setting.setpoint!r}, solver={solve
 """
 
 
-def _differences(before: Mapping[str, Any], after: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+def _differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
     """The keys whose values differ, by their names as overrides have them."""
     changed: dict[str, Any] = {}
     for key, value in after.items():
-        name, old = f"{path}{key}", before.get(key)
+        old = before.get(key)
         if isinstance(value, Mapping) and isinstance(old, Mapping):
-            changed |= _differences(old, value, f"{name}.")
-        elif value != old:
-            if "." in key:
-                raise InputError("key", key, "a name without dots, to be set from Python", "Save the scene instead.")
-            changed[name] = value
+            differs = {f"{key}.{name}": one for name, one in _differences(old, value).items()}
+        else:
+            differs = {} if value == old else {key: value}
+        if differs and ("." in key or "=" in key or not key or key != key.strip()):  # no override could name it
+            allowed = "a name without dots, equals signs and blanks around it, to be set from Python"
+            raise InputError("key", key, allowed, "Save the scene instead.")
+        changed |= differs
     return changed
 
 

@@ -3,25 +3,33 @@
 Only 127.0.0.1 listens, every address begins with a token that nobody can guess, and a request that names another host
 is refused: a page of somebody else's whose name was pointed here (DNS rebinding) gets nothing. The page may load
 nothing from elsewhere (Content-Security-Policy), and neither it nor the server asks anything of another machine.
+
+Who does not know the token can hold up nobody: connections are few, and one that is silent gives way to a new one.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
 import secrets
+import socket
 import socketserver
 import struct
 import sys
 import threading
+import time
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
+from phasemap._shared.interrupts import stoppable
 from phasemap._shared.plausible import unquestioned
+from phasemap.explorer.limits import LIMITS, MOVING, TooLong, compiling, far_off, limiter
+from phasemap.explorer.setting import Setting
 from phasemap.explorer.subject import Subject
 
 if TYPE_CHECKING:
@@ -29,7 +37,11 @@ if TYPE_CHECKING:
 
 HOST = "127.0.0.1"
 LARGEST = 1 << 16  # bytes of what a page sends
-PATIENCE = 60.0  # seconds after which a silent connection is closed
+CONNECTIONS = 32  # at once; a browser has at most six for each page
+SILENCE = 5.0  # seconds after which a connection is closed that has not asked for anything with the token
+PATIENCE = 60.0  # seconds after which one is closed that has
+RELIEF = 0.1  # seconds to wait where the system has no file for another connection
+DIGITS = 16  # of a whole number that is read exactly; longer ones are floats, or infinite
 LENIENCE = 1.0  # seconds that a long answer waits for one that a slider wants
 PAGE = {
     "": ("index.html", "text/html; charset=utf-8"),
@@ -51,8 +63,8 @@ BINARY = "application/octet-stream"
 log = logging.getLogger(__name__)
 
 
-class Superseded(Exception):
-    """The page wants another answer by now."""
+class Gone(Exception):
+    """Nobody waits for the answer any more: the page asked for another one, or was closed, or the server is."""
 
 
 class Server(ThreadingHTTPServer):
@@ -74,14 +86,51 @@ class Server(ThreadingHTTPServer):
         self.closing = False
         self.busy = Count()
         self.dragged = Count()
-        self._latest: dict[str, object] = {}
-        self._mapped: object = None
+        self._lock = threading.Lock()
+        self._open: set[socket.socket] = set()
+        self._silent: dict[socket.socket, None] = {}  # of those, the ones that wait for a request, the longest first
         super().__init__((HOST, port), _Handler)
 
     def server_bind(self) -> None:
         """Bind, without looking up a name for the address as `HTTPServer` does."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, self.server_address[1]
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """Accept a connection; where the system has no file for one, wait for others to close."""
+        try:
+            return super().get_request()
+        except OSError:
+            time.sleep(RELIEF)
+            raise
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Take a connection if there is room, or one that is silent can be closed for it."""
+        with self._lock:
+            if len(self._open) >= CONNECTIONS:
+                if not self._silent:
+                    return False
+                longest = next(iter(self._silent))
+                del self._silent[longest]
+                with contextlib.suppress(OSError):
+                    longest.shutdown(socket.SHUT_RDWR)  # its thread finds that it has ended, and closes it
+            self._open.add(request)
+            self._silent[request] = None
+            return True
+
+    def listening(self, request: socket.socket, silent: bool) -> None:
+        """Note whether a connection waits for a request, or has one that is answered."""
+        with self._lock:
+            self._silent.pop(request, None)
+            if silent:
+                self._silent[request] = None
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self._lock:
+            self._open.discard(request)
+            self._silent.pop(request, None)
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that goes away in the middle is not an error."""
@@ -97,26 +146,6 @@ class Server(ThreadingHTTPServer):
     def hosts(self) -> tuple[str, str]:
         """What the header Host may say."""
         return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
-
-    def newest(self, kind: str) -> Callable[[int, int], None]:
-        """What a long answer calls as its progress.
-
-        It stops the answer where the page wants another one of its kind, and holds it up while a slider moves.
-        """
-        mine = self._latest[kind] = object()
-
-        def check(_done: int, _total: int) -> None:
-            if self.closing or self._latest.get(kind) is not mine:
-                raise Superseded
-            self.dragged.none.wait(LENIENCE)
-
-        return check
-
-    def map_for(self, key: object) -> None:
-        """Stop the map of the contrast that is being made if it is not the one of this key."""
-        if key != self._mapped:
-            self._mapped = key
-            self._latest.pop("contrast", None)
 
 
 class Count:
@@ -150,16 +179,27 @@ class _Handler(BaseHTTPRequestHandler):
 
     server: Server
     protocol_version = "HTTP/1.1"
-    timeout = PATIENCE
+    timeout = SILENCE
     disable_nagle_algorithm = True
     wbufsize = -1
+
+    def handle_one_request(self) -> None:
+        """Wait for a request, and answer it."""
+        self.server.listening(self.connection, True)
+        super().handle_one_request()
+
+    def parse_request(self) -> bool:
+        """Read the rest of a request whose first line came."""
+        understood = super().parse_request()
+        self.server.listening(self.connection, not understood)
+        return understood
 
     def do_GET(self) -> None:
         """Give a file of the page, or what it begins with."""
         if (name := self._asked()) is None:
             return
         if name == "start":
-            self._answer(lambda: (JSON, _start(self.server.subject)))
+            self._answer(name, lambda: (JSON, _start(self.server.subject)))
         elif name in PAGE:
             file, kind = PAGE[name]
             self._send(200, kind, files("phasemap.explorer").joinpath("page", file).read_bytes())
@@ -171,19 +211,24 @@ class _Handler(BaseHTTPRequestHandler):
         if (name := self._asked()) is None:
             return
         length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > LARGEST:
+        if not length.isdecimal() or len(length) > len(str(LARGEST)) or int(length) > LARGEST:
             self._refuse(413, f"A message has a Content-Length of at most {LARGEST} bytes.")
             return
-        body = self.rfile.read(int(length))
         try:
-            message = json.loads(body)
+            message = json.loads(self.rfile.read(int(length)), parse_int=_whole)
         except (ValueError, RecursionError):
             self._refuse(400, "The message is not JSON.")
             return
-        if (answer := _answers().get(name)) is None:
+        if (make := _answers().get(name)) is None:
             self._refuse(404, "There is nothing at this address.")
-        else:
-            self._answer(lambda: answer(self.server, message))
+            return
+
+        def answer() -> tuple[str, bytes]:
+            setting = Setting.of(self.server.subject, message)
+            with stoppable(self._stopper(name, setting)):
+                return make(self.server, setting)
+
+        self._answer(name, answer)
 
     def _asked(self) -> str | None:
         """What is asked for; None if it is refused."""
@@ -193,23 +238,51 @@ class _Handler(BaseHTTPRequestHandler):
         elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(403, "The address lacks its token; take the whole one that phasemap explore printed.")
         else:
+            self.connection.settimeout(PATIENCE)
             return name
         return None
 
-    def _answer(self, make: Callable[[], tuple[str, bytes]]) -> None:
+    def _answer(self, name: str, make: Callable[[], tuple[str, bytes]]) -> None:
         """Send what is made, or say why it cannot be."""
         try:
             with self.server.busy, unquestioned():  # the page shows every number with its unit
                 kind, content = make()
-        except Superseded:
-            self._send(204, JSON, b"")
+        except Gone:
+            self.close_connection = True
+        except TooLong as error:
+            self._refuse(503, str(error))
         except PhasemapError as error:
             self._refuse(422, str(error))
         except Exception as error:
-            log.exception("the explorer could not answer %s", self.path.rpartition("/")[2])
+            log.exception("the explorer could not answer %s", name)
             self._refuse(500, f"Something is wrong in phasemap ({type(error).__name__}: {error}). Please report it.")
         else:
             self._send(200, kind, content)
+
+    def _stopper(self, name: str, setting: Setting) -> Callable[[], None]:
+        """What stops an answer that nobody waits for or that takes too long, and holds up one that no slider wants."""
+        in_time, waits = limiter(name, setting.scope), LIMITS.get(name) is not MOVING
+
+        def check() -> None:
+            if self.server.closing or self._left():
+                raise Gone
+            in_time()
+            if waits:
+                self.server.dragged.none.wait(LENIENCE)
+
+        return check
+
+    def _left(self) -> bool:
+        """Whether the page closed the connection: a browser does so where a question is taken back."""
+        self.connection.settimeout(0)
+        try:
+            return not self.connection.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        finally:
+            self.connection.settimeout(PATIENCE)
 
     def _refuse(self, code: int, sentence: str) -> None:
         """Say what is wrong, and close: what was sent may not have been read."""
@@ -264,40 +337,38 @@ def _start(subject: Subject) -> bytes:
     )
 
 
-def _answers() -> dict[str, Callable[[Server, object], tuple[str, bytes]]]:
+def _answers() -> dict[str, Callable[[Server, Setting], tuple[str, bytes]]]:
     """What can be asked with a setting."""
     from phasemap.explorer import answers
     from phasemap.explorer.saving import SAVED
-    from phasemap.explorer.setting import Setting
 
-    def picture(server: Server, message: object) -> tuple[str, bytes]:
-        setting = Setting.of(server.subject, message)
-        server.map_for(answers.map_key(setting))
+    def picture(server: Server, setting: Setting) -> tuple[str, bytes]:
         with server.dragged:
             return BINARY, _packed(answers.picture(setting))
 
-    def scan(server: Server, message: object) -> tuple[str, bytes]:
-        return BINARY, _packed(answers.scan(Setting.of(server.subject, message), server.newest("scan")))
+    def scan(_: Server, setting: Setting) -> tuple[str, bytes]:
+        return BINARY, _packed(answers.scan(setting))
 
-    def curves(server: Server, message: object) -> tuple[str, bytes]:
-        setting = Setting.of(server.subject, message)
+    def curves(server: Server, setting: Setting) -> tuple[str, bytes]:
         with server.dragged:
             return JSON, _json(answers.curves(setting))
 
-    def contrast(server: Server, message: object) -> tuple[str, bytes]:
-        setting = Setting.of(server.subject, message)
-        server.map_for(answers.map_key(setting))
-        return JSON, _json(answers.contrast_map(setting, server.newest("contrast")))
+    def contrast(_: Server, setting: Setting) -> tuple[str, bytes]:
+        return JSON, _json(answers.contrast_map(setting))
 
-    def save(name: str) -> Callable[[Server, object], tuple[str, bytes]]:
-        def saved(server: Server, message: object) -> tuple[str, bytes]:
-            file = SAVED[name](Setting.of(server.subject, message), server.newest(name))
+    def doing(_: Server, setting: Setting) -> tuple[str, bytes]:
+        compiles = "compiling the solvers for their first use, which takes a minute or two …"
+        return JSON, _json({"doing": compiles if compiling.going_on else far_off(setting.scope) or "solving …"})
+
+    def save(name: str) -> Callable[[Server, Setting], tuple[str, bytes]]:
+        def saved(_: Server, setting: Setting) -> tuple[str, bytes]:
+            file = SAVED[name](setting)
             about = _json({"name": file.name, "kind": file.kind})
             return BINARY, _with_length(about) + file.content
 
         return saved
 
-    asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast}
+    asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast, "doing": doing}
     return asked | {f"save/{name}": save(name) for name in SAVED}
 
 
@@ -315,3 +386,8 @@ def _with_length(text: bytes) -> bytes:
 def _json(value: object) -> bytes:
     """JSON that every browser reads."""
     return json.dumps(value, allow_nan=False, ensure_ascii=True).encode()
+
+
+def _whole(digits: str) -> int | float:
+    """A whole number of a message; one with more digits than a number can have is a float, or infinite."""
+    return int(digits) if len(digits) <= DIGITS else float(digits)

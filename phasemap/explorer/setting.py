@@ -7,16 +7,19 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from phasemap._shared.checks import number, whole
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import number_of
 from phasemap._shared.plausible import strict_units, unquestioned
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
+from phasemap.explorer.knobs import knobs_of
+from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.problem import check_setpoint
 
+BEYOND = 1e4  # times the ends of its slider that a number may be
 KEYS = ("setpoint", "free_amplitude", "frequency", "radius", "materials", "pair", "exact")
 
 
@@ -54,11 +57,15 @@ class Setting:
         if not isinstance(exact, bool):
             raise InputError("exact", exact, "true or false")
         with strict_units() if subject.strict else unquestioned():  # a slider shows what it is set to
+            scope = replace(scope, drive=replace(scope.drive, **drive), tip=replace(scope.tip, **radius))
+            check_frequency(scope)
+            materials = _materials(subject, message.get("materials"))
+            _check_reach(subject, scope, materials)
             return cls(
                 subject,
-                replace(scope, drive=replace(scope.drive, **drive), tip=replace(scope.tip, **radius)),
+                scope,
                 check_setpoint(message.get("setpoint", subject.options["setpoint"])),
-                _materials(subject, message.get("materials")),
+                materials,
                 _pair(subject, message.get("pair")),
                 exact,
             )
@@ -140,6 +147,20 @@ def _materials(subject: Subject, given: object) -> dict[str, Material]:
         }
         made[name] = construct(name, real, lambda base=subject.materials[name], **new: replace(base, **new))
     return made
+
+
+def _check_reach(subject: Subject, scope: Microscope, materials: Mapping[str, Material]) -> None:
+    """Refuse numbers far beyond their sliders: on some of them solvers work without end, and cannot be stopped."""
+    every = list(materials.values())
+    for knob in knobs_of(subject):
+        if knob.key in ("setpoint", "frequency"):
+            continue
+        holder = scope.tip if knob.key == "radius" else scope.drive if knob.material is None else every[knob.material]
+        value = getattr(holder, knob.key)
+        if not (value == 0 or knob.low / BEYOND <= value <= knob.high * BEYOND):
+            low, high, given = (x / knob.size for x in (knob.low / BEYOND, knob.high * BEYOND, value))
+            allowed = f"{low:.4g} to {high:.4g} {knob.unit}".rstrip() + " in the page"
+            raise InputError(knob.label, Word(f"{given:.4g} {knob.unit}".rstrip()), allowed)
 
 
 def _pair(subject: Subject, given: object) -> tuple[str, str]:

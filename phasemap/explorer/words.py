@@ -86,7 +86,8 @@ def lines_of(first: Found, second: Found) -> list[str]:
     """
     unsolved = [one for one in dict.fromkeys((first, second)) if math.isnan(one.phase)]
     if unsolved:
-        return [f"{one.name} has no orbit here. {one.advice}" for one in unsolved]
+        compared = "" if first.name == second.name else ", so that the two cannot be compared"
+        return [f"{one.name} has no orbit here{compared}. {one.advice}" for one in unsolved]
     if first.name == second.name:
         said = [_alone(first)]
     elif first.stiffens != second.stiffens:

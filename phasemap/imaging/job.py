@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.interrupts import check_stopped
 from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
@@ -90,6 +91,7 @@ class Job:
 
     def report(self, done: int) -> None:
         """Say how many pixels of the part are done, in those of the image."""
+        check_stopped()
         if self.progress is not None:
             ny, nx = self.place.image
             self.progress(self.place.row * nx + done, ny * nx)

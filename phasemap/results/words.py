@@ -77,7 +77,7 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
     """Say so if several materials can hardly be told apart by their phase.
 
-    Returns one line, or none.
+    Returns one line, or none, as where a pixel has no solution and so no phase to be told by.
 
     Examples
     --------
@@ -87,9 +87,9 @@ def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
     """
     import numpy as np
 
-    if materials < 2 or "phase" not in ds or not np.isfinite(ds["phase"].values).any():
+    if materials < 2 or "phase" not in ds or not np.isfinite(ds["phase"].values).all():
         return []
-    apart = float(np.nanmax(ds["phase"].values) - np.nanmin(ds["phase"].values))
+    apart = float(np.ptp(ds["phase"].values))
     if apart > NOTABLE:
         return []
     return [

@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Mapping
 
+from phasemap._shared.errors import InputError
 from phasemap.scenes.tables import Table
 
 BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
@@ -67,9 +68,21 @@ def written(value: object) -> str:
         from numpy import format_float_scientific
 
         return format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "e")
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    return _quoted(value) if isinstance(value, str) else repr(value)
 
 
 def _key(name: str) -> str:
     """A key, in quotes where TOML wants them."""
-    return name if BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
+    return name if BARE.fullmatch(name) else _quoted(name)
+
+
+def _quoted(text: str) -> str:
+    """A string: as in JSON, but TOML has no raw DEL, and no halves of characters, which stand for bytes in file names.
+
+    Raises InputError for those.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise InputError("text of a TOML file", text, "characters of Unicode") from None
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -9,6 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
+from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.solvers.problem import Work
 
@@ -55,7 +56,11 @@ class InTime:
         eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
         some, codes, _ = answers.of(chosen)
         rows = np.ascontiguousarray(work.rows[chosen])
-        rows_of(work.law, rows, work.lever, work.amplitudes[chosen], eta, periods, some, codes)
+        amplitudes = work.amplitudes[chosen]
+        for i in range(len(chosen)):  # one by one, because one may take seconds
+            check_stopped()
+            one = slice(i, i + 1)
+            rows_of(work.law, rows[one], work.lever, amplitudes[one], eta, periods, some[one], codes[one])
         periodic = (codes == col.GOOD) & ~col.irregular(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])

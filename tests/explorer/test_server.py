@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import http.client
 import json
 import os
@@ -10,9 +11,12 @@ import re
 import shutil
 import signal
 import socket
+import stat
 import struct
 import subprocess
 import sys
+import threading
+import urllib.request
 import webbrowser
 from collections.abc import Iterator
 from importlib.resources import files
@@ -22,11 +26,14 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from numba.core import event
 
 import phasemap as pm
+from phasemap._shared.interrupts import check_stopped
 from phasemap.cli import main
 from phasemap.explorer.explore import Explorer, serve
-from phasemap.explorer.server import HOST, LARGEST, Superseded
+from phasemap.explorer.limits import LIMITS
+from phasemap.explorer.server import CONNECTIONS, HOST, LARGEST, RELIEF, Server
 from phasemap.explorer.subject import subject_of
 from phasemap.scenes.scene import load_scene
 
@@ -158,6 +165,7 @@ def test_a_bad_value_is_refused_in_the_sentence_that_python_raises(explorer: Exp
         (404, "page/index.html", {}),
         (413, "picture", {"body": b"", "length": LARGEST + 1}),
         (413, "picture", {"body": b"", "length": "a"}),
+        (413, "picture", {"body": b"", "length": "1" * 5000}),
         (501, "picture", {"body": b"{}", "method": "PUT"}),
     ],
 )
@@ -187,24 +195,136 @@ def test_an_error_of_ours_is_an_answer_too(explorer: Explorer, monkeypatch: pyte
     assert code == 500 and "ZeroDivisionError: by nothing" in json.loads(content)["error"]
 
 
-def test_a_long_answer_stops_where_another_is_wanted() -> None:
+def connected(explorer: Explorer, sent: bytes = b"") -> socket.socket:
+    """A connection that sends something and then nothing."""
+    connection = socket.create_connection((HOST, urlsplit(explorer.url).port or 0), timeout=60)
+    connection.sendall(sent)
+    return connection
+
+
+def posted(explorer: Explorer, name: str, body: bytes = b"{}") -> bytes:
+    """A request, as it is sent."""
+    url = urlsplit(explorer.url)
+    return (
+        f"POST {url.path}{name} HTTP/1.1\r\nHost: {url.netloc}\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body
+    )
+
+
+@pytest.mark.parametrize("name", ["picture", "curves", "contrast", "scan", "save/image"])
+def test_work_ends_where_the_page_takes_its_question_back(
+    explorer: Explorer, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    began, ended = threading.Event(), threading.Event()
+
+    def endless(*_: object, **__: object) -> None:
+        began.set()
+        try:
+            while True:
+                check_stopped()
+        finally:
+            ended.set()
+
+    place = "saving" if name == "save/image" else "answers"
+    what = {"contrast": "contrast_map", "save/image": "image"}.get(name, name)
+    monkeypatch.setattr(f"phasemap.explorer.{place}.{what}", endless)
+    with connected(explorer, posted(explorer, name)):
+        assert began.wait(60) and not ended.is_set()
+    assert ended.wait(60)
+    assert explorer.idle.wait(60)
+
+
+@pytest.mark.parametrize("name", ["picture", "curves", "contrast"])
+def test_work_that_takes_too_long_ends_with_a_sentence_that_says_why_and_what_to_do(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LIMITS, name, LIMITS[name]._replace(seconds=0.0))
     with serve(subject_of(STEP, overrides=[SMALL])) as explorer:
-        server = explorer._server
-        server.map_for("one setting")
-        older = server.newest("contrast")
-        older(0, 1)
-        server.map_for("one setting")
-        older(0, 1)  # the same map is still wanted
-        newer = server.newest("contrast")
-        with pytest.raises(Superseded):
-            older(0, 1)
-        newer(0, 1)
-        server.map_for("another")
-        with pytest.raises(Superseded):
-            newer(0, 1)
-        last = server.newest("image")
-    with pytest.raises(Superseded):
-        last(0, 1)
+        code, _, content = ask(explorer, name, {"frequency": 60e3})
+        said = json.loads(content)["error"]
+    assert code == 503 and said.startswith("This takes longer than the 0 s that the page has for ")
+    assert "The drive at 60 kHz is far from the resonance at 300 kHz" in said
+    assert "Save scene runs without a limit" in said
+
+
+def test_a_drive_far_below_the_resonance_is_refused_at_once(explorer: Explorer) -> None:
+    code, _, content = ask(explorer, "picture", {"frequency": 1e3})
+    said = json.loads(content)["error"]
+    assert code == 422 and said.startswith(
+        "drive frequency is 1 kHz; allowed: 3 kHz to 30 MHz in the page, for a resonance at 300 kHz"
+    )
+
+
+def test_what_the_page_says_of_a_long_answer_is_true(explorer: Explorer) -> None:
+    def said(**setting: float) -> str:
+        return str(json.loads(ask(explorer, "doing", setting)[2])["doing"])
+
+    assert said() == "solving …"
+    assert said(frequency=60e3).startswith("The drive at 60 kHz is far from the resonance")
+    with event.trigger_event("numba:compile"):
+        assert said().startswith("compiling the solvers for their first use")
+
+
+def test_silent_connections_give_way_to_a_new_one(explorer: Explorer) -> None:
+    with contextlib.ExitStack() as silent:
+        every = [silent.enter_context(connected(explorer, b"POST /")) for _ in range(2 * CONNECTIONS)]
+        assert ask(explorer, "start")[0] == 200
+        assert every[0].recv(1) == b""  # the first is closed
+        every[-1].settimeout(0)
+        with pytest.raises(BlockingIOError):  # the last is not
+            every[-1].recv(1)
+
+
+def test_a_connection_is_refused_where_all_others_are_being_answered(
+    explorer: Explorer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("phasemap.explorer.server.CONNECTIONS", 1)
+    began, goes_on = threading.Event(), threading.Event()
+
+    def slow(_: object) -> dict[str, Any]:
+        began.set()
+        goes_on.wait(60)
+        return {}
+
+    monkeypatch.setattr("phasemap.explorer.answers.curves", slow)
+    with connected(explorer, posted(explorer, "curves")) as served:
+        assert began.wait(60)
+        with connected(explorer) as refused:
+            assert refused.recv(1) == b""
+        goes_on.set()
+        assert served.recv(12) == b"HTTP/1.1 200"
+
+
+def test_the_server_waits_where_the_system_has_no_file_for_a_connection(
+    explorer: Explorer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[float] = []
+
+    class Full:
+        def accept(self) -> None:
+            raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr("phasemap.explorer.server.time.sleep", waits.append)
+    server = Server.__new__(Server)
+    server.socket = Full()  # type: ignore[assignment]
+    with pytest.raises(OSError, match="Too many open files"):
+        server.get_request()
+    assert waits == [RELIEF]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"setpoint": 10**400}, {"radius": -(10**400)}, {"frequency": 10**400}, {"pair": [10**400, 0]},
+        {"materials": [{"modulus": 10**400}, {}]}, {"materials": 10**400}, {"exact": 10**400}, 10**400,
+    ],
+)  # fmt: skip
+def test_a_number_of_many_digits_is_refused_in_one_sentence(
+    explorer: Explorer, body: object, caplog: pytest.LogCaptureFixture
+) -> None:
+    code, _, content = ask(explorer, "picture", body)
+    assert code == 422 and "; allowed: " in json.loads(content)["error"] and len(content) < 300
+    code, _, content = ask(explorer, "picture", body=json.dumps(body).replace("0" * 400, "0" * 5000).encode())
+    assert code == 422 and "; allowed: " in json.loads(content)["error"] and not caplog.records
 
 
 def test_explore_gives_an_address_shows_itself_in_a_notebook_and_closes() -> None:
@@ -229,11 +349,26 @@ def test_every_explorer_has_a_token_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(("browser", "opened"), [(None, 1), (True, 1), (False, 0)])
-def test_the_browser_opens_by_itself(browser: bool | None, opened: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_browser_opens_by_itself_and_nobody_else_sees_the_token(
+    browser: bool | None, opened: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     addresses: list[str] = []
     monkeypatch.setattr(webbrowser, "open", addresses.append)
     with pm.explore(STEP, browser=browser) as explorer:
-        assert addresses == [explorer.url] * opened
+        assert len(addresses) == opened
+        for address in addresses:
+            assert urlsplit(explorer.url).path.strip("/") not in address
+            file = Path(urllib.request.url2pathname(urlsplit(address).path))
+            assert f'content="0;url={explorer.url}"' in file.read_text()
+            if os.name == "posix":
+                assert stat.S_IMODE(file.stat().st_mode) == 0o600 and stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+    assert not any(Path(urllib.request.url2pathname(urlsplit(address).path)).parent.exists() for address in addresses)
+
+
+def test_where_the_file_for_the_browser_cannot_be_written_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.mkdtemp", lambda **_: "/nowhere/at/all")
+    with pytest.raises(pm.FileError, match=r"cannot write a file for the browser: No such file.*--no-browser"):
+        pm.explore(STEP, browser=True)
 
 
 def test_a_port_that_is_taken_is_said(capsys: pytest.CaptureFixture[str], explorer: Explorer) -> None:

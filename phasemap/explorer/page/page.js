@@ -4,7 +4,8 @@
 import * as draw from "./draw.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a4b2a", "#555555"];
-const EV = 1.602176634e-19, SLOW = 600, PATIENT = 4000, SETTLED = 350; // J, ms
+const EV = 1.602176634e-19, SLOW = 600, PATIENT = 3000, SETTLED = 350; // J, ms
+const TOO_LONG = 503; // status of an answer that has no time left
 const LEAST = 1; // degrees of phase between black and white, not to blow up last digits
 const SOLVERS = {
   averaging: "First-order averaging, within the accuracy",
@@ -22,50 +23,69 @@ const now = { pair: [0, 0], row: null, here: null, held: null, picture: null, cu
 
 // ---- asking
 
-class Refused extends Error {}
-
-async function ask(route, message) {
-  let answer;
-  try {
-    answer = await fetch(route, message === undefined ? {} : { method: "POST", body: JSON.stringify(message) });
-  } catch {
-    throw new Refused("The explorer is closed. Start it again with phasemap explore, or pm.explore.");
-  }
-  if (answer.status === 204) return null; // another answer is wanted by now
-  if (answer.ok) return answer;
-  const said = await answer.json().catch(() => ({ error: `The server answers ${answer.status}.` }));
-  throw new Refused(said.error);
+class Refused extends Error {
+  constructor(sentence, code) { super(sentence); this.code = code; }
 }
 
-/** Asks again and again while settings change, one question at a time. */
+/** The answer to a message; an AbortError where `signal` takes the question back, so that the server stops working. */
+async function ask(route, message, signal) {
+  let answer;
+  try {
+    answer = await fetch(route, message === undefined ? {} : { method: "POST", body: JSON.stringify(message), signal });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refused("The explorer is closed. Start it again with phasemap explore, or pm.explore.");
+  }
+  if (answer.ok) return answer;
+  const said = await answer.json().catch(() => ({ error: `The server answers ${answer.status}.` }));
+  throw new Refused(said.error, answer.status);
+}
+
+/** Asks again and again while settings change, one question at a time; one that is slow is taken back for the next. */
 class Asker {
   constructor(route, take) { Object.assign(this, { route, take, busy: false, again: false }); }
 
   async run() {
-    if (this.busy) { this.again = true; return; }
+    this.again = true;
+    if (this.busy) { this.overtake(); return; }
     this.busy = true;
-    const waits = [
-      setTimeout(() => say("solving …"), SLOW),
-      setTimeout(() => say("no result yet; a first run compiles the solvers, which takes a minute or two …"), PATIENT),
-    ];
-    try {
-      do {
-        this.again = false;
-        const began = performance.now(), answer = await ask(this.route, setting());
-        if (answer) await this.take(answer, began);
+    const waits = [setTimeout(() => { say("solving …"); hideProblem(); }, SLOW), setInterval(sayWhatTakesLong, PATIENT)];
+    while (this.again) {
+      this.again = false;
+      this.question = new AbortController();
+      this.began = performance.now();
+      try {
+        await this.take(await ask(this.route, setting(), this.question.signal), this.began);
         complain("");
-      } while (this.again);
-    } catch (error) {
-      complain(error.message);
-      document.body.classList.add("stale"); // what is shown is not what the sliders say
-    } finally {
-      waits.forEach(clearTimeout);
-      this.busy = false;
+      } catch (error) {
+        if (error.name === "AbortError") continue;
+        complain(error.message);
+        document.body.classList.add("stale"); // what is shown is not what the sliders say
+      }
     }
+    waits.forEach(clearTimeout); // which ends intervals too
+    this.busy = false;
+  }
+
+  /** Takes the question back as soon as it is slow. */
+  overtake() {
+    const { question, began } = this;
+    if (this.busy) setTimeout(() => question.abort(), Math.max(SLOW - (performance.now() - began), 0));
   }
 }
 
+async function sayWhatTakesLong() {
+  const answer = await ask("doing", setting()).catch(() => null);
+  if (answer && (picture.busy || curves.busy)) say((await answer.json()).doing);
+}
+
+function hideProblem() {
+  $("problem").hidden = true;
+  $("state").hidden = false;
+}
+
 function complain(sentence) {
+  hideProblem();
   $("problem").textContent = sentence;
   $("problem").hidden = !sentence;
   $("state").hidden = Boolean(sentence);
@@ -112,29 +132,33 @@ function take(buffer) {
   if (said.materials) drawWords();
 }
 
-let mapTimer = 0;
+let mapTimer = 0, mapQuestion = new AbortController();
 function askForMap() {
   const { setpoint, free_amplitude, ...rest } = setting();
   const base = inputs.find(({ knob }) => knob.key === "free_amplitude").knob.start;
   const key = JSON.stringify([rest, Math.round(Math.log(free_amplitude / base) / Math.log(4))]);
-  if (now.pair[0] === now.pair[1] || key === now.mapKey) { drawMap(); return; }
+  if (now.pair[0] === now.pair[1] || key === now.mapKey) { drawMap(); return; } // or it is being solved, or too long
   $("map-figure").classList.add("waiting");
   $("map-state").textContent = $("advice").textContent = "";
   clearTimeout(mapTimer);
+  mapQuestion.abort(); // it was for another key
+  const question = mapQuestion = new AbortController();
+  now.mapKey = "";
   mapTimer = setTimeout(async () => {
     $("map-state").textContent = "is being solved …";
     now.mapKey = key;
     try {
-      const answer = await ask("contrast", setting());
-      if (!answer || now.mapKey !== key) { if (now.mapKey === key) now.mapKey = ""; return; }
+      const answer = await ask("contrast", setting(), question.signal);
       now.map = await answer.json();
       $("map-figure").classList.remove("waiting");
       $("map-state").textContent = `${about.materials[now.pair[1]]} less ${about.materials[now.pair[0]]}`;
       $("advice").textContent = `Where to work (◆): ${now.map.recommendation}`;
       drawMap();
     } catch (error) {
-      now.mapKey = "";
+      if (error.name === "AbortError") return;
       $("map-state").textContent = "";
+      if (error.code === TOO_LONG) { $("advice").textContent = error.message; return; }
+      now.mapKey = "";
       complain(error.message);
     }
   }, SETTLED);
@@ -142,6 +166,7 @@ function askForMap() {
 
 function changed() {
   picture.run();
+  curves.overtake(); // they follow the next picture
   askForMap();
 }
 
@@ -163,6 +188,7 @@ function drawImages() {
     draw.profile($(`${name}-profile`), values, shown.shape, shown.pixel[1], now.row, range, label);
   }
   const notes = shown.materials ? [] : [...shown.failed]; // the words say it of each material
+  if (shown.far_off) notes.push(shown.far_off);
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
   if (about.control) notes.push(shown.materials ? `Shown is each pixel engaged anew from far${about.sharp ? ", with sharp edges" : ""}.` : "Shown is the trace as the scene takes it, until a slider moves.");
   $("note").textContent = notes.join(" ");
@@ -173,6 +199,7 @@ function drawWords() {
   why.replaceChildren(...now.picture.why.map((line) => Object.assign(document.createElement("p"), { textContent: line })));
   const rows = now.picture.materials.flatMap((found, i) => {
     if (!found) return [];
+    if (found.phase === null) Object.assign(found, { regime: "no orbit", solver: "–" });
     const regime = found.regime + (found.bistable ? ", bistable" : "") + (found.motion === "irregular" ? ", irregular" : "");
     const cells = [
       found.name, regime, number(found.phase, 3), number(found.lost === null ? null : found.lost / EV, 3),
@@ -363,7 +390,6 @@ $("map").title = "Click to work there";
 
 async function saved(what) {
   const answer = await ask(`save/${what}`, setting());
-  if (!answer) return null;
   const buffer = await answer.arrayBuffer(), length = new DataView(buffer).getUint32(0, true);
   const { name, kind } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   return { name, kind, content: buffer.slice(4 + length) };
@@ -390,7 +416,6 @@ function button(id, busy, work) {
 for (const what of ["scene", "image", "picture"]) {
   button(`save-${what}`, `the ${what} is being made …`, async () => {
     const file = await saved(what);
-    if (!file) return "";
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([file.content], { type: file.kind }));
     link.download = file.name;
@@ -415,8 +440,8 @@ button("copy-python", "…", async () => {
 
 button("scan", "the scan is being simulated …", async () => {
   const began = performance.now(), answer = await ask("scan", setting());
-  if (answer) take(await answer.arrayBuffer());
-  return answer ? `scan in ${((performance.now() - began) / 1000).toFixed(1)} s` : "";
+  take(await answer.arrayBuffer());
+  return `scan in ${((performance.now() - began) / 1000).toFixed(1)} s`;
 });
 
 try {

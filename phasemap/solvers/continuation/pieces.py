@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import seen
 
@@ -142,6 +143,7 @@ class Curves:
                 swept = column == col.PARAMETER
                 m, z0 = (x, float(rows[last, col.TIP_OFFSET])) if swept else (0.0, x)
                 p, lever = self.standing(m)
+                check_stopped()
                 row, state = np.zeros(col.COLUMNS), rows[last, START].copy()
                 if not land_free(self.law, p, lever, z0, state, close, settling_periods(lever), row):
                     continue
@@ -205,6 +207,7 @@ class Curves:
         asked = Asked(self.index, self.wanted, self.box, tolerance)
         halves: list[Piece] = []
         for sense in senses:
+            check_stopped()
             rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
             point = np.zeros(POINT)
             copy_orbit(start, orbit)

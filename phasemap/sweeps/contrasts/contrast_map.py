@@ -259,7 +259,7 @@ def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> t
             work = pair.work(axes[0][i], axes[1][k], axes[2])
             for whole, part in zip(engaged, pair.engage(work, scope=pair.at(axes[0][i], axes[1][k])), strict=True):
                 whole[:, i, k] = part
-            regime[:, i, k] = regimes(work).reshape(2, count) | regime_of(engaged.rows[:, i, k])
+            regime[:, i, k] = regimes(work, pair.accuracy.periods).reshape(2, count) | regime_of(engaged.rows[:, i, k])
 
     spread(solve, range(0, shape[1] * shape[2] * count + 1, count), workers, progress)
     return engaged, regime

@@ -10,7 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import WIDE
 from phasemap._shared.plausible import unquestioned
-from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -113,16 +113,17 @@ class Pair:
         return np.asarray(np.degrees(found.rows[:, 0, col.PHASE]))
 
 
-def regimes(work: Work) -> Array:
+def regimes(work: Work, periods: int = MOST_PERIODS) -> Array:
     """In which regimes a stable orbit holds each setpoint, whether or not engaging leads to it.
 
     None is known of contacts that remember: there only what engaging leads to is.
 
+    `periods`: of the drive, that may be integrated for each.
     Returns an array of shape (n,): NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
     """
     if work.law.memory:
         return np.full(len(work), NONE, np.int8)
-    attractive, repulsive = stable_branches(work, Orbit(), Accuracy()).stable
+    attractive, repulsive = stable_branches(work, Orbit(), Accuracy(periods=periods)).stable
     codes: Array = ATTRACTIVE * attractive + REPULSIVE * repulsive
     return codes.astype(np.int8)
 
