@@ -38,11 +38,6 @@ class Method:
         """
         return f"{self.family} {self.setting}".strip()
 
-    @property
-    def share(self) -> int:
-        """One in so many cases is given to it."""
-        return 1 if self.peer is None else self.peer.share
-
 
 def methods_of(peers: list[Peer]) -> tuple[Method, ...]:
     """Every method, in the order of the table."""
