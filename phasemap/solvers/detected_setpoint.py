@@ -162,11 +162,12 @@ class _Search:
         turn, grow = a * (a - base * np.sin(phase)) / size**2, -a * base * np.cos(phase) / size
         by_size, by_phase, by_offset = np.nan_to_num(self.slopes[at], nan=0.0).T
         by_size = np.where(by_size > LEAST_SLOPE, by_size, 1.0)
-        moved = -grow / by_size  # of A
-        turned = turn + moved * (base * np.cos(phase) / size**2 + turn * by_phase)
+        # As the amplitude seen changes by one: phase seen, and tip offset.
+        phase_rate, offset_rate = (base * np.cos(phase) / size**2 + turn * by_phase) / by_size, by_offset / by_size
+        missed = np.abs(show(self.work.lever, a, phase)[0] - size)
         error = rows[:, col.ERROR_PHASE]
-        rows[:, col.ERROR_HEIGHT] += np.abs(moved * by_offset) * error
-        rows[:, col.ERROR_PHASE] = np.abs(turned) * error
+        rows[:, col.ERROR_HEIGHT] += np.abs(offset_rate) * (np.abs(grow) * error + missed)
+        rows[:, col.ERROR_PHASE] = np.abs(turn - grow * phase_rate) * error + np.abs(phase_rate) * missed
         rows[:, col.SLOPE] *= by_size
         self.rows[at] = rows
 

@@ -17,6 +17,7 @@ from phasemap._kernels.orbits.time.march import march_period
 from phasemap.experiment.excitation import of_tip, show
 from phasemap.experiment.lever import lever_of
 from phasemap.scenes.scene import load_scene
+from phasemap.solvers import detected_setpoint
 from phasemap.solvers.problem import work_of_material
 
 CASES = load("excitation")
@@ -128,6 +129,32 @@ def test_the_pixel_is_that_of_an_independent_integration(case: Case, solver: str
     assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=1e-13)
     assert pixel.mean_deflection == pytest.approx(case["mean_deflection"], abs=1e-13)
     assert abs(pixel.energy_closure) < 1e-6
+
+
+# Cases in which eight secants leave 1e-9 of the amplitude, in liquid: stiffness, Q, free amplitude, over resonance,
+# radius, modulus, adhesion, damping, setpoint.
+SECANTS = [
+    (22.98, 2.24345, 18.27e-9, 1.0, 15.93e-9, 1.686e9, 0.01, 0.0, 0.9294),
+    (0.35948, 2.0432, 31.967e-9, 1.00076, 12.43e-9, 252.79e6, 0.0, 0.01, 0.85563),
+    (0.104965, 1.76677, 39.068e-9, 0.96917, 6.7027e-9, 13.431e9, 0.0, 0.01, 0.67751),
+]
+
+
+@pytest.mark.parametrize("numbers", SECANTS)
+def test_errors_bound_what_the_search_for_the_amplitude_seen_leaves(
+    numbers: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stiffness, quality, free, ratio, radius, modulus, adhesion, damping, setpoint = numbers
+    scope = pm.Microscope(
+        pm.Cantilever(stiffness, 100e3, quality), pm.Tip(radius), pm.Drive(free, ratio * 100e3, "base"),
+        pm.Interaction("dmt", 0.3e-9),
+    )  # fmt: skip
+    material, strict = pm.Material(modulus, adhesion=adhesion, damping=damping), pm.Accuracy(phase=1e-9, height=1e-16)
+    found = pm.solve_pixel(material, scope, setpoint, accuracy=strict)
+    monkeypatch.setattr(detected_setpoint, "CLOSE", 3e-13)
+    further = pm.solve_pixel(material, scope, setpoint, accuracy=strict)
+    assert abs(found.phase - further.phase) < found.error_phase
+    assert abs(found.tip_offset - further.tip_offset) < found.error_height
 
 
 @pytest.mark.parametrize("case", IN_LIQUID[:2] + IN_AIR[:1], ids=label)
