@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -230,6 +231,16 @@ def test_a_model_that_does_not_fit_is_tried_from_other_starts() -> None:
     )
     assert not fit.good and fit.starts == 2
     assert "after 2 starting points" in fit.status
+
+
+def test_other_starts_lie_within_what_is_searched() -> None:
+    # A decay length, which is known better than a material, is sought nearer to its start.
+    scope = replace(SCOPE, interaction=pm.Interaction("dmt", 0.3e-9))
+    fit = pm.fit_distance(
+        OFFSETS[::8], scope=scope, start=FILM, parameters=("adhesion", "decay_length", "offset"),
+        amplitude=np.linspace(100e-9, 10e-9, 6), amplitude_error=1e-11,
+    )  # fmt: skip
+    assert not fit.good and fit.starts == 5
 
 
 @pytest.mark.parametrize(

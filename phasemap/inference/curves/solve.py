@@ -73,7 +73,9 @@ def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
     for _ in range(30):  # the root of g^(n + 1) = g + 1, whose powers fill a box most evenly
         golden = (1 + golden) ** (1 / (n + 1))
     share = (0.5 + np.outer(np.arange(1, LOOKS + 1), golden ** -np.arange(1.0, n + 1))) % 1
-    around = np.array([np.log(AROUND) if p.logarithmic and p.size == 1 else 0.1 for p in problem.parameters])
+    around = np.array(
+        [min(np.log(AROUND), p.reach) if p.logarithmic and p.size == 1 else 0.1 for p in problem.parameters]
+    )
     places = (2 * share - 1) * around
     ruler = Ruler.coarse(problem.data)
     costs = [float(np.log1p(problem.residuals(q, ruler) ** 2).sum()) for q in places]
