@@ -226,12 +226,12 @@ def _too_large(motion: Motion) -> Array:
 
 
 def _disturbed(motion: Motion) -> Array:
-    """Share of the bimodal modulus that the quadrature leaves out.
+    """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-6).
 
     A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
     proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
     modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and a
-    quarter of that covers all that was found in time.
+    quarter of that covers all that was found in time. The third part is that of `_answered`.
 
     For a short tap, d = D - A theta^2/2, that force is F2 = 4 sqrt(2)/3 <k>2 sqrt(A D) by the mean slope and
     F1 = 4 sqrt(2)/3 <k>1 A sqrt(A/D) by the virial. An attraction F0 that lasts through contact takes 16/(3 pi) F0 from
@@ -243,8 +243,31 @@ def _disturbed(motion: Motion) -> Array:
         scale = 4 * np.sqrt(2) / 3 / motion.lever[col.STIFFNESS]
         by_slope, by_virial = scale * np.abs(_stiffness_2(motion)) * share, scale * _stiffness_1(motion) / share
         force = by_slope + np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0) / 3
-        rest: Array = 0.5 * _too_large(motion) ** 2 + force / 4
+        rest: Array = 0.5 * _too_large(motion) ** 2 + force / 4 + _answered(motion, force, np.sqrt(2) * share)
     return rest
+
+
+def _answered(motion: Motion, force: Array, turn: Array) -> Array:
+    """Share of the bimodal modulus that comes of the second mode's answer to the harmonics of the taps.
+
+    Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the surface:
+    a harmonic, or the sideband that mirrors the mode, is at its resonance there.
+
+    `force`: largest force of Hertz's law over k A [1].
+    `turn`: half of the drive's phase during which the tip is in contact [rad].
+    """
+    from scipy.special import jv
+
+    mode, stiffer, _ = _second(motion)
+    ratio, total = mode.frequency / motion.frequency, np.zeros_like(turn)
+    for n in range(1, int(2 * ratio) + 1):
+        off = 1 - (n / ratio) ** 2
+        nearest = np.minimum(np.abs(off), np.abs(off + stiffer))
+        total += (jv(2, n * turn) / (n * turn)) ** 2 / np.hypot(nearest, n / ratio / mode.quality_factor)
+    answered = 12 * force * motion.lever[col.STIFFNESS] / mode.stiffness * total / turn
+    answered = np.where(turn > 0.0, answered, 0.0)
+    crossed = np.floor(2 * ratio * np.sqrt(1 + stiffer)) != np.floor(2 * ratio)
+    return np.where(crossed & np.isfinite(stiffer), np.inf, answered)
 
 
 LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"

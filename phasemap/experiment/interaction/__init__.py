@@ -247,6 +247,8 @@ class Interaction(Shown):
                 for j, column in enumerate(law.columns_on(contact_stiffness, adhesion, radius, film)):
                     rows[:, j] = column
                 rows[:, RELEASE] = law.release(contact_stiffness, adhesion, radius) + 0.0  # no -0
+                for j, column in enumerate(PowerLawDamping.columns(damping, radius, self.damping_exponent)):
+                    rows[:, 8 + j] = column
                 self._try(rows)
                 pull = law.pull(contact_stiffness, adhesion, radius)
             except InputError:
@@ -266,26 +268,27 @@ class Interaction(Shown):
                 reach = InverseSquare.columns(pull, self.decay_length)
             for j, column in enumerate(reach):
                 rows[:, 4 + j] = column
-            for j, column in enumerate(PowerLawDamping.columns(damping, radius, self.damping_exponent)):
-                rows[:, 8 + j] = column
         return rows
 
     def _try(self, rows: np.ndarray) -> None:
-        """Call the formulas of a user's law, as Python, with the first material."""
+        """Call the formulas of a user's law, as Python, with the material that damps most."""
         import numpy as np
 
         law = self.law
         valid = np.flatnonzero(np.isfinite(rows).all(axis=1))
         if not self._is_own or not len(valid):
             return
-        row = rows[valid[0]]
+        row = rows[valid[np.argmax(rows[valid, DAMPING])]]
+        formulas = {"force": law.force, "slope": law.slope}
+        if row[DAMPING]:
+            formulas["damping"] = law.damping
         for d in TRIED:
-            for formula in (law.force, law.slope):
+            for name, formula in formulas.items():
                 value = formula(d, row)
-                if not math.isfinite(value):
+                if isinstance(value, complex) or not math.isfinite(value):  # complex: a root of what is below 0
                     raise InputError(
-                        "contact", law.name, "a law with finite force and slope for d >= 0",
-                        f"At d = {d:g} m with p = {row[:4].tolist()} it gives {value}.",
+                        "contact", law.name, "a law with finite force, slope and damping for d >= 0",
+                        f"At d = {d:g} m with p = {row.tolist()} it gives {value} for the {name}.",
                     )  # fmt: skip
 
     def _loop_energies(self, rows: np.ndarray) -> np.ndarray:
