@@ -226,7 +226,7 @@ def _too_large(motion: Motion) -> Array:
 
 
 def _disturbed(motion: Motion) -> Array:
-    """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-6).
+    """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-8).
 
     A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
     proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
@@ -242,32 +242,33 @@ def _disturbed(motion: Motion) -> Array:
         share = np.sqrt(np.maximum(motion.orbit["indentation"], 0.0) / motion.amplitude)
         scale = 4 * np.sqrt(2) / 3 / motion.lever[col.STIFFNESS]
         by_slope, by_virial = scale * np.abs(_stiffness_2(motion)) * share, scale * _stiffness_1(motion) / share
-        force = by_slope + np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0) / 3
-        rest: Array = 0.5 * _too_large(motion) ** 2 + force / 4 + _answered(motion, force, np.sqrt(2) * share)
+        lacking = np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0)
+        rest: Array = 0.5 * _too_large(motion) ** 2 + (by_slope + lacking / 3) / 4
+        rest += _answered(motion, np.sqrt(2) * share, by_slope, lacking)
     return rest
 
 
-def _answered(motion: Motion, force: Array, turn: Array) -> Array:
-    """Share of the bimodal modulus that comes of the second mode's answer to the harmonics of the taps.
+def _answered(motion: Motion, turn: Array, by_slope: Array, lacking: Array) -> Array:
+    """Share of the bimodal modulus that comes of the second mode's answer to harmonics: theory, Eq. (errors-7).
 
     Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the surface:
     a harmonic, or the sideband that mirrors the mode, is at its resonance there.
 
-    `force`: largest force of Hertz's law over k A [1].
     `turn`: half of the drive's phase during which the tip is in contact [rad].
+    `by_slope, lacking`: F2 and F2 - F1 over k A [1], as in `_disturbed`.
     """
     from scipy.special import jv
 
     mode, stiffer, _ = _second(motion)
-    ratio, total = mode.frequency / motion.frequency, np.zeros_like(turn)
+    ratio, force, total = mode.frequency / motion.frequency, by_slope + lacking / 3, np.zeros_like(turn)
     for n in range(1, int(2 * ratio) + 1):
-        off = 1 - (n / ratio) ** 2
+        off, q = 1 - (n / ratio) ** 2, n * turn
         nearest = np.minimum(np.abs(off), np.abs(off + stiffer))
-        total += (jv(2, n * turn) / (n * turn)) ** 2 / np.hypot(nearest, n / ratio / mode.quality_factor)
-    answered = 12 * force * motion.lever[col.STIFFNESS] / mode.stiffness * total / turn
-    answered = np.where(turn > 0.0, answered, 0.0)
+        answer = force * np.abs(jv(2, q)) / q**2 + lacking * np.abs(np.sin(q)) / (6 * q)
+        total += np.abs(jv(2, q)) * answer / np.hypot(nearest, n / ratio / mode.quality_factor)
+    answered = 12 * motion.lever[col.STIFFNESS] / mode.stiffness * force / by_slope * total / turn
     crossed = np.floor(2 * ratio * np.sqrt(1 + stiffer)) != np.floor(2 * ratio)
-    return np.where(crossed & np.isfinite(stiffer), np.inf, answered)
+    return np.where(turn > 0.0, np.where(crossed & np.isfinite(stiffer), np.inf, answered), 0.0)
 
 
 LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"

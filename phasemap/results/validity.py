@@ -25,7 +25,7 @@ LOW_Q = 20.0  # below this, first-order averaging is off by degrees
 DETUNED = 0.15  # 1 - omega^2 from which it is: with Q 60 to 600, 0.6 to 3 degree and 2 to 20 nm in one case of ten
 FREE = 1.2  # times the adhesion: force at which a lever comes free; 1.1 did wherever it was tried
 WIDE, DEEP = 2.0, 0.3  # contact radius, and depth, over a film's thickness that its law is good for
-SMALL_SECOND = 0.01  # bimodal_modulus_bound up to which the second mode counts as small
+SMALL_SECOND = 0.05  # bimodal_modulus_bound up to which the second mode counts as small
 AVERAGING = 0  # among the flags of `solver`
 
 
@@ -67,7 +67,7 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
         if (rough := bound > SMALL_SECOND).any():
             yield (
                 f"{_of(rough, what)}: the second mode moves too much, or the tap is too hard, to know the bimodal "
-                f"modulus to 1 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
+                f"modulus to 5 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
                 "free_amplitude to a twentieth of the indentation, or raise the setpoint."
             )
     if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):

@@ -113,7 +113,7 @@ class Film(ContactLaw):
     >>> import numpy as np
     >>> rows = [Film().columns_on(np.array([1e9]), np.array([0.0]), 1e-8, np.array([[0.5, h]])) for h in (1.0, 5e-9)]
     >>> [round(float(Film.force(1e-9, [column[0] for column in row])) * 1e9, 2) for row in rows]
-    [3.16, 8.64]
+    [3.16, 8.65]
     """
 
     base: str = "bonded"
