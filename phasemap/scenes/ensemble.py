@@ -220,9 +220,8 @@ class Ensemble:
     def _tables(self, sample: int) -> Table:
         """The tables of the scene of one sample."""
         tables = {name: table for name, table in self.tables.items() if name != "ensemble"}
-        values = self.samples[sample]
-        for key in sorted(values, key=lambda key: not key.endswith(".preset")):  # beside which others are varied
-            tables = with_value(tables, key, values[key])
+        for key, value in sorted(self.samples[sample].items(), key=lambda one: not one[0].endswith(".preset")):
+            tables = with_value(tables, key, value)
         return tables
 
     @property
@@ -313,10 +312,10 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
         _check_key(key, tables)
     for override in overrides:
         name, _, text = override.partition("=")
-        varied = ({name.strip()} | stated_in(name.strip(), value_of(text))) & set(samples[0])
-        if varied:
-            allowed = f"a key that the ensemble does not vary; it varies {', '.join(sorted(varied))}"
-            raise InputError("override", override, allowed)
+        if both := ({name.strip()} | stated_in(name.strip(), value_of(text))) & set(samples[0]):
+            raise InputError(
+                "override", override, f"a key that the ensemble does not vary, not {', '.join(sorted(both))}"
+            )
     names = [name_of(key) for key in samples[0]]
     if len(set(names)) < len(names):
         raise InputError("names of variables", ", ".join(names), "another one for each key")

@@ -155,7 +155,9 @@ def test_an_ensemble_takes_presets_and_refuses_those_of_numbers_that_it_varies(t
     made = load_ensemble(sample, [*few, "materials.ps.preset=PMMA", "cantilever.preset=AC240TS"]).scene(1)
     assert made.microscope.cantilever == pm.Cantilever.preset("AC240TS")
     assert made.config["materials"]["ps"] == dataclasses.asdict(pm.Material.preset("PMMA"))
-    with pytest.raises(pm.InputError, match=r"that the ensemble does not vary; it varies materials.ldpe.damping, mat"):
+    with pytest.raises(
+        pm.InputError, match=r"that the ensemble does not vary, not materials.ldpe.damping, materials.ldpe.m"
+    ):
         load_ensemble(sample, [*few, "materials.ldpe.preset=PDMS"])
     text = sample.read_text().replace("materials.ldpe.damping = { low = 0.005, high = 0.05 }", "")
     (tmp_path / "vary.toml").write_text(text.replace("[0.6, 0.7, 0.8]", "[0.7]\nmaterials.ldpe.preset = ['PDMS']"))
