@@ -312,10 +312,8 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
         _check_key(key, tables)
     for override in overrides:
         name, _, text = override.partition("=")
-        if both := ({name.strip()} | stated_in(name.strip(), value_of(text))) & set(samples[0]):
-            raise InputError(
-                "override", override, f"a key that the ensemble does not vary, not {', '.join(sorted(both))}"
-            )
+        if both := sorted(({name.strip()} | stated_in(name.strip(), value_of(text))) & set(samples[0])):
+            raise InputError("override", override, f"a key that the ensemble does not vary, not {', '.join(both)}")
     names = [name_of(key) for key in samples[0]]
     if len(set(names)) < len(names):
         raise InputError("names of variables", ", ".join(names), "another one for each key")
