@@ -41,9 +41,9 @@ from phasemap._shared.notices import untold
 from phasemap._shared.plausible import once
 from phasemap._shared.units import UDUNITS
 from phasemap.scenes.keys import unit_of
-from phasemap.scenes.samples import make_samples
+from phasemap.scenes.samples import check_overrides, make_samples
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
-from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, stated_in, value_of, with_value
+from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, with_value
 
 Table = dict[str, Any]
 Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
@@ -310,10 +310,7 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
     samples = make_samples(tables["ensemble"], folder)
     for key in samples[0]:
         _check_key(key, tables)
-    for override in overrides:
-        name, _, text = override.partition("=")
-        if both := sorted(({name.strip()} | stated_in(name.strip(), value_of(text))) & set(samples[0])):
-            raise InputError("override", override, f"a key that the ensemble does not vary, not {', '.join(both)}")
+    check_overrides(overrides, samples[0])
     names = [name_of(key) for key in samples[0]]
     if len(set(names)) < len(names):
         raise InputError("names of variables", ", ".join(names), "another one for each key")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -14,7 +14,7 @@ from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.files import size_of
 from phasemap._shared.memory import check_fits
 from phasemap.scenes.keys import plain
-from phasemap.scenes.tables import check_choice, check_keys, construct, value_of
+from phasemap.scenes.tables import check_choice, check_keys, construct, stated_in, value_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,6 +44,14 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
         raise InputError("[ensemble] licence", licence, "text, such as 'CC-BY-4.0'")
     table = {key: value for key, value in table.items() if key != "licence"}
     return _read(folder, table) if "table" in table else _drawn(table)
+
+
+def check_overrides(overrides: Iterable[str], varied: Iterable[str]) -> None:
+    """Refuse overrides of keys that are varied, by a preset too."""
+    for override in overrides:
+        name, _, text = override.partition("=")
+        if both := sorted(({name.strip()} | stated_in(name.strip(), value_of(text))) & set(varied)):
+            raise InputError("override", override, f"a key that the ensemble does not vary, not {', '.join(both)}")
 
 
 class Law(Protocol):
