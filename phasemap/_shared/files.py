@@ -8,7 +8,6 @@ import os
 import shutil
 import stat
 from contextlib import suppress
-from pathlib import Path
 
 from phasemap._shared.errors import FileError
 
@@ -46,9 +45,7 @@ def reason_of(error: Exception, folder: str | os.PathLike[str] | None = None) ->
     full = isinstance(error, OSError) and error.errno == errno.ENOSPC
     with suppress(OSError):
         full = full or (folder is not None and shutil.disk_usage(folder).free < FULL)
-    if full:
-        return "the disk is full" + (f", {Path(folder).absolute()}" if folder is not None else "")
-    return str(getattr(error, "strerror", None) or error)
+    return "the disk is full" if full else str(getattr(error, "strerror", None) or error)
 
 
 def digest_of(path: str | os.PathLike[str], what: str) -> str:

@@ -35,7 +35,11 @@ KINDS = {
     "bool": Kind("True or False", "True and False", lambda value: type(value).__name__ == "bool"),
     "str": Kind("a text", "texts", lambda value: isinstance(value, str)),
     "os.PathLike[str]": Kind("a path", "paths", lambda value: isinstance(value, os.PathLike)),
-    "Progress": Kind("a function, called as progress(done, total)", "functions", callable),
+    "Progress": Kind(
+        "a function, called as progress(done, total)",
+        "functions",
+        lambda value: callable(value) and not isinstance(value, type),
+    ),
 }
 """By how an annotation says it."""
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import cache
+from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -192,6 +193,8 @@ def phase_lag(phase: T) -> T:
     >>> phase_lag(20.0)
     70.0
     """
+    if not isinstance(phase, Real) and getattr(getattr(phase, "dtype", None), "kind", "") not in tuple("fiu"):
+        raise InputError("phase", phase, "a number, an array or a DataArray of numbers [degree]")
     lag = 90.0 - phase
     if hasattr(lag, "assign_attrs"):
         lag = lag.assign_attrs(long_name="lag behind the drive, 90 at free resonance, below 90 repulsive")

@@ -147,6 +147,7 @@ def series(
     images, names = _read(files, direction)
     error = number("phase_error", phase_error, "degree", above=0)
     whole("regions", regions, 2, 4)
+    whole("seed", seed, 0)
     widths = _widths(prior, prior_factor)
     used, told = scope_of(images, scope)
     given = {
