@@ -280,7 +280,7 @@ def _known(ds: xr.Dataset, variable: str | None) -> str:
 
 def _size(ds: xr.Dataset) -> tuple[float, float]:
     """Height and width of the image [m]."""
-    return ds.sizes["y"] * coordinate_step(ds, "y"), ds.sizes["x"] * coordinate_step(ds, "x")
+    return coordinate_step(ds, "y") * ds.sizes["y"], coordinate_step(ds, "x") * ds.sizes["x"]
 
 
 def _notes(ds: xr.Dataset) -> dict[str, str]:
