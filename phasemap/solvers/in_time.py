@@ -15,7 +15,7 @@ from phasemap.solvers.problem import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
-MISSING = 2.0  # [rad] of phase, at most, for each part of the energy that is missing: 1.3 in draws of lasting dents
+MARGIN = 2.0  # of the errors that missing energy stands for, over the least: 1.3 in draws of lasting dents
 ERROR_PHASE, ERROR_HEIGHT = math.radians(5e-5), 1e-14  # [rad, m], found against independent orbits
 
 
@@ -73,14 +73,17 @@ class InTime:
         return np.asarray(chosen[pressed])
 
     @staticmethod
-    def _state_closure(some: np.ndarray, periodic: np.ndarray) -> None:
+    def _state_closure(rows: np.ndarray, periodic: np.ndarray) -> None:
         """State larger errors where energy is missing that surfaces remember: dents that last have kinks.
 
-        With no other error sin(lag) is off by that share of itself, and the offset by less than that of the amplitude.
+        With no other error sin(lag) is off by that share of itself, and a depth by that over cos(lag)^2: theory,
+        Eq. (memory-13).
         """
-        missing = np.abs(some[periodic, col.CLOSURE])
-        for column, error in (
-            (col.ERROR_PHASE, MISSING * missing),
-            (col.ERROR_HEIGHT, missing * some[periodic, col.AMPLITUDE]),
-        ):
-            some[periodic, column] = np.maximum(some[periodic, column], error)
+        some = rows[periodic]
+        missing = MARGIN * np.abs(some[:, col.CLOSURE])
+        sine, cosine = np.abs(np.sin(some[:, col.PHASE])), np.abs(np.cos(some[:, col.PHASE]))  # of pi/2 - lag
+        sine = np.maximum(sine, np.sqrt(missing))
+        phase = missing * np.maximum(cosine / sine, 1.0)
+        height = missing * np.maximum(some[:, col.AMPLITUDE], some[:, col.INDENTATION] / sine**2)
+        for column, error in ((col.ERROR_PHASE, phase), (col.ERROR_HEIGHT, height)):
+            rows[periodic, column] = np.maximum(some[:, column], error)

@@ -22,6 +22,7 @@ from phasemap._kernels.law import Law, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.runge_kutta import (
+    COMPLIANCE,
     fly,
     row2,
     row3,
@@ -50,9 +51,15 @@ X, V, SEEN, INSIDE, TAU, SLOPES = 0, 1, 2, 3, 4, 11
 OF_COS, OF_SIN, OF_MEAN, OF_LOSS, OF_VIRIAL, OF_AIR = 5, 6, 7, 8, 9, 10
 PLACES, SUMS, POINT = 5, 11, 22
 THIRD = 1 / 3
-# Of what is fixed over a period, after what `runge_kutta` has: kappa, 1/tau, the rate at which dents recover, t0 of a
-# Kelvin-Voigt surface, the pull in contact (12), and the dent [m] and when it was left.
-KAPPA, RATE, RECOVERY, T0, DENT, SINCE = 8, 9, 10, 11, 13, 14
+# Of what is fixed over a period, after what `runge_kutta` has: (3/2) K0 sqrt(R)/k, kappa, 1/tau, the rate at which
+# dents recover, t0 of a Kelvin-Voigt surface, the pull in contact, and the dent [m] and when it was left.
+STIFF, KAPPA, RATE, RECOVERY, T0, PULL, DENT, SINCE = 7, 8, 9, 10, 11, 12, 13, 14
+
+
+@kernel(inline=True)
+def over_dent(fixed: Numbers, dent: float, since: float) -> Numbers:
+    """What is fixed while the tip is off the surface, whose dent [m] it left at the time `since`."""
+    return (*fixed, dent, since)
 
 
 @kernel
@@ -63,9 +70,9 @@ def dent_at(c: Numbers, t: float) -> float:
 
 @kernel
 def work_from_far(law: Law, p: Any, d: float) -> float:
-    """Work [J] of the long-range force on a tip that comes to depth d <= 0 over a surface without dents.
+    """Work [J] of the long-range force on a tip that comes to depth d <= 0 over a surface that does not move.
 
-    `fly` leaves it out, as over elastic surfaces it is given back; here the way out may lead over a dent.
+    Steps out of contact leave it out: they add up what the force works on a surface that recovers.
     """
     if p[col.LONGRANGE] == 0.0:
         return 0.0
@@ -73,6 +80,19 @@ def work_from_far(law: Law, p: Any, d: float) -> float:
     for i in range(len(_FAR_X)):
         total_ += _FAR_W[i] * longrange_force(law, d - size * _FAR_X[i], p)
     return size * total_
+
+
+@kernel
+def potential(law: Law, p: Any, c: Numbers, mode: float, q: float, d: float, t: float) -> float:
+    """Energy [J] over stiffness that the tip has to give back: of the attraction, and of springs in viscous contacts.
+
+    0 in contact with a solid that relaxes, whose steps add up all the work.
+    """
+    if mode == on.FREE:
+        return work_from_far(law, p, d - dent_at(c, t)) * c[COMPLIANCE]
+    if c[T0] > 0:
+        return c[STIFF] * q * (0.5 * d * d - q * q * (d * THIRD - 0.1 * q * q)) + c[PULL] * d
+    return 0.0
 
 
 @kernel(inline=True)
@@ -102,20 +122,26 @@ def slopes(
     law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, x: float, v: float, seen: float,
     inside: float, time: float,
 ) -> Numbers:  # fmt: skip
-    """Slopes of what a step moves, and the integrands z cos, z sin, z, F z', -F z and z'^2, at a stage."""
+    """Slopes of what a step moves, and the integrands z cos, z sin, z, energy into the surface, -F z and z'^2.
+
+    Where that energy is not F z' but what dashpots and a recovering dent take, the rest of the work is `potential`.
+    Energy then does not close by itself where steps are too long for the surface.
+    """
     omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull = c[:DENT]
     since, cosine, sine = start
     turned, turning_sine = turn(omega * time)
     turned, turning_sine = cosine * turned - sine * turning_sine, sine * turned + cosine * turning_sine
     t = since + time
     xi, w, speed = x * x, 2 * x, v
-    y = seen_rate = inside_rate = 0.0
+    y = seen_rate = inside_rate = taken = 0.0
     if mode == on.FREE:
         w, d = 1.0, x
-        gap = d - (c[DENT] * math.exp((c[SINCE] - t) * recovery) if c[DENT] > 0 else 0.0)
+        dent = dent_at(c, t)
+        gap = d - dent
         force = 0.0
         if p[col.LONGRANGE] != 0.0:
             force = longrange_force(law, gap, p) * compliance if gap <= 0 else edge_force + edge_slope * gap
+        taken = -force * recovery * dent
     elif mode == on.SHRINKING and t0 > 0:
         d = xi - t0 * v
         force = stiff * x * xi * (2 / 3) + pull
@@ -128,14 +154,17 @@ def slopes(
             force = stiff * (whole + t0 * x * v) + pull
         else:
             force = stiff * (whole - kappa * inside) + pull
+            taken = w * force * v
             seen_rate = w * (d - seen) * rate
             inside_rate = w * (whole - inside) * rate + y * speed
     z = z0 + d
     a = base * turned - z - force - 2 * alpha0 * v
     if mode == on.SHRINKING and t0 > 0:
-        speed = v + t0 * a
+        speed, y = v + t0 * a, -t0 * v
+    if mode != on.FREE and t0 > 0:
+        taken = stiff * (t0 * w * x * v * v - 0.5 * y * y * speed)
     return (
-        speed, w * a, seen_rate, inside_rate, w, w * z * turned, w * z * turning_sine, w * z, w * force * v,
+        speed, w * a, seen_rate, inside_rate, w, w * z * turned, w * z * turning_sine, w * z, taken,
         -w * force * z, w * v * v,
     )  # fmt: skip
 

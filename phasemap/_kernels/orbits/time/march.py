@@ -272,9 +272,10 @@ def march_elastic(
             part = turning(x, v, end[X], end[SPEED], h)
             top = _advance(law, row, fixed, touching, start, part)
             height = top[X] + 0.5 * h * top[SPEED] ** 2 / (v - end[SPEED])
-            highest = max(highest, bottom + height * height if touching else height)
             if (in_neck or not touching) and top[X] > edge:  # grazing: both ends may be below
                 h, end = part, top
+            else:
+                highest = max(highest, bottom + height * height if touching else height)
         elif in_neck and v < 0 and end[SPEED] > 0:
             part = turning(-x, -v, -end[X], -end[SPEED], h)
             low = _advance(law, row, fixed, touching, start, part)

@@ -38,9 +38,10 @@ from phasemap._kernels.orbits.time.edge import (
     at_edge,
     dent_at,
     depth_of,
+    over_dent,
+    potential,
     speed_of,
     step,
-    work_from_far,
 )
 from phasemap._kernels.orbits.time.edge_events import find_edge, record, record_between, to_edge, to_instant, to_turn
 from phasemap._kernels.orbits.time.march import HARD, MAX_STEPS, contact_rate, flight_rate, reach, root_of, turning
@@ -59,12 +60,13 @@ FADES = 0.3  # of 1/tau, least rate at which that ends after a turn: with 1/tau_
 WITH_DENT = 3.0  # times the former, where the next tap meets what this one leaves
 AFTER_TURN = 0.1
 FLIGHT, ATTRACTED = 2.0, 1.0  # steps out of contact, over those of `march`: where nothing attracts; where a force does
+RECOVERS = 0.25  # of the rate at which a dent under an attracted tip recovers, in the density of steps
 FARTHEST = 0.5  # no longer than this, in 1/omega_c
 BEYOND, KINK, NUDGE = 3e-3, 1e-6, 1e-9  # of q: how far past an old turn an edge has to come to stop there; just past
 ASTRAY, SHORTEST = 0.3, 1e-4  # of a step: how far it may be off a line's; and the least of its length that is taken
 PASSED = 5  # nodes of a dent that a step may pass
 ROUNDING = 1e-14  # in 1/omega_c: what a last step leaves of a period by rounding, which would take twenty more to go
-FORGOTTEN = 3e-8  # of the free amplitude: a dent that is gone
+FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 
 @kernel
@@ -95,6 +97,14 @@ def strays(m: np.ndarray, mode: float, u: np.ndarray, end: np.ndarray, h: float)
     if mode != on.GROWING or j < 0:
         return False
     return u[X] < math.sqrt(m[on.node(m, True, j) + on.XI]) < end[X]
+
+
+@kernel
+def dented_share(law: Law, p: Any, gap: float, dent: float) -> float:
+    """Share of the long-range force that a dent under the tip takes away, at most 1."""
+    force = abs(longrange_force(law, gap, p))
+    less = dent * abs(longrange_slope(law, gap, p))
+    return less / (force + less) if less > 0 else 0.0
 
 
 @kernel
@@ -165,10 +175,8 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         if dent < FORGOTTEN * free:
             m[on.OUTER], dent = 0.0, 0.0
     sizes = sizes_over(dent / free if mode == on.FREE else 1.0, kelvin)
-    c = (
-        omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull, dent,
-        0.0,
-    )  # fmt: skip
+    fixed = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull)
+    c = over_dent(fixed, dent, 0.0)
     u[V], u[X] = v, d
     if mode != on.FREE:
         u[X], u[SEEN], u[INSIDE] = m[on.EDGE], m[on.SEEN], m[on.INSIDE]
@@ -187,8 +195,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
     highest, grade, gone, turned = d, 1.0, 0.0, 0.0
     cosine, sine, left = math.cos(m[on.BEGIN]), math.sin(m[on.BEGIN]), 2 * math.pi / omega
     sums = np.zeros(SUMS)
-    if mode == on.FREE and dent == 0:
-        sums[OF_LOSS] = -work_from_far(law, p, d) * compliance
+    sums[OF_LOSS] = -potential(law, p, c, mode, u[X], d, 0.0)
     steps, speed = 0, 0.0
     what = 1  # at the end of a step, 1: first touch, 2: last touch, 3: turn, 4: past one of before
     while left > ROUNDING:
@@ -208,7 +215,15 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
                 h = min(h, most / (x + math.sqrt(x * x + most * fast)))  # 2 q h + q' h^2
             grade = min(2 * grade, 1.0)
         else:
-            h = min(left, flight / flight_rate(law, p, plain, x - dent_at(c, gone), v))
+            dent = dent_at(c, gone)
+            if c[DENT] > 0 and dent < FORGOTTEN * free:  # what is left of it comes back at once
+                sums[OF_LOSS] -= dent * longrange_force(law, x, p) * compliance
+                m[on.OUTER] = dent = 0.0
+                c = over_dent(fixed, 0.0, 0.0)
+            density = flight_rate(law, p, plain, x - dent, v)
+            if dent > 0:
+                density = math.hypot(density, RECOVERS * recovery * dented_share(law, p, x - dent, dent) ** 0.125)
+            h = min(left, flight / density)
         step(law, p, c, m, mode, start, u, h, end)
         if touching:
             speed = speed_of(law, p, c, m, mode, start, end)
@@ -221,11 +236,12 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             # The highest point lies inside; the tip may touch there and be off again at the end.
             part = turning(x, v, end[X], end[V], h)
             step(law, p, c, m, mode, start, u, part, trial)
-            highest = max(highest, trial[X] + 0.5 * h * trial[V] ** 2 / (v - end[V]))
             if trial[X] > dent_at(c, gone + trial[TAU]):
                 h = part
                 for i in range(SUMS):
                     end[i] = trial[i]
+            else:
+                highest = max(highest, trial[X] + 0.5 * h * trial[V] ** 2 / (v - end[V]))
         what, whole = 0, True
         if not touching:
             if end[X] > dent_at(c, gone + end[TAU]):
@@ -266,9 +282,9 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
         cosine, sine = cosine * b - sine * s, sine * b + cosine * s
         start, u[TAU] = (gone, cosine, sine), 0.0
         if what == 1:
-            if c[DENT] == 0:
-                sums[OF_LOSS] += work_from_far(law, p, 0.0) * compliance
+            sums[OF_LOSS] += potential(law, p, c, mode, 0.0, u[X], gone)
             mode, u[SEEN], u[INSIDE] = on.GROWING, u[X], 0.0
+            sums[OF_LOSS] -= potential(law, p, c, mode, 0.0, u[SEEN], gone)
             u[X] = m[on.INNER] = 0.0
             deep = reach(law, p, plain, 0.0, u[V], snap + 2 * HARD * HARD * math.hypot(z0, u[V]))
         elif what == 2:
@@ -281,16 +297,13 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             record(m, c, mode, u, gone, speed)
         if what == 2:
             d = depth_of(m, c, mode, u, gone)
-            if d == 0:
-                sums[OF_LOSS] -= work_from_far(law, p, d) * compliance
+            sums[OF_LOSS] += potential(law, p, c, mode, 0.0, d, gone)
             mode, u[X], m[on.INNER] = on.FREE, d, 0.0
-            c = (
-                omega, alpha0, compliance, base, z0, edge_force, edge_slope, stiff, kappa, rate, recovery, t0, pull,
-                d, gone,
-            )  # fmt: skip
+            c = over_dent(fixed, d, gone)
+            sums[OF_LOSS] -= potential(law, p, c, mode, 0.0, d, gone)
         elif what == 3 and mode == on.GROWING:
             bend = u[SLOPES + V]
-            if m[on.OUTER] == 0:
+            if m[on.OUTER] == 0 or u[V] >= 0:  # next to where the tip is deepest, on either side
                 highest = max(highest, depth_of(m, c, mode, u, gone) - u[V] ** 2 * u[X] / bend)
             on.turn_back(m, u[X] * u[X], gone, recovery, rate)
             mode, grade, turned = on.SHRINKING, AFTER_TURN, gone
@@ -300,8 +313,7 @@ def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, 
             on.turn_forth(m, u[X] * u[X], gone, rate)
             mode, grade = on.GROWING, AFTER_TURN
     d = depth_of(m, c, mode, u, gone)
-    if mode == on.FREE and c[DENT] == 0:
-        sums[OF_LOSS] += work_from_far(law, p, d) * compliance
+    sums[OF_LOSS] += potential(law, p, c, mode, u[X], d, gone)
     m[on.MODE], m[on.EDGE], m[on.SEEN], m[on.INSIDE] = mode, u[X], u[SEEN], u[INSIDE]
     on.shift(m, gone)
     y[Z], y[V], y[TOUCHES] = z0 + d, u[V], 1.0 if mode != on.FREE else 0.0
