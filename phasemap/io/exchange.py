@@ -57,12 +57,10 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
     >>> to_sidpy("image.nc")
     Traceback (most recent call last):
     ...
-    phasemap.InputError: image is 'a str'; allowed: an xarray.Dataset with maps over y and x.
+    phasemap.InputError: image is 'image.nc'; allowed: an xarray.Dataset. The order is to_sidpy(image).
     """
     import numpy as np
 
-    if not hasattr(image, "data_vars"):
-        raise InputError("image", f"a {type(image).__name__}", "an xarray.Dataset with maps over y and x")
     for dim in ("y", "x"):
         if dim not in image.coords:
             raise InputError(f"coordinate {dim} of the image", None, "places of the pixels in m")
