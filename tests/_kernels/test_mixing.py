@@ -3,7 +3,7 @@
 import numpy as np
 
 from phasemap._kernels.orbits.response.mixing import DEPTH, keep, mix, new_past
-from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, TOUCH, N, W
+from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, TOUCH, N
 
 
 def test_mixed_passes_end_where_errors_have_no_more_shapes_than_are_kept_though_plain_ones_diverge() -> None:
@@ -17,10 +17,10 @@ def test_mixed_passes_end_where_errors_have_no_more_shapes_than_are_kept_though_
     off = np.linalg.norm((at - end)[:-1][TOUCH : TOUCH + N] - (at - end)[-1])
     past = new_past(f, True)
     for passes in range(DEPTH + 2):
-        f[W] = at[:-1]
+        f.w = at[:-1]
         keep(f, past)
         after = end + shapes @ (factors * (shapes.T @ (at - end)))
-        f[W] = after[:-1]
-        at = np.append(f[W], at[-1] + mix(f, after[-1] - at[-1], passes, past))
-        at[:-1] = f[W]
+        f.w = after[:-1]
+        at = np.append(f.w, at[-1] + mix(f, after[-1] - at[-1], passes, past))
+        at[:-1] = f.w
     assert np.linalg.norm((at - end)[:-1][TOUCH : TOUCH + N] - (at - end)[-1]) < 1e-6 * off

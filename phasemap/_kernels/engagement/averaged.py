@@ -20,10 +20,10 @@ from phasemap._kernels.engagement.leap import FARTHEST, lands, strong
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     DETUNED,
-    HEIGHT,
     REPULSIVE,
     STEEPEST,
     UNCLEAR,
+    Maximum,
     approach,
     at_crossing,
     at_gap,
@@ -140,7 +140,7 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
 
 @kernel(shared=True)
 def engage(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: Maximum
 ) -> tuple[int, int]:
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
@@ -215,7 +215,7 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray) -> int:
+def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: Maximum) -> int:
     """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
     if not near_resonance(lever):
         return DOUBTFUL
@@ -227,7 +227,7 @@ def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: 
 
 @kernel
 def settle_side(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: Maximum,
     guess: np.ndarray,
 ) -> bool:  # fmt: skip
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
@@ -235,6 +235,6 @@ def settle_side(
     if p[col.LONGRANGE] != 0.0 and amplitude < narrowest(lever) * free:
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
         strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
-        if side == ATTRACTIVE and not top[HEIGHT] > 0.0:
+        if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
     return on_side(law, p, lever, reach, amplitude, side, top, guess)

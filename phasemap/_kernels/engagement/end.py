@@ -13,24 +13,19 @@ import numpy as np
 
 from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import ATTRACTIVE, GAP, REPULSIVE, UNCLEAR, narrowest, pull
-from phasemap._kernels.engagement.resonance import HEIGHT as HIGHEST
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, narrowest, pull
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, W
-from phasemap._kernels.orbits.response.orbit import AT, BEND, MISMATCH, Room
+from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, Nodes
+from phasemap._kernels.orbits.response.orbit import Fit, Room
 from phasemap._kernels.orbits.response.passes import (
-    AMP,
-    DRAG,
     FOUND,
-    MEAN,
-    PUSH,
-    SLOPE,
-    E,
+    PassState,
     beside_resonance,
     converge,
     start,
 )
+from phasemap._kernels.records import clear
 
 TIGHT = 0.015  # mismatch at the exact maximum that decides
 MOST_SHIFTS = 3  # of three points, to where orbits are found
@@ -45,23 +40,23 @@ MOST_STEPS, ENOUGH = 6, 0.02  # to the orbit beside the end, and mismatch left t
 
 @kernel
 def held(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: np.ndarray,
-    state: np.ndarray,
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: Nodes,
+    state: PassState,
 ) -> float:  # fmt: skip
     """`pull` of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = amplitude, amplitude + gap, -1.0 / reach
+    clear(state)
+    state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach
     if not start(law, p, lever, reach, f, state):
         return math.nan
     if converge(law, p, lever, f, state, True, KNOWN, math.inf) != FOUND:
         return math.nan
-    return pull(lever, amplitude, state[PUSH], state[DRAG])
+    return pull(lever, amplitude, state.push, state.drag)
 
 
 @kernel
 def decide_exactly(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, f: np.ndarray,
-    state: np.ndarray, fit: np.ndarray,
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum, f: Nodes,
+    state: PassState, fit: Fit,
 ) -> int:  # fmt: skip
     """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
 
@@ -69,10 +64,10 @@ def decide_exactly(
     """
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
     lifted = held(law, p, lever, reach, amplitude, 0.0, f, state)
-    middle = top[GAP] + (min(f[W, OUT], 0.0) if math.isfinite(lifted) else 0.0)
-    step = min(0.3 * (reach + abs(middle)), INSIDE * abs(top[GAP]))
+    middle = top.gap + (min(f.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
+    step = min(0.3 * (reach + abs(middle)), INSIDE * abs(top.gap))
     h0 = held(law, p, lever, reach, amplitude, middle, f, state)
-    if top[HIGHEST] < FAR_BELOW and h0 < FAR_BELOW:
+    if top.mismatch < FAR_BELOW and h0 < FAR_BELOW:
         return REPULSIVE
     h1 = held(law, p, lever, reach, amplitude, middle + step, f, state)
     h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
@@ -86,7 +81,7 @@ def decide_exactly(
         return UNCLEAR
     at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
     h = held(law, p, lever, reach, amplitude, at, f, state)
-    fit[AT], fit[MISMATCH], fit[BEND] = at, h, bend
+    fit.gap, fit.mismatch, fit.curvature = at, h, bend
     highest = max(max(h0, h1), max(h2, h))
     if not math.isfinite(h):
         return UNCLEAR
@@ -100,9 +95,9 @@ def decide_exactly(
 @kernel
 def highest_at(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> float:
     """The maximum of the mismatch next to the gap of room.fit, which is filled anew; NaN where it is not so near."""
-    middle, f, state = room.fit[AT], room.nodes, room.state
+    middle, f, state = room.fit.gap, room.nodes, room.state
     h0 = held(law, p, lever, reach, amplitude, middle, f, state)
-    depth = f[W, TOUCH + N // 2] - middle
+    depth = f.w[TOUCH + N // 2] - middle
     step = min(LENS * (reach + abs(middle)), INSIDE * depth)  # within the contact: where it begins there is a kink
     h1 = held(law, p, lever, reach, amplitude, middle + step, f, state)
     h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
@@ -111,7 +106,7 @@ def highest_at(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitu
         return math.nan
     at = middle - rise / bend
     h = held(law, p, lever, reach, amplitude, at, f, state)
-    room.fit[AT], room.fit[MISMATCH], room.fit[BEND] = at, h, bend
+    room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
     return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + KNOWN else math.nan
 
 
@@ -126,11 +121,11 @@ def decide_closely(
     """
     highest = highest_at(law, p, lever, reach, amplitude, room)
     if amplitude < (1.0 + SPREAD) * narrowest(lever) * free_amplitude(lever):
-        at, h, bend = room.fit[AT], room.fit[MISMATCH], room.fit[BEND]
+        at, h, bend = room.fit.gap, room.fit.mismatch, room.fit.curvature
         above = highest_at(law, p, lever, reach, (1.0 + SPREAD) * amplitude, room)
-        room.fit[AT] = at
+        room.fit.gap = at
         below = highest_at(law, p, lever, reach, (1.0 - SPREAD) * amplitude, room)
-        room.fit[AT], room.fit[MISMATCH], room.fit[BEND] = at, h, bend
+        room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
         slope, curved = 0.5 * (above - below), 0.5 * (above + below) - highest
         if not (curved > 0.0 and abs(slope) < 4.0 * curved):
             return UNCLEAR
@@ -149,7 +144,7 @@ def beside_end(
 
     The mismatch goes with the square of the distance from its maximum.
     """
-    at, highest, fall = room.fit[AT], room.fit[MISMATCH], 0.5 * room.fit[BEND]
+    at, highest, fall = room.fit.gap, room.fit.mismatch, 0.5 * room.fit.curvature
     state = room.state
     for _ in range(MOST_STEPS):
         if not (highest > 0.0 and fall < 0.0):
@@ -157,8 +152,8 @@ def beside_end(
         x = math.sqrt(-highest / fall)
         h = held(law, p, lever, reach, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
-        if abs(h) < ENOUGH * highest and state[PUSH] < 0.0:
-            guess[G_Z0], guess[G_MEAN], guess[G_A] = state[E] - state[MEAN], -state[MEAN], amplitude
-            guess[G_P], guess[G_S], guess[G_SLOPE] = state[PUSH], state[DRAG], 2.0 * fall * x
+        if abs(h) < ENOUGH * highest and state.push < 0.0:
+            guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean, -state.mean, amplitude
+            guess[G_P], guess[G_S], guess[G_SLOPE] = state.push, state.drag, 2.0 * fall * x
             return True
     return False

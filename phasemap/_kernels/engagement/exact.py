@@ -30,7 +30,7 @@ from phasemap._kernels.engagement.averaged import caution, settle_side, worst_am
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     FARTHEST_AT_ALL,
-    MAXIMUM,
+    Maximum,
     approach,
     leaps,
     near_resonance,
@@ -308,7 +308,7 @@ def engage_near(
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
-    free, guess, top, target = free_amplitude(lever), np.zeros(col.GUESS), np.zeros(MAXIMUM), np.zeros(4)
+    free, guess, top, target = free_amplitude(lever), np.zeros(col.GUESS), Maximum(), np.zeros(4)
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
     if not near_resonance(lever) or leaps(lever, force_reach, free):
         return col.NOT_CONVERGED, orbit, spare, found

@@ -17,7 +17,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import strong
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import MAXIMUM, REPULSIVE, near_resonance, on_side, strongest
+from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side, strongest
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.lever import free_amplitude, needed, reach_of
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, rest
@@ -32,7 +32,7 @@ SETTLES = 4.0  # ring-down times in which it comes to rest there
 @kernel
 def repelled_at(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this amplitude on the repulsive branch, if averaging knows it well."""
-    reach, top = reach_of(law, p), np.zeros(MAXIMUM)
+    reach, top = reach_of(law, p), Maximum()
     if not near_resonance(lever) or strong(law, p, lever, free_amplitude(lever)):
         return False
     strongest(law, p, lever, reach, amplitude, math.inf, top)

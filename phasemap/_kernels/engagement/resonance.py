@@ -41,6 +41,7 @@ from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.lever import free_amplitude, lowest, mismatch
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.passes import beside_resonance
+from phasemap._kernels.records import clear, record
 
 ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
 PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
@@ -51,8 +52,16 @@ LEAST = -0.999999  # mismatch, where its logarithm is taken
 WEAK = 2 / 3  # of the attraction (2), so much of it averaged at low Q, or less, leaves no doubt
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
-# Entries of a maximum: gap b = e - A [m], mismatch, P [m] there, and the same gap one step deeper.
-GAP, HEIGHT, PUSH, BEHIND, MAXIMUM = 0, 1, 2, 3, 4
+
+
+@record
+class Maximum:
+    """The first maximum of the mismatch as the tip comes near."""
+
+    gap: float  # b = e - A [m]
+    mismatch: float
+    push: float  # P [m]
+    behind: float  # gap one step deeper [m]
 
 
 @kernel
@@ -125,11 +134,11 @@ def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
 
 @kernel
 def strongest(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, plain: float, top: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, plain: float, top: Maximum
 ) -> None:
     """Find the first maximum of `pull` as the tip comes near, or stop early where it is plainly above zero."""
     h, push = pull_at(law, p, lever, reach, amplitude, 0.0)
-    top[GAP], top[HEIGHT], top[PUSH] = 0.0, h, push
+    top.gap, top.mismatch, top.push = 0.0, h, push
     if h >= plain:
         return
     before, h_before, here, h_here = 0.0, h, 0.0, h
@@ -138,12 +147,12 @@ def strongest(
         h, push = pull_at(law, p, lever, reach, amplitude, deeper)
         if h < h_here or push > 0.0:
             break
-        top[GAP], top[HEIGHT], top[PUSH] = deeper, h, push
+        top.gap, top.mismatch, top.push = deeper, h, push
         if h >= plain:
             return
         before, h_before, here, h_here = here, h_here, deeper, h
         deeper *= 2.0
-    top[BEHIND] = deeper
+    top.behind = deeper
     if here < 0.0 and push <= 0.0:
         # A parabola through three points, in the root of the depth.
         x0, x1, x2 = math.sqrt(-before), math.sqrt(-here), math.sqrt(-deeper)
@@ -153,8 +162,8 @@ def strongest(
         highest = h_before + (x - x0) * (rise + bend * (x - x1))
         if x0 < x < x2 and abs(highest) < 2.0 * plain:
             h, push = pull_at(law, p, lever, reach, amplitude, -x * x)
-            if h > top[HEIGHT]:
-                top[GAP], top[HEIGHT], top[PUSH] = -x * x, h, push
+            if h > top.mismatch:
+                top.gap, top.mismatch, top.push = -x * x, h, push
 
 
 @kernel
@@ -194,9 +203,9 @@ def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float)
 
 
 @kernel
-def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> float:
+def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the attractive crossing, outside of a point with more than enough attraction; NaN if it is not found."""
-    near, h_near = top[GAP], top[HEIGHT]
+    near, h_near = top.gap, top.mismatch
     shift = reach + max(-near, 0.0)
     for _ in range(40):
         far = near + 2.0 * (near + shift)
@@ -221,12 +230,12 @@ def deepest(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
 
 
 @kernel
-def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray) -> float:
+def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
-    peak, want = top[GAP], lever[col.BASE] - stiff - top[PUSH]
-    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top[HEIGHT], LEAST))))
-    gap, last = top[BEHIND], deepest(law, p, lever)
+    peak, want = top.gap, lever[col.BASE] - stiff - top.push
+    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST))))
+    gap, last = top.behind, deepest(law, p, lever)
     for _ in range(60):
         h, push = at_gap(law, p, lever, reach, amplitude, gap)
         if h > 0.0 and push > 0.0:
@@ -235,7 +244,7 @@ def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: f
             return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
         near, f_near = gap, sided(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
-        grow = 1.1 * math.sqrt(want / max(push - top[PUSH], 0.02 * want))
+        grow = 1.1 * math.sqrt(want / max(push - top.push, 0.02 * want))
         gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
         if gap < last:
             break
@@ -271,28 +280,28 @@ def weak(lever: np.ndarray, amplitude: float, highest: float) -> bool:
 
 @kernel
 def decide(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, margin: float, top: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, margin: float, top: Maximum
 ) -> int:
     """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
-    top[:] = 0.0
+    clear(top)
     if p[col.LONGRANGE] == 0.0:
         # Without attraction there is one branch; with adhesion alone its onset jumps.
-        top[BEHIND] = -1e-3 * amplitude
+        top.behind = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least = least_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
     strongest(law, p, lever, reach, amplitude, plain, top)
-    if top[HEIGHT] >= plain:
+    if top.mismatch >= plain:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
     half = -mismatch_with(lever, amplitude, 0.5)
-    return REPULSIVE if top[HEIGHT] <= -min(plain, max(least, half)) else UNCLEAR
+    return REPULSIVE if top.mismatch <= -min(plain, max(least, half)) else UNCLEAR
 
 
 @kernel
 def approach(
     law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
-    top: np.ndarray,
+    top: Maximum,
 ) -> int:  # fmt: skip
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
     worst = narrowest(lever) * free
@@ -322,7 +331,7 @@ def at_crossing(
 
 @kernel
 def on_side(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: np.ndarray,
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: Maximum,
     guess: np.ndarray,
 ) -> bool:  # fmt: skip
     """Fill `guess` with this side's averaged orbit, if it is far from a fold and from being pressed in."""

@@ -16,14 +16,14 @@ from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, OPEN, SURE, qu
 from phasemap._kernels.engagement.averaged import engage as engage_averaged
 from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_exactly, highest_at
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import HEIGHT, REPULSIVE, UNCLEAR, leaps, narrowest, weak
+from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, Maximum, leaps, narrowest, weak
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import free_amplitude, low_q, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, steep
 
 
 @kernel
-def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: np.ndarray) -> int:
+def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
     """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
     if p[RELEASE] != 0.0:
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
@@ -54,9 +54,9 @@ def cheap_orbit(
     side, worst = REPULSIVE, amplitude
     if p[LONGRANGE] != 0.0:
         worst = worst_amplitude(lever, amplitude)
-        room.fit[:] = math.nan
+        room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
         leapt, low = leaps(lever, reach, free_amplitude(lever)), low_q(lever)
-        if leapt or not low or not weak(lever, worst, room.top[HEIGHT]):
+        if leapt or not low or not weak(lever, worst, room.top.mismatch):
             side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
         # At high Q a leap is known to end on the attractive branch.
         if side != REPULSIVE and (narrowest(lever) > 1.0 or (leapt and low)):

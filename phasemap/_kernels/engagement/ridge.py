@@ -22,10 +22,9 @@ from phasemap._kernels.engagement.holding import COARSE, hold_near, tip_on
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
-    GAP,
-    HEIGHT,
     REPULSIVE,
     UNCLEAR,
+    Maximum,
     leaps,
     narrowest,
     pull_at,
@@ -206,20 +205,20 @@ def bend(place: np.ndarray, before: np.ndarray, scale: float) -> None:
 
 @kernel
 def side_of(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, top: np.ndarray, ridge: Ridge
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, top: Maximum, ridge: Ridge
 ) -> int:
     """Side on which the tip comes to `amplitude`; `top` is averaging's maximum, on which the ridge begins.
 
     A first look decides with a margin as wide as it misses what averaging predicts; later ones as they predict each
     other. Dents that last grow from look to look, and keep the margin wide.
     """
-    place, scale, predicted = ridge.place, reach_of(law, p) + abs(top[GAP]), math.nan
+    place, scale, predicted = ridge.place, reach_of(law, p) + abs(top.gap), math.nan
     before = place.copy()
     for i in range(MOST_LOOKS):
         if not look(law, p, lever, eta, scale, ridge):
             return UNCLEAR
-        lifted = -top[GAP] - ridge.tip.acc[DEEPEST]
-        if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top[GAP]):
+        lifted = -top.gap - ridge.tip.acc[DEEPEST]
+        if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top.gap):
             go(ridge, -lifted, 0.0)
             continue
         first = math.isnan(predicted)
@@ -227,7 +226,7 @@ def side_of(
             bend(place, before, scale)
         of_b, of_a, rise = to_saddle(place, amplitude)
         highest = place[H] + rise
-        missed = TRUSTED * max(abs(highest - (top[HEIGHT] if first else predicted)), abs(rise))
+        missed = TRUSTED * max(abs(highest - (top.mismatch if first else predicted)), abs(rise))
         if abs(highest) > missed + (TIGHT if first or lingering(law, p, lever) > 0.0 else CLOSEST):
             return ATTRACTIVE if highest > 0.0 else REPULSIVE
         predicted = highest
@@ -263,7 +262,7 @@ def go_outside(
 
 @kernel
 def settle_open(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, top: np.ndarray,
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, top: Maximum,
     guess: np.ndarray, row: np.ndarray,
 ) -> bool:  # fmt: skip
     """Fill the row with the motion that holds `amplitude` where averaging leaves its side open; False if it stays so.
@@ -274,9 +273,9 @@ def settle_open(
     reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
     if p[col.LONGRANGE] == 0.0 or narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
         return False
-    ridge, rough = begin_on(law, p, lever, worst, top[GAP], row), COARSE * eta
+    ridge, rough = begin_on(law, p, lever, worst, top.gap, row), COARSE * eta
     side = REPULSIVE
-    if not (low_q(lever) and weak(lever, worst, top[HEIGHT])):
+    if not (low_q(lever) and weak(lever, worst, top.mismatch)):
         side = side_of(law, p, lever, amplitude, rough, top, ridge)
     if side == UNCLEAR:
         return False
@@ -286,6 +285,6 @@ def settle_open(
             return False
         averaged_row(lever, guess, row)
         tip = tip_on(law, lever, amplitude, row)
-    elif side == REPULSIVE or not go_outside(law, p, lever, amplitude, rough, reach + abs(top[GAP]), ridge):
+    elif side == REPULSIVE or not go_outside(law, p, lever, amplitude, rough, reach + abs(top.gap), ridge):
         return False
     return hold_near(law, p, lever, amplitude, eta, most, side == REPULSIVE, tip, row)

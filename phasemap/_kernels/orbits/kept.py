@@ -13,7 +13,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT
 from phasemap._kernels.orbits.response import nodes as response
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, THETA, TOUCH, WEIGHTS, N
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, TOUCH, WEIGHTS, N, Nodes
 
 MOST = 3 * N  # nodes
 FAINT = 0.01  # of the amplitude: the largest drive
@@ -23,9 +23,9 @@ KEEPING = NODES + ROWS * MOST
 
 
 @kernel(fastmath=ANY_ORDER)
-def carry(f: np.ndarray, amplitude: float, e: float, longrange: bool, at: np.ndarray) -> tuple[int, float, float]:
+def carry(f: Nodes, amplitude: float, e: float, longrange: bool, at: np.ndarray) -> tuple[int, float, float]:
     """Fill nodes from those of the response, those in contact first; returns what `solved.nodes_of` does."""
-    touching = f[THETA, EXIT] > f[THETA, ENTRY]
+    touching = f.theta[EXIT] > f.theta[ENTRY]
     count = 0
     for part in range(3):
         first = TOUCH if part == 0 else response.IN if part == 1 else response.OUT
@@ -33,15 +33,15 @@ def carry(f: np.ndarray, amplitude: float, e: float, longrange: bool, at: np.nda
             continue
         for j in range(N):
             i, k = first + j, count + j
-            at[COS, k], at[SIN, k] = f[response.COS, i], f[response.SIN, i]
-            at[DEPTH, k] = amplitude * f[response.COS, i] + f[response.W, i] - e
-            at[RATE, k] = f[response.U, i] - amplitude * f[response.SIN, i]
-            at[WEIGHT, k], at[TOUCHES, k] = WEIGHTS[j] * f[response.WEIGHT, i], 1.0 if part == 0 else 0.0
+            at[COS, k], at[SIN, k] = f.cos[i], f.sin[i]
+            at[DEPTH, k] = amplitude * f.cos[i] + f.w[i] - e
+            at[RATE, k] = f.u[i] - amplitude * f.sin[i]
+            at[WEIGHT, k], at[TOUCHES, k] = WEIGHTS[j] * f.weight[i], 1.0 if part == 0 else 0.0
         count += N
     if not touching:
         return count, 0.0, 0.0
-    entry = abs(f[response.U, ENTRY] - amplitude * f[response.SIN, ENTRY])
-    return count, entry, abs(f[response.U, EXIT] - amplitude * f[response.SIN, EXIT])
+    entry = abs(f.u[ENTRY] - amplitude * f.sin[ENTRY])
+    return count, entry, abs(f.u[EXIT] - amplitude * f.sin[EXIT])
 
 
 @kernel
@@ -51,6 +51,6 @@ def nodes_in(row: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def keep(f: np.ndarray, amplitude: float, e: float, longrange: bool, row: np.ndarray) -> None:
+def keep(f: Nodes, amplitude: float, e: float, longrange: bool, row: np.ndarray) -> None:
     """Put the nodes of the response behind a row."""
     row[COUNT], row[BEGINS], row[ENDS] = carry(f, amplitude, e, longrange, nodes_in(row))

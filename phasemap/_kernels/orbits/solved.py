@@ -12,8 +12,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.orbits.around import RATE, ROWS, TOUCHES, harmonic
 from phasemap._kernels.orbits.kept import carry
-from phasemap._kernels.orbits.response.nodes import ALL, FIELDS
-from phasemap._kernels.orbits.response.passes import STATE
+from phasemap._kernels.orbits.response.nodes import Nodes
+from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.response.retraced import retrace
 from phasemap._kernels.orbits.tap import MOST, tap
 
@@ -22,14 +22,14 @@ class Path(NamedTuple):
     """Room for the nodes of an orbit, and for those of the lever's response."""
 
     at: np.ndarray  # shape (ROWS, MOST)
-    nodes: np.ndarray
-    state: np.ndarray
+    nodes: Nodes
+    state: PassState
 
 
 @kernel
-def new_path() -> Path:
-    """Return empty arrays."""
-    return Path(np.zeros((ROWS, MOST)), np.zeros((FIELDS, ALL)), np.zeros(STATE))
+def new_path(nodes: Nodes, state: PassState) -> Path:
+    """Room for an orbit, with these nodes and this state for passes of the response."""
+    return Path(np.zeros((ROWS, MOST)), nodes, state)
 
 
 @kernel

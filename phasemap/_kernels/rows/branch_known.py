@@ -10,9 +10,7 @@ from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
-from phasemap._kernels.orbits.response.orbit import new_room, refine
-from phasemap._kernels.orbits.response.passes import HEIGHT as STATE_HEIGHT
-from phasemap._kernels.orbits.response.passes import PHASE as STATE_PHASE
+from phasemap._kernels.orbits.response.orbit import Room, refine
 from phasemap._kernels.rows.derivatives import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
 
 
@@ -34,7 +32,7 @@ def exact_block(
         NaN where the response does not converge, or the orbit is not sound.
     good : ndarray of bool, shape (n, m)
     """
-    room, guess = new_room(), np.zeros(col.GUESS)
+    room, guess = Room(), np.zeros(col.GUESS)
     for i in range(len(rows)):
         p = parameters(rows[i])
         reach = reach_of(law, p)
@@ -55,13 +53,13 @@ def exact_block(
                 guess[col.G_SLOPE] = slope / amplitude
                 if not refine(law, p, lever, reach, guess, limits, room):
                     break
-                seen, phase = show(lever, amplitude, room.state[STATE_PHASE])
+                seen, phase = show(lever, amplitude, room.state.phase)
                 miss = seen - held
                 if abs(miss) <= (HELD if step < MOST_STEPS - 1 else WELL) * held:
-                    values[i, j, PHASE], values[i, j, OFFSET] = phase, room.state[STATE_HEIGHT]
+                    values[i, j, PHASE], values[i, j, OFFSET] = phase, room.state.tip_offset
                     good[i, j] = True
                     break
-                following = next_amplitude(lever, held, amplitude, room.state[STATE_PHASE], miss, before)
+                following = next_amplitude(lever, held, amplitude, room.state.phase, miss, before)
                 before, amplitude = (amplitude, miss), following
                 if not amplitude > 0.0:
                     break

@@ -17,7 +17,7 @@ from phasemap._kernels.engagement.averaged import LEAP, SURE
 from phasemap._kernels.engagement.exact import engage as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import MAXIMUM
+from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.engagement.rest import LINGERING
 from phasemap._kernels.law import Law, parameters
@@ -111,7 +111,7 @@ def exact_rows(
     """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
     orbits = (new_orbit(), new_orbit(), new_orbit(), new_orbit())
-    guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
+    guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(first, last):
         if status[i] != col.PENDING:
             continue

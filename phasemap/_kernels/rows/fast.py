@@ -14,25 +14,26 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
-from phasemap._kernels.engagement.resonance import ATTRACTIVE, MAXIMUM, REPULSIVE, near_resonance, on_side, strongest
+from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, Maximum, near_resonance, on_side, strongest
 from phasemap._kernels.engagement.response import cheap_orbit, engage
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.kept import COUNT, FAINT, keep
-from phasemap._kernels.orbits.response.orbit import farthest, new_room, solved
-from phasemap._kernels.orbits.response.passes import ERR_HEIGHT, ERR_PHASE, HEIGHT, PARTS, PHASE, E, report
+from phasemap._kernels.orbits.response.nodes import Nodes
+from phasemap._kernels.orbits.response.orbit import Room, farthest, solved
+from phasemap._kernels.orbits.response.passes import PassState, report
 from phasemap._kernels.rows.answers import Answers
 
 
 @kernel
 def averaging_suffices(
-    lever: np.ndarray, guess: np.ndarray, state: np.ndarray, limits: np.ndarray, row: np.ndarray
+    lever: np.ndarray, guess: np.ndarray, state: PassState, limits: np.ndarray, row: np.ndarray
 ) -> bool:
     """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
-    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state[PHASE]) + state[ERR_PHASE]
-    height_error = abs(guess[col.G_Z0] - state[HEIGHT]) + state[ERR_HEIGHT]
+    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state.phase) + state.phase_error
+    height_error = abs(guess[col.G_Z0] - state.tip_offset) + state.tip_offset_error
     if not (phase_error < limits[0] and height_error < limits[1]):
         return False
     averaged_row(lever, guess, row)
@@ -42,7 +43,7 @@ def averaging_suffices(
 
 @kernel
 def choose(
-    lever: np.ndarray, guess: np.ndarray, nodes: np.ndarray, state: np.ndarray, average: bool, limits: np.ndarray,
+    lever: np.ndarray, guess: np.ndarray, nodes: Nodes, state: PassState, average: bool, limits: np.ndarray,
     row: np.ndarray,
 ) -> int:  # fmt: skip
     """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""
@@ -70,7 +71,7 @@ def cheap_rows(
     stand. Rows that wait with the status STIFF hold `guess`. Rows with room keep the nodes of the orbit (`kept`).
     """
     out, status, solver = answers
-    room, guess, waiting = new_room(), np.zeros(col.GUESS), 0
+    room, guess, waiting = Room(), np.zeros(col.GUESS), 0
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
@@ -84,8 +85,8 @@ def cheap_rows(
             solver[i] = choose(lever, guess, solved(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 out[i, COUNT] = 0.0
-                if room.state[PARTS] == 1.0 and lever[col.BASE] < FAINT * amplitude:
-                    keep(room.nodes, amplitude, room.state[E], p[col.LONGRANGE] != 0.0, out[i])
+                if room.state.parts == 1.0 and lever[col.BASE] < FAINT * amplitude:
+                    keep(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, out[i])
     return waiting
 
 
@@ -101,7 +102,7 @@ def averaging_rows(
 ) -> int:
     """First-order averaged orbit of every row in [first, last) where averaging decides; returns how many wait."""
     out, status, solver = answers
-    guess, top, waiting = np.zeros(col.GUESS), np.zeros(MAXIMUM), 0
+    guess, top, waiting = np.zeros(col.GUESS), Maximum(), 0
     for i in range(first, last):
         out[i] = math.nan
         solver[i] = col.AVERAGING
@@ -116,7 +117,7 @@ def averaging_rows(
 
 @kernel
 def averaged_beside(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, row: np.ndarray, top: np.ndarray, guess: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray
 ) -> bool:
     """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
     if p[col.LONGRANGE] == 0.0 or not near_resonance(lever):
@@ -139,7 +140,7 @@ def averaged_near_rows(
 ) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
     out, status, solver = answers
-    guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
+    guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(first, last):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
             p, amplitude = parameters(rows[i]), amplitudes[i]

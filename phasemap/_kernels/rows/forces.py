@@ -19,6 +19,8 @@ from phasemap._kernels.law import (
 )
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, moves
 from phasemap._kernels.orbits.kept import BEGINS, COUNT, ENDS, nodes_in
+from phasemap._kernels.orbits.response.nodes import Nodes
+from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.solved import all_nodes_of, new_path
 from phasemap._kernels.orbits.tap import MOST
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
@@ -172,7 +174,12 @@ def force_rows(
     of stiffness 0 where there is none: SIDEBANDS are filled in with one. WAVES are filled in where `harmonics` of the
     motion are wanted. `kept` are rows with nodes of their orbits where COUNT is above 0, shape (n, KEEPING) or (0, 0).
     """
-    path, slopes, waves, load = new_path(), np.zeros((2, TURNS)), np.zeros((2, col.HARMONICS)), np.zeros((5, MOST))
+    path, slopes, waves, load = (
+        new_path(Nodes(), PassState()),
+        np.zeros((2, TURNS)),
+        np.zeros((2, col.HARMONICS)),
+        np.zeros((5, MOST)),
+    )
     bimodal = second[col.STIFFNESS] > 0.0
     yields = _yields(lever, second) if bimodal else np.zeros((2, 1 + TURNS))
     for i in range(len(rows)):

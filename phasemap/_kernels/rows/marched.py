@@ -12,7 +12,7 @@ from phasemap._kernels.engagement.averaged import OPEN, SURE
 from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import BEHIND, MAXIMUM, REPULSIVE, near_resonance, on_side
+from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side
 from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.engagement.ridge import settle_open
 from phasemap._kernels.law import Law, parameters
@@ -20,6 +20,7 @@ from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.time.tip import ring_down
+from phasemap._kernels.records import clear
 
 FINER = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
 NEAR, FEWEST = 5.0, 40  # ring-down times, and periods, in which a tip comes to rest that starts next to its orbit
@@ -64,12 +65,10 @@ def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
 
 
 @kernel
-def only_orbit(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: np.ndarray, guess: np.ndarray
-) -> bool:
+def only_orbit(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
-    top[:] = 0.0
-    top[BEHIND] = -1e-3 * amplitude
+    clear(top)
+    top.behind = -1e-3 * amplitude
     known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
     return known and not rebounds(law, p, lever, guess[col.G_P])
 
@@ -89,7 +88,7 @@ def remembering_rows(
 
     Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
-    guess, top = np.zeros(col.GUESS), np.zeros(MAXIMUM)
+    guess, top = np.zeros(col.GUESS), Maximum()
     near = min(most, int(NEAR * ring_down(lever)) + FEWEST)
     for i in range(len(rows)):
         p, amplitude = parameters(rows[i]), amplitudes[i]

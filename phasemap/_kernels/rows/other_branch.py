@@ -18,13 +18,11 @@ from phasemap._kernels.engagement.averaged import caution
 from phasemap._kernels.engagement.end import CLOSEST, decide_exactly, held, highest_at
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
-    BEHIND,
     DETUNED,
-    GAP,
-    HEIGHT,
     PLAIN,
     REPULSIVE,
     UNCLEAR,
+    Maximum,
     at_gap,
     on_side,
     strongest,
@@ -32,8 +30,7 @@ from phasemap._kernels.engagement.resonance import (
 from phasemap._kernels.law import Law, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
-from phasemap._kernels.orbits.response.orbit import Room, new_room, refine, solved, steep
-from phasemap._kernels.orbits.response.passes import PUSH
+from phasemap._kernels.orbits.response.orbit import Room, refine, solved, steep
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
 
@@ -73,10 +70,10 @@ def averaged_on(
         wanted = 1.0 - (amplitude / free) ** 2
         detuned = 1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
         plain = min((PLAIN * wanted + 0.03) * caution(lever) * detuned, HALF_PULL * wanted)
-        if top[HEIGHT] <= -plain:
+        if top.mismatch <= -plain:
             return col.NO_STABLE_ORBIT
-        if top[HEIGHT] < plain:
-            room.fit[:] = math.nan
+        if top.mismatch < plain:
+            room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
             exact = decide_exactly(law, p, lever, reach, amplitude, top, room.nodes, room.state, room.fit)
             if exact == UNCLEAR:
                 highest = highest_at(law, p, lever, reach, amplitude, room)
@@ -84,7 +81,7 @@ def averaged_on(
                     exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
             if exact == REPULSIVE:
                 return col.NO_STABLE_ORBIT
-            if exact == UNCLEAR or not top[HEIGHT] > 0.0:
+            if exact == UNCLEAR or not top.mismatch > 0.0:
                 beside(law, p, lever, reach, amplitude, top, guess)
                 return col.PENDING
     if on_side(law, p, lever, reach, amplitude, side, top, guess):
@@ -101,24 +98,24 @@ def averaged_on(
 
 @kernel
 def beside(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray, guess: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum, guess: np.ndarray
 ) -> None:
     """Fill `guess` with a harmonic orbit outside of the strongest pull."""
-    c = 1.0 + (top[GAP] + BESIDE * (reach + abs(top[GAP]))) / amplitude
+    c = 1.0 + (top.gap + BESIDE * (reach + abs(top.gap))) / amplitude
     push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
     put(guess, amplitude, c, push, drag, mean)
 
 
 @kernel
 def drag_at_balance(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum
 ) -> tuple[float, float]:
     """Mismatch where repulsion just makes up for attraction, and the gap there; deeper the surface takes up more.
 
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
     for attraction, even in permanent contact.
     """
-    near, far = top[GAP], top[BEHIND]
+    near, far = top.gap, top.behind
     h, push = at_gap(law, p, lever, reach, amplitude, far)
     while push <= 0.0 and far >= DEEPEST * amplitude:
         near, far = far, 2.0 * far
@@ -152,9 +149,9 @@ def exact_drag(
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     before = gap + APART * min(gap, -reach)
     held(law, p, lever, reach, amplitude, before, room.nodes, room.state)
-    push_before = room.state[PUSH]
+    push_before = room.state.push
     for _ in range(MOST_SECANTS):
-        h, push = held(law, p, lever, reach, amplitude, gap, room.nodes, room.state), room.state[PUSH]
+        h, push = held(law, p, lever, reach, amplitude, gap, room.nodes, room.state), room.state.push
         if not math.isfinite(h):
             return math.nan
         if abs(push) < NO_FORCE * lever[col.BASE]:
@@ -181,7 +178,7 @@ def other_rows(
         deflection, A, P, S) to start from, or NaN.
     """
     out, status, solver = answers
-    room, guess, waiting = new_room(), np.zeros(col.GUESS), 0
+    room, guess, waiting = Room(), np.zeros(col.GUESS), 0
     for i in range(first, last):
         here = REPELLING if out[ENGAGED, i, col.STIFFENING] > 0.0 else ATTRACTING
         p, reach, left = parameters(rows[i]), reach_of(law, parameters(rows[i])), False

@@ -9,11 +9,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
-from phasemap._kernels.engagement.resonance import MAXIMUM
+from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.law import Law, parameters
-from phasemap._kernels.orbits.response.passes import report
-from phasemap._kernels.orbits.response.relaxing_orbit import new_bench, refine_relaxing
+from phasemap._kernels.orbits.response.nodes import Nodes
+from phasemap._kernels.orbits.response.passes import PassState, report
+from phasemap._kernels.orbits.response.relaxing import END, MEMORY
+from phasemap._kernels.orbits.response.relaxing_orbit import Bench, refine_relaxing
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.marched import has_one_orbit, only_orbit
 
@@ -27,7 +29,7 @@ def relaxing_rows(
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
-    guess, top, bench = np.zeros(col.GUESS), np.zeros(MAXIMUM), new_bench()
+    guess, top, bench = np.zeros(col.GUESS), Maximum(), Bench(Nodes(), np.zeros((MEMORY, END + 1)), PassState())
     for i in range(len(rows)):
         p = parameters(rows[i])
         status[i], out[i] = col.PENDING, math.nan

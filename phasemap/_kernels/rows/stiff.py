@@ -8,7 +8,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, parameters
 from phasemap._kernels.orbits.response.newton import new_bench
+from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import refine_stiff
+from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
 
@@ -29,7 +31,9 @@ def stiff_rows(
     What it is not good enough for is PENDING, and holds `guess`.
     """
     out, status, solver = answers
-    short, long, guess = new_bench(1), new_bench(2), np.zeros(col.GUESS)
+    finer = Nodes()
+    finer.cut = 1
+    short, long, guess = new_bench(Nodes(), PassState()), new_bench(finer, PassState()), np.zeros(col.GUESS)
     for i in range(first, last):
         if status[i] != col.STIFF:
             continue

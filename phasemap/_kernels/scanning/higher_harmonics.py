@@ -21,8 +21,7 @@ from phasemap._kernels.law import Law, contact_force, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import attraction
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, slope_of
-from phasemap._kernels.orbits.response.orbit import new_room, refine
-from phasemap._kernels.orbits.response.passes import HEIGHT
+from phasemap._kernels.orbits.response.orbit import Room, refine
 from phasemap._kernels.quadrature import gauss
 
 ATTRACTED, REPELLED, LACKING = 0, 1, 2
@@ -98,7 +97,7 @@ def lifts(
 
     limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
-    room, guess = new_room(), np.zeros(col.GUESS)
+    room, guess = Room(), np.zeros(col.GUESS)
     known = np.zeros((2, 3))
     for i in range(first, last):
         p, amplitude = parameters(rows[i]), amplitudes[i]
@@ -116,7 +115,7 @@ def lifts(
                 side = known[REPELLED if push > 0.0 else ATTRACTED]
                 side[ATTRACTED] = (SHORT - kappa_of_pull(1.0, reach, amplitude, c)) * pull
                 side[REPELLED] = (SHORT - pushed(c)) * (push - pull)
-                side[LACKING] = SHORT * push - (room.state[HEIGHT] - guess[col.G_Z0])
+                side[LACKING] = SHORT * push - (room.state.tip_offset - guess[col.G_Z0])
         _balance(known, out[i])
 
 

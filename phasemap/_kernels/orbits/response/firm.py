@@ -6,36 +6,26 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Law, longrange_slope
-from phasemap._kernels.orbits.response.newton import Bench, drive_of, fill
+from phasemap._kernels.orbits.response.newton import Bench, copy_motion, drive_of, fill
 from phasemap._kernels.orbits.response.nodes import (
-    COS,
     ENTRY,
     EXIT,
-    GROWTH,
     IN,
     OUT,
-    SIN,
-    THETA,
-    TURN_COS,
-    TURN_SIN,
-    WEIGHT,
     WEIGHTS,
-    G,
     N,
-    U,
-    W,
+    Nodes,
     grade,
     lay,
     node,
     parts_of,
     respond,
 )
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E
+from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.response.sound import kicked, trace_of
 
 LEAST_ALONG = 0.1  # dz0/dA: less is too near to a fold
@@ -45,24 +35,24 @@ ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the con
 
 
 @kernel
-def _touches_once(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray) -> bool:
+def _touches_once(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: Nodes, state: PassState) -> bool:
     """Whether the tip touches at the nodes in contact and at no other."""
-    amplitude, e, deepest = state[AMP], state[E], 0.0
+    amplitude, e, deepest = state.amplitude, state.centre, 0.0
     if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
-        grade(f, amplitude, e, 1e-3 * amplitude, f[THETA, EXIT])
-        lay(f, lever, f[THETA, ENTRY], f[THETA, EXIT], True)
+        grade(f, amplitude, e, 1e-3 * amplitude, f.theta[EXIT])
+        lay(f, lever, f.theta[ENTRY], f.theta[EXIT], True)
         for j in range(N):
-            f[G, IN + j], f[G, OUT + j] = 0.0, 0.0
-        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, True)
+            f.g[IN + j], f.g[OUT + j] = 0.0, 0.0
+        respond(f, lever, state.mean, state.push, state.drag, True, True)
     for k in range(N * parts_of(f)):
-        deepest = max(deepest, amplitude * f[COS, node(k)] + f[W, node(k)] - e)
+        deepest = max(deepest, amplitude * f.cos[node(k)] + f.w[node(k)] - e)
     aside = ASIDE * max(deepest, reach)
     for k in range(N * parts_of(f)):
-        if amplitude * f[COS, node(k)] + f[W, node(k)] - e < -aside:
+        if amplitude * f.cos[node(k)] + f.w[node(k)] - e < -aside:
             return False
     for j in range(N):
         inward, outward = IN + j, OUT + j
-        if max(amplitude * f[COS, inward] + f[W, inward], amplitude * f[COS, outward] + f[W, outward]) - e > aside:
+        if max(amplitude * f.cos[inward] + f.w[inward], amplitude * f.cos[outward] + f.w[outward]) - e > aside:
             return False
     return True
 
@@ -71,15 +61,15 @@ def _touches_once(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: n
 def _rises(lever: np.ndarray, bench: Bench) -> bool:
     """Whether the tip offset clearly rises with the amplitude at the drive given: theory, Eq. (stability-5)."""
     f, state, m, right = bench.nodes, bench.state, bench.system, bench.right
-    omega, amplitude, n = lever[OMEGA], state[AMP], N * parts_of(f)
+    omega, amplitude, n = lever[OMEGA], state.amplitude, N * parts_of(f)
     s, y = 1.0 - omega * omega, 2.0 * lever[ALPHA0] * omega
     for j in range(n):
-        right[j] = m[j, n] * f[COS, node(j)] - m[j, n + 1] * f[SIN, node(j)]
+        right[j] = m[j, n] * f.cos[node(j)] - m[j, n + 1] * f.sin[node(j)]
     substitute(m, n, bench.order, right)
-    per_a = 2.0 * ((state[PUSH] + amplitude * s) * s + (y * amplitude - state[DRAG]) * y) / lever[BASE] ** 2
+    per_a = 2.0 * ((state.push + amplitude * s) * s + (y * amplitude - state.drag) * y) / lever[BASE] ** 2
     per_e, mean_a, mean_e = 0.0, 0.0, 0.0
     for j in range(n):
-        to_h, to_mean = drive_of(lever, f, state, j), WEIGHTS[j % N] * f[WEIGHT, node(j)] / (2 * math.pi)
+        to_h, to_mean = drive_of(lever, f, state, j), WEIGHTS[j % N] * f.weight[node(j)] / (2 * math.pi)
         per_a, per_e = per_a + to_h * right[j], per_e - to_h * bench.per_e[j]
         mean_a, mean_e = mean_a + to_mean * right[j], mean_e - to_mean * bench.per_e[j]
     e_a = -per_a / per_e
@@ -94,16 +84,15 @@ def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
     """
     f, state, m, one, two = bench.nodes, bench.state, bench.system, bench.right, bench.per_e
     omega, alpha0, n = lever[OMEGA], lever[ALPHA0], N * parts_of(f)
-    a, nu, amplitude = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega, state[AMP]
+    a, nu, amplitude = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega, state.amplitude
     x1, y1, x2, y2, decay = 1.0, 0.0, 0.0, 1.0, -4.0 * math.pi * a
-    copy(f[W], bench.motions[0])
-    copy(f[U], bench.motions[1])
+    copy_motion(f, bench.motions)
     fill(law, p, lever, f, state, bench.motions[:2], False, m)
     for j in range(n):
         i, kappa, gamma = node(j), m[j, n], m[j, n + 1]
-        c, s = f[TURN_COS, i] / f[GROWTH, i], f[TURN_SIN, i] / f[GROWTH, i]
+        c, s = f.turn_cos[i] / f.growth[i], f.turn_sin[i] / f.growth[i]
         one[j], two[j] = kappa * c + gamma * (a * c - nu * s), kappa * s + gamma * (a * s + nu * c)
-        decay += WEIGHTS[j % N] * f[WEIGHT, i] * gamma / (omega * omega)
+        decay += WEIGHTS[j % N] * f.weight[i] * gamma / (omega * omega)
     if not factor(m, n, bench.order):
         return False
     substitute(m, n, bench.order, one)
@@ -113,8 +102,8 @@ def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
             by_x1, by_y1, by_x2, by_y2 = 0.0, 0.0, 0.0, 0.0
             for j in range(n):
                 i = node(j)
-                kick = WEIGHTS[j % N] * f[WEIGHT, i] * f[GROWTH, i] / (omega * omega * nu)
-                c, s = kick * f[TURN_COS, i], kick * f[TURN_SIN, i]
+                kick = WEIGHTS[j % N] * f.weight[i] * f.growth[i] / (omega * omega * nu)
+                c, s = kick * f.turn_cos[i], kick * f.turn_sin[i]
                 by_x1, by_y1 = by_x1 + s * one[j], by_y1 - c * one[j]
                 by_x2, by_y2 = by_x2 + s * two[j], by_y2 - c * two[j]
             x1, y1, x2, y2 = (
@@ -125,10 +114,10 @@ def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
             )
         for k in range(N if p[LONGRANGE] != 0.0 else 0):
             i = IN + N - 1 - k if side == 0 else OUT + k  # in the order of time
-            d = min(amplitude * f[COS, i] + f[W, i] - state[E], 0.0)
-            kick = WEIGHTS[i % N] * f[WEIGHT, i] * longrange_slope(law, d, p) / (lever[STIFFNESS] * omega * omega * nu)
-            x1, y1 = kicked(f[TURN_COS, i], f[TURN_SIN, i], kick, x1, y1)
-            x2, y2 = kicked(f[TURN_COS, i], f[TURN_SIN, i], kick, x2, y2)
+            d = min(amplitude * f.cos[i] + f.w[i] - state.centre, 0.0)
+            kick = WEIGHTS[i % N] * f.weight[i] * longrange_slope(law, d, p) / (lever[STIFFNESS] * omega * omega * nu)
+            x1, y1 = kicked(f.turn_cos[i], f.turn_sin[i], kick, x1, y1)
+            x2, y2 = kicked(f.turn_cos[i], f.turn_sin[i], kick, x2, y2)
     trace, determinant = trace_of(a, nu, x1, y1, x2, y2), math.exp(-decay)
     # Near resonance both multipliers lie near one, as those of the free lever do: (1 - lambda) (1 - lambda') is small.
     most = max(SURELY * (1.0 + determinant), 1.0 + determinant - CLEARLY * (1.0 - math.sqrt(determinant)) ** 2)

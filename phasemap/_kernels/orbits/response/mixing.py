@@ -15,7 +15,7 @@ import numpy as np
 
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate
-from phasemap._kernels.orbits.response.nodes import N, U, W, node, parts_of
+from phasemap._kernels.orbits.response.nodes import N, Nodes, count_of, node, parts_of
 
 DEPTH = 4  # changes that are kept
 ALIKE = 1e-12  # of its square, that is added to each, so that changes of the same shape do no harm
@@ -25,34 +25,34 @@ BEFORE, MORE, MISSED, FIRST, CHANGES = 0, 2, 4, 5, 3
 
 
 @kernel
-def new_past(f: np.ndarray, wanted: bool) -> np.ndarray:
+def new_past(f: Nodes, wanted: bool) -> np.ndarray:
     """Return an empty scratch array, or none at all."""
-    return np.empty((FIRST + CHANGES * DEPTH if wanted else 0, f.shape[1] + 1))
+    return np.empty((FIRST + CHANGES * DEPTH if wanted else 0, count_of(f) + 1))
 
 
 @kernel
-def keep(f: np.ndarray, past: np.ndarray) -> None:
+def keep(f: Nodes, past: np.ndarray) -> None:
     """Keep the motion before a pass."""
-    for j in range(f.shape[1]):
-        past[BEFORE, j], past[BEFORE + 1, j] = f[W, j], f[U, j]
+    for j in range(count_of(f)):
+        past[BEFORE, j], past[BEFORE + 1, j] = f.w[j], f.u[j]
 
 
 @kernel(fastmath=ANY_ORDER)
-def mix(f: np.ndarray, rise: float, passes: int, past: np.ndarray) -> float:
+def mix(f: Nodes, rise: float, passes: int, past: np.ndarray) -> float:
     """Replace the motion after a pass, which changes e by `rise` [m], by the mixed one; returns the change of e.
 
     `passes` says how many were mixed before.
     """
-    width, last, n = f.shape[1], f.shape[1], N * parts_of(f)
+    width, last, n = count_of(f), count_of(f), N * parts_of(f)
     newest, used = FIRST + CHANGES * ((passes - 1) % DEPTH), min(passes, DEPTH)
     if passes > 0:
         for j in range(width):
-            past[newest, j] = f[W, j] - past[BEFORE, j] + past[MORE, j]
-            past[newest + 1, j] = f[U, j] - past[BEFORE + 1, j] + past[MORE + 1, j]
+            past[newest, j] = f.w[j] - past[BEFORE, j] + past[MORE, j]
+            past[newest + 1, j] = f.u[j] - past[BEFORE + 1, j] + past[MORE + 1, j]
         past[newest, last] = rise + past[MORE, last]
     for k in range(n):
         j = node(k)
-        missed = f[W, j] - past[BEFORE, j] - rise
+        missed = f.w[j] - past[BEFORE, j] - rise
         if passes > 0:
             past[newest + 2, k] = missed - past[MISSED, k]
         past[MISSED, k] = missed
@@ -72,8 +72,8 @@ def mix(f: np.ndarray, rise: float, passes: int, past: np.ndarray) -> float:
                 past[MORE, j] -= share * past[row, j]
                 past[MORE + 1, j] -= share * past[row + 1, j]
     for j in range(width):
-        f[W, j] += past[MORE, j]
-        f[U, j] += past[MORE + 1, j]
+        f.w[j] += past[MORE, j]
+        f.u[j] += past[MORE + 1, j]
     return rise + past[MORE, last]
 
 

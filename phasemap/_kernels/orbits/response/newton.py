@@ -25,27 +25,15 @@ from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
 from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
-    ALL_CUT,
-    COS,
     ENTRY,
     EXIT,
-    FAR,
-    FAR_WEIGHT,
-    FIELDS,
-    GROWTH,
-    SIN,
-    THETA,
     TOUCH,
-    TURN_COS,
-    TURN_SIN,
     UPTO,
-    WEIGHT,
     WEIGHTS,
-    G,
     N,
-    U,
-    W,
+    Nodes,
     X,
+    count_of,
     first_harmonic,
     lay,
     middle_of,
@@ -56,25 +44,11 @@ from phasemap._kernels.orbits.response.nodes import (
     respond,
 )
 from phasemap._kernels.orbits.response.passes import (
-    AMP,
     CLOSED,
     COARSE,
-    DRAG,
-    ERR_HEIGHT,
-    ERR_PHASE,
     FOUND,
-    HEIGHT,
-    LAST_RATIO,
-    LAST_W,
     LOST,
-    MEAN,
-    PASSES,
-    PHASE,
-    PHASE_CHANGE,
-    PUSH,
-    SLOPE,
-    STATE,
-    E,
+    PassState,
     after_pass,
     closure,
     evaluate,
@@ -95,8 +69,8 @@ INTO_PARTS = _LEGENDRE[N:] @ np.linalg.inv(_LEGENDRE[:N])  # from the nodes of a
 class Bench(NamedTuple):
     """Scratch arrays: nodes, state, two motions, the system with kappa and gamma, and what it is solved for."""
 
-    nodes: np.ndarray
-    state: np.ndarray
+    nodes: Nodes
+    state: PassState
     motions: np.ndarray
     system: np.ndarray
     order: np.ndarray
@@ -105,11 +79,18 @@ class Bench(NamedTuple):
 
 
 @kernel
-def new_bench(parts: int) -> Bench:
-    """Return empty scratch arrays for a contact in one or two parts."""
-    width, n = ALL_CUT if parts > 1 else ALL, parts * N
-    nodes, motions, system = np.zeros((FIELDS, width)), np.zeros((4, width)), np.zeros((n, n + 2))
-    return Bench(nodes, np.zeros(STATE), motions, system, np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
+def new_bench(nodes: Nodes, state: PassState) -> Bench:
+    """Return empty scratch arrays for these nodes and this state."""
+    width, n = count_of(nodes), parts_of(nodes) * N
+    motions, system = np.zeros((4, width)), np.zeros((n, n + 2))
+    return Bench(nodes, state, motions, system, np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
+
+
+@kernel
+def copy_motion(f: Nodes, to: np.ndarray) -> None:
+    """Copy w and w' at the nodes into two rows."""
+    for j in range(count_of(f)):
+        to[0, j], to[1, j] = f.w[j], f.u[j]
 
 
 @kernel
@@ -127,14 +108,14 @@ def stiffness(
 
 @kernel(fastmath=ANY_ORDER)
 def fill(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, state: np.ndarray, motion: np.ndarray,
+    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, state: PassState, motion: np.ndarray,
     periodic: bool, m: np.ndarray,
 ) -> None:  # fmt: skip
     """Fill the left side of the system for dg at the nodes in contact, and behind it kappa and gamma.
 
     `motion` is (w, w') at the nodes. If not `periodic`, a force is felt only after it, and by all of the motion.
     """
-    amplitude, e, n = state[AMP], state[E], N * parts_of(f)
+    amplitude, e, n = state.amplitude, state.centre, N * parts_of(f)
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     e_re, e_im = periods_before(a, nu)
@@ -143,21 +124,21 @@ def fill(
     cosine, sine, back_re, back_im, kappa, gamma, to_w, to_u = at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7]
     for j in range(n):
         i = node(j)
-        d = max(amplitude * f[COS, i] + motion[0, i] - e, 0.0)
-        kappa[j], gamma[j] = stiffness(law, p, lever, d, motion[1, i] - amplitude * f[SIN, i])
+        d = max(amplitude * f.cos[i] + motion[0, i] - e, 0.0)
+        kappa[j], gamma[j] = stiffness(law, p, lever, d, motion[1, i] - amplitude * f.sin[i])
         m[j, n], m[j, n + 1] = kappa[j], gamma[j]
-        shrink = share / f[GROWTH, i]
-        back_re[j], back_im[j] = shrink * f[TURN_COS, i], shrink * f[TURN_SIN, i]
-        cosine[j], sine[j] = f[COS, i], f[SIN, i]
+        shrink = share / f.growth[i]
+        back_re[j], back_im[j] = shrink * f.turn_cos[i], shrink * f.turn_sin[i]
+        cosine[j], sine[j] = f.cos[i], f.sin[i]
     for k in range(n):
         i, part = node(k), k // N
-        size, here = f[WEIGHT, i] * f[GROWTH, i], WEIGHTS[k % N]
-        q_re, q_im = size * f[TURN_COS, i], -size * f[TURN_SIN, i]
+        size, here = f.weight[i] * f.growth[i], WEIGHTS[k % N]
+        q_re, q_im = size * f.turn_cos[i], -size * f.turn_sin[i]
         round_re, round_im, mean, h_re, h_im = 0.0, 0.0, 0.0, 0.0, 0.0
         if periodic:
             round_re, round_im = here * (e_re * q_re - e_im * q_im), here * (e_re * q_im + e_im * q_re)
-            mean = here * f[WEIGHT, i] / (2 * math.pi)
-            h_re, h_im = first_harmonic(omega, alpha0, 2.0 * mean * f[COS, i], 2.0 * mean * f[SIN, i])
+            mean = here * f.weight[i] / (2 * math.pi)
+            h_re, h_im = first_harmonic(omega, alpha0, 2.0 * mean * f.cos[i], 2.0 * mean * f.sin[i])
         upto = UPTO[k % N]
         for other in range(n // N):
             inside, behind = 1.0 if other == part else 0.0, here if other > part else 0.0
@@ -174,25 +155,25 @@ def fill(
 
 
 @kernel
-def drive_of(lever: np.ndarray, f: np.ndarray, state: np.ndarray, k: int) -> float:
+def drive_of(lever: np.ndarray, f: Nodes, state: PassState, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
-    i, (x, y) = node(k), needed(lever, state[AMP], state[PUSH], state[DRAG])
-    share = 2.0 * WEIGHTS[k % N] * f[WEIGHT, i] / (math.pi * lever[BASE] * lever[BASE])
-    return (x * f[COS, i] - y * f[SIN, i]) * share
+    i, (x, y) = node(k), needed(lever, state.amplitude, state.push, state.drag)
+    share = 2.0 * WEIGHTS[k % N] * f.weight[i] / (math.pi * lever[BASE] * lever[BASE])
+    return (x * f.cos[i] - y * f.sin[i]) * share
 
 
 @kernel
-def _mix(f: np.ndarray, old: np.ndarray, new: np.ndarray, share: float, amplitude: float, e: float) -> bool:
+def _mix(f: Nodes, old: np.ndarray, new: np.ndarray, share: float, amplitude: float, e: float) -> bool:
     """Go by `share` from the old motion to the new; whether the contact begins and ends, not too far from before."""
-    for j in range(f.shape[1]):
-        f[W, j] = old[0, j] + share * (new[0, j] - old[0, j])
-        f[U, j] = old[1, j] + share * (new[1, j] - old[1, j])
-    down, up = f[U, ENTRY] - amplitude * f[SIN, ENTRY], f[U, EXIT] - amplitude * f[SIN, EXIT]
+    for j in range(count_of(f)):
+        f.w[j] = old[0, j] + share * (new[0, j] - old[0, j])
+        f.u[j] = old[1, j] + share * (new[1, j] - old[1, j])
+    down, up = f.u[ENTRY] - amplitude * f.sin[ENTRY], f.u[EXIT] - amplitude * f.sin[EXIT]
     if not down > 0.0 > up:
         return False
-    entry = f[THETA, ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / down
-    exit_ = f[THETA, EXIT] - (amplitude * f[COS, EXIT] + f[W, EXIT] - e) / up
-    before = f[THETA, EXIT] - f[THETA, ENTRY]
+    entry = f.theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / down
+    exit_ = f.theta[EXIT] - (amplitude * f.cos[EXIT] + f.w[EXIT] - e) / up
+    before = f.theta[EXIT] - f.theta[ENTRY]
     return NARROWER * before < exit_ - entry < WIDER * before and entry > -math.pi and exit_ < math.pi
 
 
@@ -205,11 +186,10 @@ def _step(
     If not `anew`, with the stiffness of the step before.
     """
     f, state, m, order, right, per_e = bench.nodes, bench.state, bench.system, bench.order, bench.right, bench.per_e
-    amplitude, e, longrange, n = state[AMP], state[E], p[LONGRANGE] != 0.0, N * parts_of(f)
+    amplitude, e, longrange, n = state.amplitude, state.centre, p[LONGRANGE] != 0.0, N * parts_of(f)
     old, new, middle = bench.motions[:2], bench.motions[2:], middle_of(f)
-    copy(f[W], old[0])
-    copy(f[U], old[1])
-    respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, longrange)
+    copy_motion(f, old)
+    respond(f, lever, state.mean, state.push, state.drag, True, longrange)
     if anew:
         fill(law, p, lever, f, state, old, True, m)
         if not factor(m, n, order):
@@ -219,7 +199,7 @@ def _step(
         substitute(m, n, order, per_e)
     for j in range(n):
         i = node(j)
-        right[j] = m[j, n] * (f[W, i] - old[0, i]) + m[j, n + 1] * (f[U, i] - old[1, i])
+        right[j] = m[j, n] * (f.w[i] - old[0, i]) + m[j, n + 1] * (f.u[i] - old[1, i])
     substitute(m, n, order, right)
     change, slope = h, 0.0
     for j in range(n):
@@ -227,24 +207,23 @@ def _step(
         change += to_h * right[j]
         slope -= to_h * per_e[j]
     move = -change / slope
-    state[SLOPE] = slope
-    mean, push, drag = state[MEAN], state[PUSH], state[DRAG]
+    state.slope = slope
+    mean, push, drag = state.mean, state.push, state.drag
     for j in range(n):
         i = node(j)
         more = right[j] - move * per_e[j]
-        f[G, i] += more
-        more *= WEIGHTS[j % N] * f[WEIGHT, i] / math.pi
-        mean, push, drag = mean + 0.5 * more, push + more * f[COS, i], drag + more * f[SIN, i]
+        f.g[i] += more
+        more *= WEIGHTS[j % N] * f.weight[i] / math.pi
+        mean, push, drag = mean + 0.5 * more, push + more * f.cos[i], drag + more * f.sin[i]
     respond(f, lever, mean, push, drag, True, longrange)
-    copy(f[W], new[0])
-    copy(f[U], new[1])
-    depth = amplitude * f[COS, middle] + old[0, middle] - e
+    copy_motion(f, new)
+    depth = amplitude * f.cos[middle] + old[0, middle] - e
     deeper = abs(new[0, middle] - old[0, middle] - move)
     share = min(1.0, LONGEST * max(abs(depth), AT_LEAST * reach) / max(deeper, 1e-300))
     for _ in range(MOST_HALVINGS):
         if _mix(f, old, new, share, amplitude, e + share * move):
-            state[E] = e + share * move
-            relay(f, lever, amplitude, state[E], True, longrange)
+            state.centre = e + share * move
+            relay(f, lever, amplitude, state.centre, True, longrange)
             return share
         share *= 0.5
     return 0.0
@@ -260,29 +239,29 @@ def newton(
     """
     f, state, longrange, middle = bench.nodes, bench.state, p[LONGRANGE] != 0.0, middle_of(bench.nodes)
     h = evaluate(law, p, lever, f, state, True)
-    phase, height, left_before, anew = state[PHASE], state[HEIGHT], math.inf, True
+    phase, height, left_before, anew = state.phase, state.tip_offset, math.inf, True
     first_pass(state)
-    state[LAST_W] = f[W, middle]
-    if state[PASSES] > 0.0:
-        state[PHASE], state[HEIGHT] = phase, height
+    state.last_w = f.w[middle]
+    if state.passes > 0:
+        state.phase, state.tip_offset = phase, height
     for _ in range(MOST_STEPS):
         share = _step(law, p, lever, reach, bench, h, anew)
         if not share > 0.0:
             return LOST
         h = evaluate(law, p, lever, f, state, True)
-        state[PASSES] += 1.0
-        nodes, ratio_before = unresolved(lever, f, True, longrange), state[LAST_RATIO]
-        ratio = after_pass(lever, state, h, f[W, middle], nodes)
-        if not math.isfinite(state[PHASE] + state[HEIGHT]):
+        state.passes += 1
+        nodes, ratio_before = unresolved(lever, f, True, longrange), state.last_ratio
+        ratio = after_pass(lever, state, h, f.w[middle], nodes)
+        if not math.isfinite(state.phase + state.tip_offset):
             return LOST
         anew = not ratio < REUSED
-        if state[PHASE_CHANGE] < MUCH and nodes > limits[0] * lever[BASE]:
+        if state.phase_change < MUCH and nodes > limits[0] * lever[BASE]:
             return COARSE
         if share < 1.0:
-            state[LAST_RATIO] = ratio_before
+            state.last_ratio = ratio_before
         elif ratio >= 0.0:
             left = abs(closure(lever, state))
-            small = state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]
+            small = state.phase_error < limits[0] and state.tip_offset_error < limits[1]
             if small and left < CLOSED:
                 return FOUND
             if small and left > 0.5 * left_before:
@@ -292,15 +271,22 @@ def newton(
 
 
 @kernel
-def cut(lever: np.ndarray, f: np.ndarray, finer: np.ndarray, longrange: bool) -> None:
+def cut(lever: np.ndarray, f: Nodes, finer: Nodes, longrange: bool) -> None:
     """Carry an orbit over to nodes that cut its contact in two."""
-    copy(f[FAR], finer[FAR])
-    copy(f[FAR_WEIGHT], finer[FAR_WEIGHT])
-    lay(finer, lever, f[THETA, ENTRY], f[THETA, EXIT], longrange)
-    for row in (W, U):
-        copy(f[row], finer[row])
-        for j in range(2 * N):
-            total = 0.0
-            for k in range(N):
-                total += INTO_PARTS[j, k] * f[row, TOUCH + k]
-            finer[row, node(j)] = total
+    copy(f.far, finer.far)
+    copy(f.far_weight, finer.far_weight)
+    lay(finer, lever, f.theta[ENTRY], f.theta[EXIT], longrange)
+    _interpolate(f.w, finer.w)
+    _interpolate(f.u, finer.u)
+
+
+@kernel
+def _interpolate(row: np.ndarray, finer: np.ndarray) -> None:
+    """Carry the values at nodes over to those that cut the contact in two."""
+    for j in range(ALL):
+        finer[j] = row[j]
+    for j in range(2 * N):
+        total = 0.0
+        for k in range(N):
+            total += INTO_PARTS[j, k] * row[TOUCH + k]
+        finer[node(j)] = total

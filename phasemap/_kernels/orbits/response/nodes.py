@@ -24,6 +24,7 @@ from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss, integration_matrix
+from phasemap._kernels.records import column, record
 
 N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
 X, WEIGHTS = gauss(N)
@@ -33,10 +34,29 @@ EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (X - 1.0)), 0.5 * np.pi * np.cos(0.5 * n
 LATE_S, LATE_W = np.sin(0.5 * np.pi * X), 0.5 * np.pi * np.cos(0.5 * np.pi * X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
 LATE, ALL_CUT = ALL, ALL + N  # the later half of a contact that is cut in two, where there is room for it
-# Rows of the scratch array, shape (FIELDS, ALL) or (FIELDS, ALL_CUT).
-THETA, COS, SIN, WEIGHT, W, U, G = 0, 1, 2, 3, 4, 5, 6
-GROWTH, TURN_COS, TURN_SIN = 7, 8, 9  # exp(-lambda theta), as size and angle
-RE, IM, SUM_RE, SUM_IM, FAR, FAR_WEIGHT, FIELDS = 10, 11, 12, 13, 14, 15, 16
+
+
+@record
+class Nodes:
+    """Nodes of an orbit before, in and after contact, with the motion and the force at each."""
+
+    cut: int  # 1 where the contact is cut in two elements, else 0
+    theta: np.ndarray = column(ALL_CUT)  # angle of the first harmonic [rad]
+    cos: np.ndarray = column(ALL_CUT)
+    sin: np.ndarray = column(ALL_CUT)
+    weight: np.ndarray = column(ALL_CUT)  # d(theta)/dx of an element [rad]
+    w: np.ndarray = column(ALL_CUT)  # motion beyond mean and first harmonic [m]
+    u: np.ndarray = column(ALL_CUT)  # dw/d(theta) [m]
+    g: np.ndarray = column(ALL_CUT)  # force over stiffness [m]
+    growth: np.ndarray = column(ALL_CUT)  # |exp(-lambda theta)|
+    turn_cos: np.ndarray = column(ALL_CUT)  # cosine and sine of Im(lambda) theta
+    turn_sin: np.ndarray = column(ALL_CUT)
+    re: np.ndarray = column(ALL_CUT)  # g exp(-lambda theta) and its running integral
+    im: np.ndarray = column(ALL_CUT)
+    sum_re: np.ndarray = column(ALL_CUT)
+    sum_im: np.ndarray = column(ALL_CUT)
+    far: np.ndarray = column(N)  # places of the nodes out of contact, and their weights, on (0, 1)
+    far_weight: np.ndarray = column(N)
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -53,7 +73,7 @@ def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray
 
 
 @kernel
-def grade(f: np.ndarray, amplitude: float, e: float, reach: float, edge: float) -> None:
+def grade(f: Nodes, amplitude: float, e: float, reach: float, edge: float) -> None:
     """Where the nodes outside contact lie, over the angle from its edge to the far end: sinh(X x)/sinh(X).
 
     The long-range force has its pole at a distance that sinh then takes away from the nodes.
@@ -65,22 +85,22 @@ def grade(f: np.ndarray, amplitude: float, e: float, reach: float, edge: float) 
     share = 1.0 / math.sinh(most)
     for j in range(N):
         large = math.exp(most * X[j])
-        f[FAR, j], f[FAR_WEIGHT, j] = 0.5 * share * (large - 1.0 / large), 0.5 * most * share * (large + 1.0 / large)
+        f.far[j], f.far_weight[j] = 0.5 * share * (large - 1.0 / large), 0.5 * most * share * (large + 1.0 / large)
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
+def lay(f: Nodes, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
-    theta, weight = f[THETA], f[WEIGHT]
+    theta, weight = f.theta, f.weight
     centre, half = 0.5 * (entry + exit_), 0.5 * (exit_ - entry)
     before, after = math.pi + entry, math.pi - exit_
     for j in range(N):
         theta[TOUCH + j] = centre + half * _TOUCH_S[j]
         weight[TOUCH + j] = half * _TOUCH_W[j]
         if longrange:
-            theta[IN + j], weight[IN + j] = entry - before * f[FAR, j], before * f[FAR_WEIGHT, j]
-            theta[OUT + j], weight[OUT + j] = exit_ + after * f[FAR, j], after * f[FAR_WEIGHT, j]
-    if len(theta) > ALL:
+            theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
+            theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
+    if f.cut:
         for j in range(N):
             theta[TOUCH + j], weight[TOUCH + j] = centre + half * EARLY_S[j], half * EARLY_W[j]
             theta[LATE + j], weight[LATE + j] = centre + half * LATE_S[j], half * LATE_W[j]
@@ -89,37 +109,51 @@ def lay(f: np.ndarray, lever: np.ndarray, entry: float, exit_: float, longrange:
 
 
 @kernel(fastmath=ANY_ORDER)
-def wind(f: np.ndarray, lever: np.ndarray) -> None:
+def wind(f: Nodes, lever: np.ndarray) -> None:
     """Fill in what goes with the angles of the nodes: sines and cosines, and exp(-lambda theta)."""
-    theta, omega, alpha0 = f[THETA], lever[OMEGA], lever[ALPHA0]
-    _turn(theta, 1.0, f[SIN], f[COS])
+    count, omega, alpha0 = count_of(f), lever[OMEGA], lever[ALPHA0]
+    theta = f.theta[:count]
+    _turn(theta, 1.0, f.sin, f.cos)
     nu = math.sqrt(1.0 - alpha0 * alpha0) / omega
     if abs(nu - 1.0) < 3e-4:
-        for j in range(len(theta)):  # a small angle more, to third order
+        for j in range(count):  # a small angle more, to third order
             more = (nu - 1.0) * theta[j]
             less = 1.0 - 0.5 * more * more
-            f[TURN_SIN, j] = f[SIN, j] * less + f[COS, j] * more
-            f[TURN_COS, j] = f[COS, j] * less - f[SIN, j] * more
+            f.turn_sin[j] = f.sin[j] * less + f.cos[j] * more
+            f.turn_cos[j] = f.cos[j] * less - f.sin[j] * more
     else:
-        _turn(theta, nu, f[TURN_SIN], f[TURN_COS])
-    for j in range(len(theta)):
+        _turn(theta, nu, f.turn_sin, f.turn_cos)
+    for j in range(count):
         x = 0.125 * alpha0 / omega * theta[j]
         grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
         grow *= grow
         grow *= grow
-        f[GROWTH, j] = grow * grow
+        f.growth[j] = grow * grow
 
 
 @kernel
-def parts_of(f: np.ndarray) -> int:
-    """In how many elements the contact is."""
-    return 2 if f.shape[1] > ALL else 1
+def parts_of(f: Nodes) -> int:
+    """Number of elements in contact."""
+    return 2 if f.cut else 1
 
 
 @kernel
-def middle_of(f: np.ndarray) -> int:
+def count_of(f: Nodes) -> int:
+    """Number of nodes, the two edges of the contact included."""
+    return ALL_CUT if f.cut else ALL
+
+
+@kernel
+def middle_of(f: Nodes) -> int:
     """A node in the middle of the contact."""
     return TOUCH + N // 2 if parts_of(f) == 1 else LATE
+
+
+@kernel
+def still(f: Nodes) -> None:
+    """Set the motion beyond the first harmonic to zero."""
+    for j in range(count_of(f)):
+        f.w[j], f.u[j] = 0.0, 0.0
 
 
 @kernel
@@ -143,11 +177,11 @@ def _upto(g: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _running(f: np.ndarray, first: int) -> tuple[float, float]:
+def _running(f: Nodes, first: int) -> tuple[float, float]:
     """Integrals of g exp(-lambda theta) from an element's start to its nodes; returns those over all of it."""
-    re, im = f[RE, first : first + N], f[IM, first : first + N]
-    _upto(re, f[SUM_RE, first : first + N])
-    _upto(im, f[SUM_IM, first : first + N])
+    re, im = f.re[first : first + N], f.im[first : first + N]
+    _upto(re, f.sum_re[first : first + N])
+    _upto(im, f.sum_im[first : first + N])
     total_re, total_im = 0.0, 0.0
     for k in range(N):
         total_re += WEIGHTS[k] * re[k]
@@ -157,7 +191,7 @@ def _running(f: np.ndarray, first: int) -> tuple[float, float]:
 
 @kernel(fastmath=ANY_ORDER)
 def force(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, touching: bool
+    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, touching: bool
 ) -> tuple[float, float, float, float, float, float]:
     """Fill g at the nodes; mean, P, S of g, the work of its conservative part, that of damping, and the virial sum."""
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
@@ -167,34 +201,34 @@ def force(
         first = TOUCH if part == 0 else LATE
         for j in range(N):
             i = first + j
-            d = max(amplitude * f[COS, i] + f[W, i] - e, 0.0)
-            turn = f[U, i] - amplitude * f[SIN, i]
+            d = max(amplitude * f.cos[i] + f.w[i] - e, 0.0)
+            turn = f.u[i] - amplitude * f.sin[i]
             g = inverse_k * contact_force(law, d, p)
-            weight = WEIGHTS[j] * f[WEIGHT, i]
+            weight = WEIGHTS[j] * f.weight[i]
             work += weight * g * turn
             if damped:
                 drop = 2.0 * omega * damping(law, d, p) * turn
                 loss += weight * drop * turn
                 g += drop
-            f[G, i] = g
+            f.g[i] = g
             mean += weight * g
-            push += weight * g * f[COS, i]
-            drag += weight * g * f[SIN, i]
-            virial += weight * g * (amplitude * f[COS, i] + f[W, i])
+            push += weight * g * f.cos[i]
+            drag += weight * g * f.sin[i]
+            virial += weight * g * (amplitude * f.cos[i] + f.w[i])
     if p[LONGRANGE] != 0.0:
         for side in range(2):
             first = IN if side == 0 else OUT
             for j in range(N):
                 i = first + j
-                d = min(amplitude * f[COS, i] + f[W, i] - e, 0.0)
+                d = min(amplitude * f.cos[i] + f.w[i] - e, 0.0)
                 g = inverse_k * longrange_force(law, d, p)
-                f[G, i] = g
-                weight = WEIGHTS[j] * f[WEIGHT, i]
-                work += weight * g * (f[U, i] - amplitude * f[SIN, i])
+                f.g[i] = g
+                weight = WEIGHTS[j] * f.weight[i]
+                work += weight * g * (f.u[i] - amplitude * f.sin[i])
                 mean += weight * g
-                push += weight * g * f[COS, i]
-                drag += weight * g * f[SIN, i]
-                virial += weight * g * (amplitude * f[COS, i] + f[W, i])
+                push += weight * g * f.cos[i]
+                drag += weight * g * f.sin[i]
+                virial += weight * g * (amplitude * f.cos[i] + f.w[i])
     return mean / (2 * math.pi), push / math.pi, drag / math.pi, work, loss, virial
 
 
@@ -217,14 +251,14 @@ def first_harmonic(omega: float, alpha0: float, push: float, drag: float) -> tup
 
 @kernel(fastmath=ANY_ORDER)
 def respond(
-    f: np.ndarray, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
+    f: Nodes, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
 ) -> None:
     """Replace w and w' by the lever's response to g."""
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     for j in range(3 * N):
-        share = f[G, j] * f[WEIGHT, j] * f[GROWTH, j]
-        f[RE, j], f[IM, j] = share * f[TURN_COS, j], -share * f[TURN_SIN, j]
+        share = f.g[j] * f.weight[j] * f.growth[j]
+        f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
     in_re, in_im, at_re, at_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if longrange:
         in_re, in_im = _running(f, IN)
@@ -233,47 +267,48 @@ def respond(
         at_re, at_im = _running(f, TOUCH)
     if touching and parts_of(f) > 1:
         for j in range(LATE, LATE + N):
-            share = f[G, j] * f[WEIGHT, j] * f[GROWTH, j]
-            f[RE, j], f[IM, j] = share * f[TURN_COS, j], -share * f[TURN_SIN, j]
+            share = f.g[j] * f.weight[j] * f.growth[j]
+            f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
         late_re, late_im = _running(f, LATE)
         for j in range(LATE, LATE + N):
-            f[SUM_RE, j] += in_re + at_re
-            f[SUM_IM, j] += in_im + at_im
+            f.sum_re[j] += in_re + at_re
+            f.sum_im[j] += in_im + at_im
         at_re, at_im = at_re + late_re, at_im + late_im
     for j in range(N):
         # The element before contact was integrated backwards.
-        f[SUM_RE, j], f[SUM_IM, j] = in_re - f[SUM_RE, j], in_im - f[SUM_IM, j]
-        f[SUM_RE, TOUCH + j] += in_re
-        f[SUM_IM, TOUCH + j] += in_im
-        f[SUM_RE, OUT + j] += in_re + at_re
-        f[SUM_IM, OUT + j] += in_im + at_im
-    f[SUM_RE, ENTRY], f[SUM_IM, ENTRY] = in_re, in_im
-    f[SUM_RE, EXIT], f[SUM_IM, EXIT] = in_re + at_re, in_im + at_im
+        f.sum_re[j], f.sum_im[j] = in_re - f.sum_re[j], in_im - f.sum_im[j]
+        f.sum_re[TOUCH + j] += in_re
+        f.sum_im[TOUCH + j] += in_im
+        f.sum_re[OUT + j] += in_re + at_re
+        f.sum_im[OUT + j] += in_im + at_im
+    f.sum_re[ENTRY], f.sum_im[ENTRY] = in_re, in_im
+    f.sum_re[EXIT], f.sum_im[EXIT] = in_re + at_re, in_im + at_im
     all_re, all_im = in_re + at_re + out_re, in_im + at_im + out_im
     e_re, e_im = periods_before(a, nu)
     round_re, round_im = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
     h_re, h_im = first_harmonic(omega, alpha0, push, drag)
     share = 1.0 / (omega * omega * nu)
-    for j in range(f.shape[1]):
-        m_re, m_im = round_re + f[SUM_RE, j], round_im + f[SUM_IM, j]
-        shrink = share / f[GROWTH, j]
-        t_re, t_im = shrink * f[TURN_COS, j], shrink * f[TURN_SIN, j]
+    for j in range(count_of(f)):
+        m_re, m_im = round_re + f.sum_re[j], round_im + f.sum_im[j]
+        shrink = share / f.growth[j]
+        t_re, t_im = shrink * f.turn_cos[j], shrink * f.turn_sin[j]
         g_im = t_re * m_im + t_im * m_re
         g_re = t_re * m_re - t_im * m_im
-        c, s = f[COS, j], f[SIN, j]
-        f[W, j] = -g_im + mean + h_re * c - h_im * s
-        f[U, j] = -(a * g_im + nu * g_re) - h_re * s - h_im * c
+        c, s = f.cos[j], f.sin[j]
+        f.w[j] = -g_im + mean + h_re * c - h_im * s
+        f.u[j] = -(a * g_im + nu * g_re) - h_re * s - h_im * c
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay(f: np.ndarray, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
+def relay(f: Nodes, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
     """Move the nodes to where the contact is now, and w with them."""
-    theta, before = f[THETA], f[RE]
+    count, before = count_of(f), f.re
+    theta = f.theta[:count]
     copy(theta, before)
     entry, exit_ = 0.0, 0.0
     if touching:
-        entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])
-        exit_ = theta[EXIT] - (amplitude * f[COS, EXIT] + f[W, EXIT] - e) / (f[U, EXIT] - amplitude * f[SIN, EXIT])
+        entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
+        exit_ = theta[EXIT] - (amplitude * f.cos[EXIT] + f.w[EXIT] - e) / (f.u[EXIT] - amplitude * f.sin[EXIT])
     lay(f, lever, entry, exit_, longrange)
-    for j in range(len(theta)):
-        f[W, j] += f[U, j] * (theta[j] - before[j])
+    for j in range(count):
+        f.w[j] += f.u[j] * (theta[j] - before[j])

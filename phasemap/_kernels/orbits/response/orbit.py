@@ -2,56 +2,57 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import MAXIMUM, at_crossing, near_resonance
+from phasemap._kernels.engagement.resonance import Maximum, at_crossing, near_resonance
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of, sticky
 from phasemap._kernels.orbits.response.firm import firm
 from phasemap._kernels.orbits.response.newton import Bench, cut, newton
-from phasemap._kernels.orbits.response.nodes import ALL, ALL_CUT, ENTRY, EXIT, FIELDS, THETA, W, middle_of
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, Nodes, middle_of
 from phasemap._kernels.orbits.response.passes import (
-    AMP,
     COARSE,
     FOUND,
-    HEIGHT,
-    PARTS,
-    PUSH,
-    SLOPE,
-    STATE,
-    E,
+    PassState,
     beside_resonance,
     converge,
     evaluate,
     start,
 )
-from phasemap._kernels.orbits.response.pressed import ROWS, SHALLOWEST, M, press
+from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, press
 from phasemap._kernels.orbits.response.sound import sound
+from phasemap._kernels.records import assign, clear, record
 
 LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 STEP = 1e-3  # of the amplitude, for dz0/dA
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
-AT, MISMATCH, BEND = 0, 1, 2  # of a fit: gap of the maximum, mismatch there, its curvature
 
 
-class Room(NamedTuple):
-    """Scratch arrays of the cheap path: sets of nodes, two states, a maximum of the mismatch and its fit."""
+@record
+class Fit:
+    """A parabola through the mismatch over the gap, at its maximum."""
 
-    nodes: np.ndarray
-    finer: np.ndarray
-    pressed: np.ndarray
-    state: np.ndarray
-    other: np.ndarray
-    top: np.ndarray
-    fit: np.ndarray
+    gap: float  # of the maximum [m]
+    mismatch: float  # there
+    curvature: float  # [1/m2]
+
+
+@record
+class Room:
+    """Scratch memory of the cheap path."""
+
+    nodes: Nodes
+    finer: Nodes  # which cut the contact in two
+    pressed: EvenNodes  # of a tip that never leaves contact
+    state: PassState
+    other: PassState
+    top: Maximum  # of the mismatch
+    fit: Fit
 
 
 @kernel
@@ -67,16 +68,9 @@ def farthest(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def new_room() -> Room:
-    """Return empty scratch arrays."""
-    nodes, finer, pressed = np.zeros((FIELDS, ALL)), np.zeros((FIELDS, ALL_CUT)), np.zeros((ROWS, 2 * M + 1))
-    return Room(nodes, finer, pressed, np.zeros(STATE), np.zeros(STATE), np.zeros(MAXIMUM), np.zeros(3))
-
-
-@kernel
-def solved(room: Room) -> np.ndarray:
+def solved(room: Room) -> Nodes:
     """The nodes at which the orbit of `room.state` is."""
-    return room.finer if room.state[PARTS] > 1.0 else room.nodes
+    return room.finer if room.state.parts > 1 else room.nodes
 
 
 @kernel
@@ -129,31 +123,32 @@ def _pass_from(
     _begin(guess, e, state)
     if not start(law, p, lever, reach, f, state):
         return False
-    state[PARTS] = 1.0
+    state.parts = 1
     found = converge(law, p, lever, f, state, False, limits[0], limits[1])
-    if found == COARSE and f[THETA, EXIT] > f[THETA, ENTRY] and beside_resonance(lever):
+    if found == COARSE and f.theta[EXIT] > f.theta[ENTRY] and beside_resonance(lever):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
         if not at_crossing(law, p, lever, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
+        room.finer.cut = 1
         cut(lever, f, room.finer, longrange)
-        f, state[PARTS] = room.finer, 2.0
+        f, state.parts = room.finer, 2
         evaluate(law, p, lever, f, state, True)
         found = converge(law, p, lever, f, state, False, limits[0], limits[1])
     return found == FOUND and belongs(lever, guess, state) and sound(law, p, lever, reach, f, state, 0.0, 0.0)
 
 
 @kernel
-def _begin(guess: np.ndarray, e: float, state: np.ndarray) -> None:
+def _begin(guess: np.ndarray, e: float, state: PassState) -> None:
     """Begin from a harmonic orbit with this e."""
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE] = guess[col.G_A], e, guess[col.G_SLOPE]
+    clear(state)
+    state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
 
 
 @kernel
-def belongs(lever: np.ndarray, guess: np.ndarray, state: np.ndarray) -> bool:
+def belongs(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
-    same = (state[PUSH] > 0.0) == (guess[col.G_P] > 0.0)
-    return same and abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
+    same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
+    return same and abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
 
 
 @kernel
@@ -175,14 +170,14 @@ def refine_stiff(
     found = newton(law, p, lever, reach, limits, bench)
     if found == COARSE:
         cut(lever, short.nodes, long.nodes, p[LONGRANGE] != 0.0)
-        copy(short.state, long.state)
+        assign(long.state, short.state)
         bench, parts = long, 2
         found = newton(law, p, lever, reach, limits, bench)
     f, state = bench.nodes, bench.state
-    if found != FOUND or (state[PUSH] > 0.0) != (guess[col.G_P] > 0.0):
+    if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
         return 0
-    near = abs(state[HEIGHT] - guess[col.G_Z0]) < farthest(lever, amplitude)
-    near = near or abs(state[E] - f[W, middle_of(f)] - e) < FAR_OFF * amplitude
+    near = abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, amplitude)
+    near = near or abs(state.centre - f.w[middle_of(f)] - e) < FAR_OFF * amplitude
     return parts if near and firm(law, p, lever, reach, bench) else 0
 
 
@@ -190,15 +185,15 @@ def refine_stiff(
 def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
     f, here, there = solved(room), room.state, room.other
-    if here[PARTS] == 0.0:
+    if here.parts == 0:
         return False
-    copy(here, there)
-    move = STEP * here[AMP]
-    there[AMP] += move
-    there[E] += move
+    assign(there, here)
+    move = STEP * here.amplitude
+    there.amplitude += move
+    there.centre += move
     if converge(law, p, lever, f, there, False, limits[0], min(limits[1], 1e-2 * move)) != FOUND:
         return False
-    if not there[HEIGHT] - here[HEIGHT] > LEAST_ALONG * move:
+    if not there.tip_offset - here.tip_offset > LEAST_ALONG * move:
         return False
     # Back to where the nodes were.
     reach = reach_of(law, p)

@@ -23,29 +23,20 @@ from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force
 from phasemap._kernels.orbits.response.nodes import (
-    COS,
     EARLY_S,
     EARLY_W,
     ENTRY,
     EXIT,
-    FAR,
-    FAR_WEIGHT,
     IN,
     LATE,
     LATE_S,
     LATE_W,
     OUT,
-    RE,
-    SIN,
-    THETA,
     TOUCH,
     UPTO,
-    WEIGHT,
     WEIGHTS,
-    G,
     N,
-    U,
-    W,
+    Nodes,
     X,
     wind,
 )
@@ -123,31 +114,31 @@ def behind_late(share: float, given: np.ndarray, x: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_relaxing(f: np.ndarray, lever: np.ndarray, entry: float, turn: float, exit_: float, longrange: bool) -> None:
+def lay_relaxing(f: Nodes, lever: np.ndarray, entry: float, turn: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to its turn and on to its end, and outside, the finer the nearer."""
-    theta, weight = f[THETA], f[WEIGHT]
+    theta, weight = f.theta, f.weight
     before, after = math.pi + entry, math.pi - exit_
     for j in range(N):
         theta[TOUCH + j], weight[TOUCH + j] = turn + (turn - entry) * EARLY_S[j], (turn - entry) * EARLY_W[j]
         theta[LATE + j], weight[LATE + j] = turn + (exit_ - turn) * LATE_S[j], (exit_ - turn) * LATE_W[j]
         if longrange:
-            theta[IN + j], weight[IN + j] = entry - before * f[FAR, j], before * f[FAR_WEIGHT, j]
-            theta[OUT + j], weight[OUT + j] = exit_ + after * f[FAR, j], after * f[FAR_WEIGHT, j]
+            theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
+            theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
     theta[ENTRY], theta[EXIT], theta[TURN] = entry, exit_, turn
     wind(f, lever)
 
 
 @kernel(fastmath=ANY_ORDER)
-def follow(p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, m: np.ndarray) -> None:
+def follow(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> None:
     """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
-    time, turn = lever[OMEGA] * p[col.RELAXATION], f[THETA, TURN]
-    early, late = (turn - f[THETA, ENTRY]) / time, (f[THETA, EXIT] - turn) / time
+    time, turn = lever[OMEGA] * p[col.RELAXATION], f.theta[TURN]
+    early, late = (turn - f.theta[ENTRY]) / time, (f.theta[EXIT] - turn) / time
     depth, seen, inside, given, x = m[DEPTH], m[SEEN], m[INSIDE], m[SEEN_1], m[INSIDE_1]
     for j in range(N):
-        depth[j] = amplitude * f[COS, TOUCH + j] + f[W, TOUCH + j] - e
-        depth[N + j] = amplitude * f[COS, LATE + j] + f[W, LATE + j] - e
-        m[RATE, j] = f[U, TOUCH + j] - amplitude * f[SIN, TOUCH + j]
-    depth[END] = amplitude * f[COS, EXIT] + f[W, EXIT] - e
+        depth[j] = amplitude * f.cos[TOUCH + j] + f.w[TOUCH + j] - e
+        depth[N + j] = amplitude * f.cos[LATE + j] + f.w[LATE + j] - e
+        m[RATE, j] = f.u[TOUCH + j] - amplitude * f.sin[TOUCH + j]
+    depth[END] = amplitude * f.cos[EXIT] + f.w[EXIT] - e
     behind_early(early, depth, x)
     at_turn = 0.0
     for j in range(N):
@@ -166,10 +157,10 @@ def follow(p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e:
 
 
 @kernel(fastmath=ANY_ORDER)
-def look_back(p: np.ndarray, lever: np.ndarray, f: np.ndarray, m: np.ndarray) -> None:
+def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: np.ndarray) -> None:
     """Correct where early the edge was as it is at late nodes, by a step of Newton's method; what was there."""
-    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f[THETA, TURN]
-    half = turn - f[THETA, ENTRY]
+    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f.theta[TURN]
+    half = turn - f.theta[ENTRY]
     for j in range(N, 2 * N):
         at, below = m[PLACE, j], 0.0
         d, seen, inside, rate = 0.0, 0.0, 0.0, 0.0
@@ -183,7 +174,7 @@ def look_back(p: np.ndarray, lever: np.ndarray, f: np.ndarray, m: np.ndarray) ->
             rate += share * m[RATE, k]
         d, seen, inside, rate = d / below, seen / below, inside / below, rate / below
         back = 0.5 * math.pi * (1.0 - at)
-        kept = math.exp((turn - half * math.sin(back) - f[THETA, LATE + j - N]) / time)
+        kept = math.exp((turn - half * math.sin(back) - f.theta[LATE + j - N]) / time)
         off = (1.0 - kappa) * d + kappa * (m[SEEN, j] - (seen - d) * kept) - m[DEPTH, j]
         wide = half * 0.5 * math.pi * math.cos(back)
         move = -off / (rate * (1.0 - kappa + kappa * kept) * wide)
@@ -197,21 +188,21 @@ def look_back(p: np.ndarray, lever: np.ndarray, f: np.ndarray, m: np.ndarray) ->
 
 @kernel(fastmath=ANY_ORDER)
 def relay_relaxing(
-    p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, m: np.ndarray
+    p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray
 ) -> None:  # fmt: skip
     """Move the nodes to where the contact begins, turns and ends now, and w with them."""
-    theta, i, j = f[THETA], TOUCH + N - 1, LATE
-    before = f[RE]
+    theta, i, j = f.theta, TOUCH + N - 1, LATE
+    before = f.re
     copy(theta, before)
     time, kappa, longrange = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], p[LONGRANGE] != 0.0
-    entry = theta[ENTRY] - (amplitude * f[COS, ENTRY] + f[W, ENTRY] - e) / (f[U, ENTRY] - amplitude * f[SIN, ENTRY])
-    rise, fall = f[U, i] - amplitude * f[SIN, i], f[U, j] - amplitude * f[SIN, j]
+    entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
+    rise, fall = f.u[i] - amplitude * f.sin[i], f.u[j] - amplitude * f.sin[j]
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
-    d, seen = amplitude * f[COS, EXIT] + f[W, EXIT] - e, m[SEEN, END]
-    exit_ = theta[EXIT] - (d - kappa * seen) / (f[U, EXIT] - amplitude * f[SIN, EXIT] - kappa * (d - seen) / time)
+    d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m[SEEN, END]
+    exit_ = theta[EXIT] - (d - kappa * seen) / (f.u[EXIT] - amplitude * f.sin[EXIT] - kappa * (d - seen) / time)
     lay_relaxing(f, lever, entry, turn, exit_, longrange)
     for j in range(len(theta)):
-        f[W, j] += f[U, j] * (theta[j] - before[j])
+        f.w[j] += f.u[j] * (theta[j] - before[j])
 
 
 @kernel
@@ -221,42 +212,42 @@ def dent_of(p: np.ndarray, lever: np.ndarray, m: np.ndarray) -> tuple[float, flo
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
-def _added(sums: Sums, f: np.ndarray, i: int, weight: float, amplitude: float) -> Sums:
+def _added(sums: Sums, f: Nodes, i: int, weight: float, amplitude: float) -> Sums:
     """Mean, P and S of g, its work and virial sum, with those of a node."""
     mean, push, drag, work, virial = sums
-    share = weight * f[WEIGHT, i] * f[G, i]
+    share = weight * f.weight[i] * f.g[i]
     return (
-        mean + share, push + share * f[COS, i], drag + share * f[SIN, i],
-        work + share * (f[U, i] - amplitude * f[SIN, i]), virial + share * (amplitude * f[COS, i] + f[W, i]),
+        mean + share, push + share * f.cos[i], drag + share * f.sin[i],
+        work + share * (f.u[i] - amplitude * f.sin[i]), virial + share * (amplitude * f.cos[i] + f.w[i]),
     )  # fmt: skip
 
 
 @kernel(fastmath=ANY_ORDER)
 def relaxing_force(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: np.ndarray, amplitude: float, e: float, m: np.ndarray
+    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray
 ) -> Sums:  # fmt: skip
     """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
     inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
     pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k
     for j in range(N):
         d = max(m[DEPTH, j], 0.0)
-        f[G, TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m[INSIDE, j]) + pull
+        f.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m[INSIDE, j]) + pull
         sums = _added(sums, f, TOUCH + j, WEIGHTS[j], amplitude)
     for j in range(N, 2 * N):
         q2 = max(m[DEPTH_1, j], 0.0)
         q, third = math.sqrt(q2), q2 / 3.0
         y = q * (m[SEEN, j] - third) - m[KEPT, j] * (q * (m[SEEN_1, j] - third) - m[INSIDE_1, j])
-        f[G, LATE + j - N] = stiff * (q * (m[DEPTH, j] - third) - kappa * y) + pull
+        f.g[LATE + j - N] = stiff * (q * (m[DEPTH, j] - third) - kappa * y) + pull
         sums = _added(sums, f, LATE + j - N, WEIGHTS[j - N], amplitude)
     if p[LONGRANGE] != 0.0:
         dent, recovery = dent_of(p, lever, m)
         for j in range(N):
-            d = amplitude * f[COS, IN + j] + f[W, IN + j] - e
-            f[G, IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
+            d = amplitude * f.cos[IN + j] + f.w[IN + j] - e
+            f.g[IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
             sums = _added(sums, f, IN + j, WEIGHTS[j], amplitude)
-            d = amplitude * f[COS, OUT + j] + f[W, OUT + j] - e
-            d -= dent * math.exp((f[THETA, EXIT] - f[THETA, OUT + j]) * recovery)
-            f[G, OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
+            d = amplitude * f.cos[OUT + j] + f.w[OUT + j] - e
+            d -= dent * math.exp((f.theta[EXIT] - f.theta[OUT + j]) * recovery)
+            f.g[OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
             sums = _added(sums, f, OUT + j, WEIGHTS[j], amplitude)
     mean, push, drag, work, virial = sums
     return mean / (2.0 * math.pi), push / math.pi, drag / math.pi, work, virial

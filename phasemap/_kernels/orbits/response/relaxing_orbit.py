@@ -14,54 +14,29 @@ from phasemap._kernels.law import Law
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
-    ALL_CUT,
-    COS,
     ENTRY,
     EXIT,
-    FIELDS,
     LATE,
-    SIN,
-    THETA,
     TOUCH,
-    WEIGHT,
     WEIGHTS,
-    G,
     N,
-    U,
-    W,
+    Nodes,
     X,
     grade,
     respond,
+    still,
 )
 from phasemap._kernels.orbits.response.orbit import belongs
 from phasemap._kernels.orbits.response.passes import (
-    AMP,
-    APEX,
     DEEPEST,
-    DRAG,
     ENOUGH,
-    ERR_HEIGHT,
-    ERR_PHASE,
     FOUND,
-    HEIGHT,
     HIGHEST,
-    LAST_W,
-    LOSS,
     LOST,
-    MEAN,
     MOST_MOVES,
     MOST_PASSES,
     MOST_SLOW,
-    PARTS,
-    PASSES,
-    PER_PUSH,
-    PHASE,
-    PUSH,
-    SLOPE,
-    STATE,
-    VIRIAL,
-    WORK,
-    E,
+    PassState,
     after_pass,
     converge,
     first_pass,
@@ -72,7 +47,6 @@ from phasemap._kernels.orbits.response.passes import (
 from phasemap._kernels.orbits.response.relaxing import (
     DEPTH,
     END,
-    MEMORY,
     PLACE,
     RATE,
     SEEN,
@@ -84,6 +58,7 @@ from phasemap._kernels.orbits.response.relaxing import (
     relay_relaxing,
 )
 from phasemap._kernels.orbits.response.sound import sound
+from phasemap._kernels.records import clear
 
 LEFT = 1e-15  # [m] of dents that a tap may meet
 THINNEST = 40.0  # relaxation times before the turn that the nodes may have to resolve
@@ -99,33 +74,27 @@ SHORTER = 0.3  # least share of the contact's later half that a step leaves of i
 class Bench(NamedTuple):
     """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
 
-    nodes: np.ndarray
-    memory: np.ndarray
-    state: np.ndarray
-
-
-@kernel
-def new_bench() -> Bench:
-    """Return empty scratch arrays."""
-    return Bench(np.zeros((FIELDS, ALL_CUT)), np.zeros((MEMORY, END + 1)), np.zeros(STATE))
+    nodes: Nodes
+    memory: np.ndarray  # shape (MEMORY, END + 1)
+    state: PassState
 
 
 @kernel
 def evaluate_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     f, m, state = bench
-    follow(p, lever, f, state[AMP], state[E], m)
+    follow(p, lever, f, state.amplitude, state.centre, m)
     look_back(p, lever, f, m)
-    mean, push, drag, work, virial = relaxing_force(law, p, lever, f, state[AMP], state[E], m)
-    state[MEAN], state[PUSH], state[DRAG], state[LOSS], state[VIRIAL] = mean, push, drag, work, virial
-    return mismatch(lever, state[AMP], push, drag)
+    mean, push, drag, work, virial = relaxing_force(law, p, lever, f, state.amplitude, state.centre, m)
+    state.mean, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
+    return mismatch(lever, state.amplitude, push, drag)
 
 
 @kernel
 def start_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
     """Lay the harmonic orbit with the amplitude and e of the state; False if it is out of this method's range."""
     f, m, state = bench
-    amplitude, e, time, kappa = state[AMP], state[E], lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
+    amplitude, e, time, kappa = state.amplitude, state.centre, lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
     if not DEEPEST < e / amplitude < 1.0:
         return False
     edge, longrange = math.acos(e / amplitude), p[LONGRANGE] != 0.0
@@ -133,13 +102,13 @@ def start_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> 
         return False
     if longrange:
         grade(f, amplitude, e, reach_of(law, p), edge)
-    f[W], f[U] = 0.0, 0.0
+    still(f)
     exit_ = edge
     for _ in range(MOST_ENDS):
         lay_relaxing(f, lever, -edge, 0.0, exit_, longrange)
         follow(p, lever, f, amplitude, e, m)
         d, seen = m[DEPTH, END], m[SEEN, END]
-        move = (d - kappa * seen) / (amplitude * f[SIN, EXIT] + kappa * (d - seen) / time)
+        move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)
         exit_ = min(max(exit_ + move, SHORTER * exit_), edge)
         if abs(move) < NEAR * edge:
             break
@@ -155,23 +124,23 @@ def start_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> 
 def balance_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench, lift: float) -> float:
     """As `passes.balance`."""
     f, m, state = bench
-    state[E] += lift
-    relay_relaxing(p, lever, f, state[AMP], state[E], m)
+    state.centre += lift
+    relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     h = evaluate_relaxing(law, p, lever, bench)
     for _ in range(MOST_MOVES):
-        if abs(h) < ENOUGH * abs(lift * state[SLOPE]) and state[PER_PUSH] != 0.0:
+        if abs(h) < ENOUGH * abs(lift * state.slope) and state.push_slope != 0.0:
             break
-        before = (h, state[MEAN], state[PUSH], state[DRAG])
-        move = -h / state[SLOPE]
-        state[E] += move
-        relay_relaxing(p, lever, f, state[AMP], state[E], m)
+        before = (h, state.mean, state.push, state.drag)
+        move = -h / state.slope
+        state.centre += move
+        relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
         h = evaluate_relaxing(law, p, lever, bench)
         learn(state, move, h, before)
     return h
 
 
 @kernel
-def unfollowed(p: np.ndarray, f: np.ndarray, m: np.ndarray) -> float:
+def unfollowed(p: np.ndarray, f: Nodes, m: np.ndarray) -> float:
     """Estimated error of P and S [m] from the number of nodes at which D follows d after the first touch.
 
     That of D is some sixtieth of what their highest polynomials find, where the contact lasts for 1 to 50 relaxation
@@ -182,7 +151,7 @@ def unfollowed(p: np.ndarray, f: np.ndarray, m: np.ndarray) -> float:
         behind = m[DEPTH, j] - m[SEEN, j]
         even += HIGHEST[0, j] * behind
         odd += HIGHEST[1, j] * behind
-        size += WEIGHTS[j] * f[WEIGHT, TOUCH + j] * abs(f[G, TOUCH + j])
+        size += WEIGHTS[j] * f.weight[TOUCH + j] * abs(f.g[TOUCH + j])
     return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / m[DEPTH, N - 1] * size
 
 
@@ -192,19 +161,19 @@ def converge_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.nda
     f, m, state = bench
     slow, longrange = 0, p[LONGRANGE] != 0.0
     first_pass(state)
-    state[PHASE], state[LAST_W] = phase_of(lever, state[AMP], state[PUSH], state[DRAG]), 0.0
-    state[HEIGHT] = state[E] - state[MEAN]
+    state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
+    state.tip_offset = state.centre - state.mean
     for passes in range(MOST_PASSES):
-        before = f[W, LATE]
-        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, longrange)
-        h = balance_relaxing(law, p, lever, bench, f[W, LATE] - before)
-        state[PASSES] += 1.0
+        before = f.w[LATE]
+        respond(f, lever, state.mean, state.push, state.drag, True, longrange)
+        h = balance_relaxing(law, p, lever, bench, f.w[LATE] - before)
+        state.passes += 1
         nodes = unresolved(lever, f, True, longrange) + unfollowed(p, f, m)
-        ratio = after_pass(lever, state, h, f[W, LATE], nodes)
-        if not (math.isfinite(state[PHASE] + state[HEIGHT]) and f[THETA, EXIT] > f[THETA, ENTRY]):
+        ratio = after_pass(lever, state, h, f.w[LATE], nodes)
+        if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] > f.theta[ENTRY]):
             return LOST
         if ratio >= 0.0:
-            if state[ERR_PHASE] < limits[0] and state[ERR_HEIGHT] < limits[1]:
+            if state.phase_error < limits[0] and state.tip_offset_error < limits[1]:
                 return FOUND
             slow += passes > 1 and ratio > 0.7
             if slow > MOST_SLOW:
@@ -221,28 +190,28 @@ def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
             return False
         if j > 0 and not m[PLACE, N + j] < m[PLACE, N + j - 1]:
             return False
-    apart = 2.0 * math.pi - (f[THETA, EXIT] - f[THETA, ENTRY])
+    apart = 2.0 * math.pi - (f.theta[EXIT] - f.theta[ENTRY])
     return dent * math.exp(-apart * recovery) < LEFT * -math.expm1(-2.0 * math.pi * recovery)
 
 
 @kernel(fastmath=ANY_ORDER)
-def missing(lever: np.ndarray, f: np.ndarray, state: np.ndarray, longrange: bool) -> float:
+def missing(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> float:
     """Energy in less energy out, over stiffness; each harmonic gives 2 pi alpha0 omega n^2 |w_n|^2 to the air."""
-    amplitude, omega, alpha0 = state[AMP], lever[OMEGA], lever[ALPHA0]
-    left, at = -math.pi * amplitude * state[DRAG] - state[LOSS], np.zeros((3, 4 * N))
+    amplitude, omega, alpha0 = state.amplitude, lever[OMEGA], lever[ALPHA0]
+    left, at = -math.pi * amplitude * state.drag - state.loss, np.zeros((3, 4 * N))
     share, cosine, sine = at[0], at[1], at[2]  # of exp(i n theta)
     for part in range(4):
         first = LATE if part == 3 else N * part
         for j in range(N if longrange or part == 1 or part == 3 else 0):
             i, k = first + j, N * part + j
-            share[k] = WEIGHTS[j] * f[WEIGHT, i] * f[G, i] / math.pi
-            cosine[k], sine[k] = f[COS, i], f[SIN, i]
+            share[k] = WEIGHTS[j] * f.weight[i] * f.g[i] / math.pi
+            cosine[k], sine[k] = f.cos[i], f.sin[i]
     for n in range(2, HARMONICS):
         re, im = 0.0, 0.0
         for k in range(4 * N):
             i = k if k < 3 * N else LATE + k - 3 * N
-            c = cosine[k] * f[COS, i] - sine[k] * f[SIN, i]
-            sine[k] = sine[k] * f[COS, i] + cosine[k] * f[SIN, i]
+            c = cosine[k] * f.cos[i] - sine[k] * f.sin[i]
+            sine[k] = sine[k] * f.cos[i] + cosine[k] * f.sin[i]
             cosine[k] = c
             re += share[k] * c
             im += share[k] * sine[k]
@@ -259,18 +228,18 @@ def damped(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
     nodes at a larger amplitude.
     """
     f, m, state = bench
-    loss, mean, push, drag, virial = state[LOSS], state[MEAN], state[PUSH], state[DRAG], state[VIRIAL]
-    amplitude, e, step = state[AMP], state[E], FARTHER * m[DEPTH, N - 1]
-    state[AMP] += step
-    relay_relaxing(p, lever, f, state[AMP], state[E], m)
+    loss, mean, push, drag, virial = state.loss, state.mean, state.push, state.drag, state.virial
+    amplitude, e, step = state.amplitude, state.centre, FARTHER * m[DEPTH, N - 1]
+    state.amplitude += step
+    relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     evaluate_relaxing(law, p, lever, bench)
-    respond(f, lever, state[MEAN], state[PUSH], state[DRAG], True, p[LONGRANGE] != 0.0)
-    state[E] = e - mean + state[MEAN]
-    relay_relaxing(p, lever, f, state[AMP], state[E], m)
+    respond(f, lever, state.mean, state.push, state.drag, True, p[LONGRANGE] != 0.0)
+    state.centre = e - mean + state.mean
+    relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     evaluate_relaxing(law, p, lever, bench)
-    more = (state[LOSS] - loss) / step
-    state[AMP], state[E] = amplitude, e
-    state[LOSS], state[MEAN], state[PUSH], state[DRAG], state[VIRIAL] = loss, mean, push, drag, virial
+    more = (state.loss - loss) / step
+    state.amplitude, state.centre = amplitude, e
+    state.loss, state.mean, state.push, state.drag, state.virial = loss, mean, push, drag, virial
     return more > -UNDAMPED * 4.0 * math.pi * lever[col.ALPHA0] * lever[OMEGA] * amplitude
 
 
@@ -284,9 +253,10 @@ def refine_relaxing(
     """
     f, m, state = bench
     reach, e = reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN]
-    state[:] = 0.0
-    state[AMP], state[E], state[SLOPE], state[PARTS] = guess[col.G_A], e, guess[col.G_SLOPE], 2.0
-    if e >= state[AMP]:
+    clear(state)
+    f.cut, state.parts = 1, 2
+    state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
+    if e >= state.amplitude:
         if not start(law, p, lever, reach, f, state):
             return False
         found = converge(law, p, lever, f, state, False, limits[0], limits[1])
@@ -296,8 +266,8 @@ def refine_relaxing(
     dent, recovery = dent_of(p, lever, m)
     if not (taps_once(bench, dent, recovery) and belongs(lever, guess, state)):
         return False
-    state[WORK] = missing(lever, f, state, p[LONGRANGE] != 0.0)
-    i, j, amplitude = TOUCH + N - 1, LATE, state[AMP]
-    state[APEX] = apex_between(amplitude, f[THETA, i], f[W, i], f[U, i], f[THETA, j], f[W, j], f[U, j])[0]
-    state[APEX] = max(state[APEX], amplitude * f[COS, i] + f[W, i], amplitude * f[COS, j] + f[W, j])
+    state.work = missing(lever, f, state, p[LONGRANGE] != 0.0)
+    i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
+    state.apex = apex_between(amplitude, f.theta[i], f.w[i], f.u[i], f.theta[j], f.w[j], f.u[j])[0]
+    state.apex = max(state.apex, amplitude * f.cos[i] + f.w[i], amplitude * f.cos[j] + f.w[j])
     return sound(law, p, lever, reach, f, state, dent, recovery) and damped(law, p, lever, bench)

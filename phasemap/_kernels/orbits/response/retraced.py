@@ -19,24 +19,19 @@ from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.kept import FAINT
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
-    COS,
+    ALL,
     ENTRY,
     EXIT,
     IN,
     OUT,
-    SIN,
-    THETA,
     TOUCH,
-    WEIGHT,
     WEIGHTS,
-    G,
     N,
-    U,
-    W,
+    Nodes,
     relay,
     respond,
 )
-from phasemap._kernels.orbits.response.passes import AMP, DRAG, MEAN, PUSH, E, evaluate, start
+from phasemap._kernels.orbits.response.passes import PassState, evaluate, start
 
 PASSES = 2  # where more were needed they contract slowly
 ALIKE = 3e-4  # of the mean size of the force: what its mean and P may differ from the row's by
@@ -45,67 +40,68 @@ AS_DEEP = 5e-4  # of the depth, or without contact of the distance to the pole o
 
 
 @kernel(fastmath=ANY_ORDER)
-def _strength(f: np.ndarray) -> float:
+def _strength(f: Nodes) -> float:
     """Mean of |g| over a period [m]."""
     total = 0.0
     for first in range(0, 3 * N, N):
         for j in range(N):
-            total += WEIGHTS[j] * f[WEIGHT, first + j] * abs(f[G, first + j])
+            total += WEIGHTS[j] * f.weight[first + j] * abs(f.g[first + j])
     return total / (2.0 * math.pi)
 
 
 @kernel(fastmath=ANY_ORDER)
-def _press(f: np.ndarray, state: np.ndarray, push: float) -> None:
+def _press(f: Nodes, state: PassState, push: float) -> None:
     """Make the force in contact so much larger or smaller that P is the one given."""
     mean, pressed, drag = 0.0, 0.0, 0.0
     for j in range(N):
-        share = WEIGHTS[j] * f[WEIGHT, TOUCH + j] * f[G, TOUCH + j] / math.pi
+        share = WEIGHTS[j] * f.weight[TOUCH + j] * f.g[TOUCH + j] / math.pi
         mean += 0.5 * share
-        pressed += share * f[COS, TOUCH + j]
-        drag += share * f[SIN, TOUCH + j]
-    more = (push - state[PUSH]) / pressed
+        pressed += share * f.cos[TOUCH + j]
+        drag += share * f.sin[TOUCH + j]
+    more = (push - state.push) / pressed
     if not abs(more) < MOST:
         return
     for j in range(N):
-        f[G, TOUCH + j] *= 1.0 + more
-    state[MEAN], state[PUSH], state[DRAG] = state[MEAN] + more * mean, push, state[DRAG] + more * drag
+        f.g[TOUCH + j] *= 1.0 + more
+    state.mean, state.push, state.drag = state.mean + more * mean, push, state.drag + more * drag
 
 
 @kernel
-def _apex(f: np.ndarray, amplitude: float, touching: bool) -> float:
+def _apex(f: Nodes, amplitude: float, touching: bool) -> float:
     """Where the tip turns [m]: in contact or, without one, where the elements before and after it meet."""
-    theta, w, u = f[THETA], f[W], f[U]
+    theta, w, u = f.theta, f.w, f.u
     i, j = IN, OUT
     if touching:
         j = TOUCH + 1
-        while j < TOUCH + N - 1 and u[j] > amplitude * f[SIN, j]:
+        while j < TOUCH + N - 1 and u[j] > amplitude * f.sin[j]:
             j += 1
         i = j - 1
     return apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])[0]
 
 
 @kernel
-def retrace(law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, f: np.ndarray, state: np.ndarray) -> bool:
+def retrace(law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, f: Nodes, state: PassState) -> bool:
     """Fill the nodes with the orbit of a result row of the tip, without necks; False if it is beyond a few passes."""
     amplitude, e, longrange = row[col.AMPLITUDE], row[col.TIP_OFFSET] - row[col.MEAN], p[LONGRANGE] != 0.0
-    state[AMP], state[E] = amplitude, amplitude - row[col.INDENTATION]
-    f[G] = 0.0
+    state.amplitude, state.centre = amplitude, amplitude - row[col.INDENTATION]
+    for j in range(ALL):
+        f.g[j] = 0.0
     reach, depth = reach_of(law, p), row[col.INDENTATION]
     if not (lever[BASE] < FAINT * amplitude and math.isfinite(e) and start(law, p, lever, reach, f, state)):
         return False
     near = AS_DEEP * (depth if depth > 0.0 else reach - depth)
-    state[E], touching = e, f[THETA, EXIT] > f[THETA, ENTRY]
+    state.centre, touching = e, f.theta[EXIT] > f.theta[ENTRY]
     mean, push = -row[col.MEAN], lever[BASE] * math.sin(row[col.PHASE]) - amplitude * (1.0 - lever[OMEGA] ** 2)
     if touching:
         _press(f, state, push)
     for _ in range(PASSES):
-        respond(f, lever, state[MEAN], state[PUSH], state[DRAG], touching, longrange)
+        respond(f, lever, state.mean, state.push, state.drag, touching, longrange)
         relay(f, lever, amplitude, e, touching, longrange)
-        if touching and not f[THETA, EXIT] > f[THETA, ENTRY]:
+        if touching and not f.theta[EXIT] > f.theta[ENTRY]:
             return False
         evaluate(law, p, lever, f, state, touching)
         if not abs(_apex(f, amplitude, touching) - e - depth) < near:
             continue
-        if max(abs(state[MEAN] - mean), abs(state[PUSH] - push)) < ALIKE * _strength(f):
+        if max(abs(state.mean - mean), abs(state.push - push)) < ALIKE * _strength(f):
             return True
     return False

@@ -10,22 +10,17 @@ from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
 from phasemap._kernels.orbits.response.nodes import (
-    COS,
     ENTRY,
     EXIT,
     LATE,
     OUT,
-    THETA,
     TOUCH,
-    TURN_COS,
-    TURN_SIN,
-    WEIGHT,
     WEIGHTS,
     N,
-    W,
+    Nodes,
     parts_of,
 )
-from phasemap._kernels.orbits.response.passes import AMP, CLOSED, SLOPE, E, closure
+from phasemap._kernels.orbits.response.passes import CLOSED, PassState, closure
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
@@ -56,7 +51,7 @@ def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) ->
 
 @kernel(fastmath=ANY_ORDER)
 def sound(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: np.ndarray, state: np.ndarray, dent: float,
+    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: Nodes, state: PassState, dent: float,
     recovery: float,
 ) -> bool:  # fmt: skip
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
@@ -68,9 +63,9 @@ def sound(
     determinant, which all damping makes smaller; the trace leaves out that of the contact, which would bring it nearer
     to zero.
     """
-    amplitude, e = state[AMP], state[E]
+    amplitude, e = state.amplitude, state.centre
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
-    touching, longrange = f[THETA, EXIT] > f[THETA, ENTRY], p[LONGRANGE] != 0.0
+    touching, longrange = f.theta[EXIT] > f.theta[ENTRY], p[LONGRANGE] != 0.0
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
@@ -79,12 +74,12 @@ def sound(
     for k in range(3 * N + late):
         # In the order of time: the element before contact runs backwards.
         j = N - 1 - k if k < N else k if k < 2 * N else LATE + k - 2 * N if k < 2 * N + late else k - late
-        in_contact, width = N <= k < 2 * N + late, WEIGHTS[j % N if j < LATE else j - LATE] * f[WEIGHT, j]
+        in_contact, width = N <= k < 2 * N + late, WEIGHTS[j % N if j < LATE else j - LATE] * f.weight[j]
         if not (touching if in_contact else longrange):
             continue
-        d = amplitude * f[COS, j] + f[W, j] - e
+        d = amplitude * f.cos[j] + f.w[j] - e
         if dent > 0.0 and OUT <= j < OUT + N:
-            d -= dent * math.exp((f[THETA, EXIT] - f[THETA, j]) * recovery)
+            d -= dent * math.exp((f.theta[EXIT] - f.theta[j]) * recovery)
         if d < -little if in_contact else d > little:
             return False
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
@@ -92,17 +87,17 @@ def sound(
             decay += 2.0 / omega * width * damping(law, max(d, 0.0), p)
         squared = inverse_k * slope / (omega * omega)
         if not in_contact:
-            x1, y1 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x1, y1)
-            x2, y2 = kicked(f[TURN_COS, j], f[TURN_SIN, j], width * squared / nu, x2, y2)
+            x1, y1 = kicked(f.turn_cos[j], f.turn_sin[j], width * squared / nu, x1, y1)
+            x2, y2 = kicked(f.turn_cos[j], f.turn_sin[j], width * squared / nu, x2, y2)
             continue
         if j == TOUCH:
-            c, s = f[TURN_COS, ENTRY], f[TURN_SIN, ENTRY]
+            c, s = f.turn_cos[ENTRY], f.turn_sin[ENTRY]
             x1, y1, x2, y2 = c * x1 + s * y1, nu * (c * y1 - s * x1), c * x2 + s * y2, nu * (c * y2 - s * x2)
         x1, y1 = turned(nu * nu + squared, width, x1, y1)
         x2, y2 = turned(nu * nu + squared, width, x2, y2)
         if k == 2 * N + late - 1:
-            c, s = f[TURN_COS, EXIT], f[TURN_SIN, EXIT]
+            c, s = f.turn_cos[EXIT], f.turn_sin[EXIT]
             x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
     trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
-    return far and state[SLOPE] * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
+    return far and state.slope * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED

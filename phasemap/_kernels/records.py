@@ -1,0 +1,206 @@
+"""Records of named numbers that kernels pass to each other: a state, the nodes of an orbit, scratch memory.
+
+A class whose fields are annotated becomes a record by the decorator `record`:
+
+    @record
+    class State:
+        amplitude: float  # [m]
+        theta: np.ndarray = column(16)  # [rad], at each node
+
+``State()`` in a kernel makes one filled with zeros, on the stack of that kernel: it must not be returned, but is passed
+down by its address, so that what is called can change it. numba checks the names of its fields, mypy their types.
+In Python ``State()`` is a `numpy.record` with the same fields, which kernels take and change as well.
+"""
+
+from __future__ import annotations
+
+import typing
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_builtin,
+    lower_getattr_generic,
+    lower_setattr_generic,
+    models,
+    register_model,
+    type_callable,
+    typeof_impl,
+    unbox,
+)
+
+T = TypeVar("T")
+
+MOST_BYTES = 1 << 17  # of a record: the stack of a thread has half a megabyte and more
+WORD = 8  # bytes of each number
+NUMBERS = {float: types.float64, int: types.int64}
+COLUMN = types.Array(types.float64, 1, "C")
+
+
+class RecordType(types.Type):
+    """The numba type of a record: names, types and places [words] of its fields."""
+
+    def __init__(self, name: str, fields: dict[str, tuple[types.Type, int, int]], words: int) -> None:
+        self.fields, self.words = fields, words  # of each field its type, first word, and how many there are
+        super().__init__(name)
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What makes two of them the same."""
+        return self.name, tuple(self.fields.items())
+
+    @property
+    def mangling_args(self) -> tuple[str, tuple[()]]:
+        """By what name compiled code is linked: the same in every process."""
+        return self.name, ()
+
+
+@register_model(RecordType)
+class _Address(models.PrimitiveModel):
+    """A record is passed by its address."""
+
+    def __init__(self, manager: Any, kind: RecordType) -> None:
+        super().__init__(manager, kind, ir.ArrayType(ir.IntType(8 * WORD), kind.words).as_pointer())
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    """Types of the fields."""
+
+    key = RecordType
+
+    def generic_resolve(self, kind: RecordType, name: str) -> Any:
+        """Type of the field of this name; None without one."""
+        return kind.fields.get(name, (None,))[0]
+
+
+def _place(builder: Any, address: Any, first: int, kind: Any) -> Any:
+    """Pointer to the field that begins at a word."""
+    return builder.bitcast(cgutils.gep_inbounds(builder, address, 0, first), kind.as_pointer())
+
+
+@lower_getattr_generic(RecordType)
+def _get(context: Any, builder: Any, kind: RecordType, address: Any, name: str) -> Any:
+    """A number, a view of a column, or the address of a record in this one."""
+    of, first, count = kind.fields[name]
+    if isinstance(of, RecordType):
+        return _place(builder, address, first, context.get_value_type(of).pointee)
+    place = _place(builder, address, first, context.get_data_type(types.float64 if of is COLUMN else of))
+    if of is not COLUMN:
+        return builder.load(place)
+    view = context.make_array(COLUMN)(context, builder)
+    view.data, view.meminfo = place, cgutils.get_null_value(view.meminfo.type)  # the stack counts no references
+    view.parent = cgutils.get_null_value(view.parent.type)
+    view.nitems, view.itemsize = cgutils.intp_t(count), cgutils.intp_t(WORD)
+    view.shape, view.strides = (cgutils.pack_array(builder, [cgutils.intp_t(n)]) for n in (count, WORD))
+    return view._getvalue()
+
+
+@lower_setattr_generic(RecordType)
+def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) -> None:
+    """Give a number another value."""
+    (address, value), (kind, given) = arguments, signature.args
+    of, first, _ = kind.fields[name]
+    place = _place(builder, address, first, context.get_data_type(of))
+    builder.store(context.cast(builder, value, given, of), place)
+
+
+@unbox(RecordType)
+def _unbox(kind: RecordType, one: Any, c: Any) -> NativeValue:
+    """Address of a record that Python gives."""
+    buffer = c.pyapi.alloca_buffer()
+    address = c.builder.bitcast(c.pyapi.extract_record_data(one, buffer), c.context.get_value_type(kind))
+    missing = cgutils.is_null(c.builder, address)
+    return NativeValue(address, cleanup=lambda: c.pyapi.release_buffer(buffer), is_error=missing)
+
+
+def column(count: int) -> Any:
+    """Declare a field that has this many numbers."""
+    return count
+
+
+def record(cls: type[T]) -> type[T]:
+    """Make a class of annotated fields a record: of float, int, columns of numbers, or other records."""
+    fields: dict[str, tuple[types.Type, int, int]] = {}
+    layout: list[tuple[str, Any]] = []
+    words = 0
+    for name, annotated in typing.get_type_hints(cls).items():
+        count = cls.__dict__.get(name)
+        inner = getattr(annotated, "record_type", None)
+        kind = inner or (NUMBERS[annotated] if count is None else COLUMN)
+        size = inner.words if inner else count or 1
+        fields[name] = kind, words, size
+        layout.append((name, annotated.layout if inner else (np.float64, (count,)) if count else annotated))
+        words += size
+        if count is not None:
+            delattr(cls, name)
+    if words * WORD > MOST_BYTES:
+        raise TypeError(f"{cls.__name__} takes {words * WORD} bytes, more than a stack may be asked for")
+    made: Any = cls
+    made.record_type = RecordType(f"{cls.__module__}.{cls.__name__}", fields, words)
+    in_python = type(cls.__name__, (np.record,), {"__doc__": cls.__doc__})
+    made.layout = np.dtype((in_python, np.dtype(layout)))
+    made.__new__ = lambda *_: np.zeros(1, made.layout)[0]
+    typeof_impl.register(in_python)(lambda *_: made.record_type)
+    _declare(made, made.record_type)
+    return cls
+
+
+def _declare(cls: Any, kind: RecordType) -> None:
+    """Let kernels make a record of this class, as `numba.extending` does it for a class of one's own."""
+
+    @type_callable(cls)
+    def made(_context: Any) -> Any:
+        return lambda: kind
+
+    @lower_builtin(cls)
+    def make(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        address = cgutils.alloca_once(builder, context.get_value_type(kind).pointee)
+        _zero(builder, address, kind)
+        return address
+
+
+def _zero(builder: Any, address: Any, kind: RecordType) -> None:
+    cgutils.memset(builder, builder.bitcast(address, cgutils.voidptr_t), cgutils.intp_t(kind.words * WORD), 0)
+
+
+@intrinsic
+def assign(_context: Any, to: Any, source: Any) -> Any:
+    """Copy all fields of one record into another of the same class."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        into, out_of = (builder.bitcast(one, cgutils.voidptr_t) for one in arguments)
+        cgutils.raw_memcpy(builder, into, out_of, cgutils.intp_t(to.words * WORD), 1)
+
+    return (types.void(to, source), generate) if isinstance(to, RecordType) and to == source else None
+
+
+@intrinsic
+def clear(_context: Any, one: Any) -> Any:
+    """Set all fields of a record to zero."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        _zero(builder, arguments[0], one)
+
+    return (types.void(one), generate) if isinstance(one, RecordType) else None
+
+
+def _assign(to: Any, source: Any) -> None:
+    for name in to.dtype.names:
+        to[name] = source[name]
+
+
+def _clear(one: Any) -> None:
+    for name in one.dtype.names:
+        one[name] = np.zeros_like(one[name])
+
+
+if numba.config.DISABLE_JIT:
+    assign, clear = _assign, _clear
