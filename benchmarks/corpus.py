@@ -184,7 +184,7 @@ def law_tasks() -> Iterator[Task]:
     for contact in laws:
         yield plain | {"scope": AIR | {"interaction": {"contact": contact, "decay_length": 0.3e-9}}}
     yield plain | {"scope": AIR | {"interaction": {"withdrawal": "ting"}}}
-    yield plain | {"maps": relaxing | {"relaxation_time": 1e-7}}
+    yield plain | {"maps": relaxing | {"relaxation_time": np.full(40, 1e-7)}}
     for scope, frequency in ((AIR, None), (AIR, 299e3), (LIQUID, None)):
         drive = scope["drive"] | {"excitation": "base", "frequency": frequency}
         yield plain | {"scope": scope | {"drive": drive}, "maps": maps if scope is AIR else maps | {"adhesion": 1e-3}}

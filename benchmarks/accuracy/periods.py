@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.accuracy.cases import Known
 from benchmarks.timing import best_of
+from phasemap._kernels.law import Oscillator
 from phasemap.solvers.problem import Work
 
 PERIODS = 10
@@ -32,6 +33,6 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     def several() -> None:
         y[:] = state
         for _ in range(PERIODS):
-            march_period(work.law, p, work.lever, reference.tip_offset, eta, y, acc)
+            march_period(Oscillator(work.law, p, work.lever), reference.tip_offset, eta, y, acc)
 
     return best_of(several, 0.0)[0] / PERIODS

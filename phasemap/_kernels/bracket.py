@@ -6,9 +6,7 @@ from phasemap._kernels.compilation import kernel
 
 
 @kernel
-def narrowed(
-    a: float, f_a: float, b: float, f_b: float, x: float, f: float
-) -> tuple[float, float, float, float]:  # fmt: skip
+def narrowed(a: float, f_a: float, b: float, f_b: float, x: float, f: float) -> tuple[float, float, float, float]:
     """A bracket (a, f(a), b, f(b)) with the point x of its chord taken in, which becomes b.
 
     Where the sign at x is that at the last point, b, the end that stays counts less: by as much as a parabola through

@@ -47,6 +47,14 @@ class Law(NamedTuple):
     memory: int = 0  # the march of a period over surfaces that remember, `orbits.time.remembering`; 0 if none does
 
 
+class Oscillator(NamedTuple):
+    """A lever over one material: what every orbit is an orbit of."""
+
+    law: Law
+    p: Any  # parameters of the interaction, shape (ROW,)
+    lever: np.ndarray  # shape (5,), see `phasemap._kernels.columns`
+
+
 def law_of(*formulas: Formula) -> Law:
     """Compile what kernels do not know of the formulas that a law has, in its order, and find what was compiled before.
 

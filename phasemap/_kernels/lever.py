@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
 MUCH = 0.4  # of the amplitude, by which adhesion bends a lever, or P
@@ -30,11 +30,12 @@ def free_phasor(lever: np.ndarray) -> complex:
 
 
 @kernel
-def scale_of(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> float:
+def scale_of(oscillator: Oscillator, free: float) -> float:
     """Length [m] on which orbits change as the tip comes near: the reach of the long-range force.
 
     Without one, the indentation at which a force that sets in with contact takes up a third of the drive.
     """
+    law, p, lever = oscillator
     if p[LONGRANGE] != 0.0:
         return max(reach_of(law, p), 1e-3 * free)
     pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
@@ -74,8 +75,9 @@ def reach_of(law: Law, p: np.ndarray) -> float:
 
 
 @kernel
-def pulled(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+def pulled(oscillator: Oscillator) -> float:
     """How far [m] adhesion at first contact bends the lever."""
+    law, p, lever = oscillator
     return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
 
 
@@ -86,18 +88,21 @@ def low_q(lever: np.ndarray) -> bool:
 
 
 @kernel
-def sticky(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> bool:
+def sticky(oscillator: Oscillator, amplitude: float) -> bool:
     """Whether adhesion bends a lever of low Q by much of its amplitude."""
-    return bool(low_q(lever) and pulled(law, p, lever) > MUCH * amplitude)
+    lever = oscillator.lever
+    return bool(low_q(lever) and pulled(oscillator) > MUCH * amplitude)
 
 
 @kernel
-def thrown(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, push: float) -> bool:
+def thrown(oscillator: Oscillator, amplitude: float, push: float) -> bool:
     """Whether a contact with this P throws a lever of low Q back, whose orbit is then far from harmonic."""
-    return bool(push > 0.0 and (sticky(law, p, lever, amplitude) or (low_q(lever) and push > MUCH * amplitude)))
+    lever = oscillator.lever
+    return bool(push > 0.0 and (sticky(oscillator, amplitude) or (low_q(lever) and push > MUCH * amplitude)))
 
 
 @kernel
-def lowest(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+def lowest(oscillator: Oscillator) -> float:
     """Tip offset [m] below which the lever is pressed in farther than any instrument would."""
-    return -(30.0 * free_amplitude(lever) + 20.0 * pulled(law, p, lever) + 1e-7)
+    lever = oscillator.lever
+    return -(30.0 * free_amplitude(lever) + 20.0 * pulled(oscillator) + 1e-7)

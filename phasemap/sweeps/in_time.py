@@ -35,14 +35,14 @@ class Passage:
     """
 
     def __init__(self, work: Work, farthest: float) -> None:
-        from phasemap._kernels.law import parameters
+        from phasemap._kernels.law import Oscillator, parameters
         from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
         from phasemap._kernels.orbits.averaged.orbits import far_start
         from phasemap._kernels.orbits.time.elements import STATE
         from phasemap._kernels.orbits.time.tip import Z0, swing
 
         p, free = parameters(work.rows[0]), free_amplitude(work.lever)
-        far = free * far_start(work.law, p, work.lever, reach_of(work.law, p), free, 0.5 * free)
+        far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
         phasor = free_phasor(work.lever)
         self._state = np.zeros(STATE)
         self._state[Z0] = max(far, farthest)
@@ -51,12 +51,12 @@ class Passage:
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""
         from phasemap._kernels.engagement.in_time import carry_on, carry_to
-        from phasemap._kernels.law import parameters
+        from phasemap._kernels.law import Oscillator, parameters
 
         row = np.full(col.FULL, np.nan)
         move = carry_on if by_amplitude else carry_to
-        of_law = work.law, parameters(work.rows[0]), work.lever
-        status = move(*of_law, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        oscillator = Oscillator(work.law, parameters(work.rows[0]), work.lever)
+        status = move(oscillator, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
             row[: col.COLUMNS] = np.nan
         row[col.SEEN] = row[col.AMPLITUDE]
@@ -122,11 +122,11 @@ def _dataset(
 ) -> xr.Dataset:
     """The Dataset of a sweep without a curve."""
     from phasemap._kernels.continuation.path import fixed
-    from phasemap._kernels.law import parameters
+    from phasemap._kernels.law import Oscillator, parameters
     from phasemap._kernels.quadrature import TABLES
 
     if samples:
         raise InputError("samples", samples, "0 where contacts remember: what is marched keeps no traces")
-    path = fixed(work.law, parameters(work.rows[0]), work.lever, TABLES)
+    path = fixed(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
     curves = Curves(path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, lambda x: x, visits, question.material, question.scope, held)

@@ -8,6 +8,7 @@ import numpy as np
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.many_periods import FLOW, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import pass_period
 from phasemap._kernels.orbits.time.tip import DEEPEST, Z0, V, Z, new_tip
@@ -27,13 +28,13 @@ def test_a_tip_that_falls_below_resonance_moves_as_it_does_period_by_period() ->
     one = new_tip(law, lever, 0.0, swing.real, -omega * swing.imag, start)
     many = new_tip(law, lever, 0.0, swing.real, -omega * swing.imag, start)
     flow, passed, steps, deepest = np.zeros(FLOW), 0, 0, -math.inf
-    assert begin_flow(law, p, lever, ETA, pace, many, flow)
+    assert begin_flow(Oscillator(law, p, lever), ETA, pace, many, flow)
     while passed < PERIODS:
         steps += 1
-        passed += pass_many(law, p, lever, ETA, pace, allowed, many, flow)
+        passed += pass_many(Oscillator(law, p, lever), ETA, pace, allowed, many, flow)
     for _ in range(passed):
         one.u[Z0] -= pace
-        assert pass_period(law, p, lever, ETA, one)
+        assert pass_period(Oscillator(law, p, lever), ETA, one)
         deepest = max(deepest, one.acc[DEEPEST])
     assert deepest > 0.0
     assert many.periods[0] < 0.4 * passed

@@ -9,7 +9,7 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import parameters
+from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN
 from phasemap._kernels.scanning.one_tap import LATER, ROOM, WAIT, pass_period
@@ -60,10 +60,10 @@ class Tap:
         """Let one pass, and return its first harmonic."""
         acc, p = np.zeros(GIVEN), parameters(self.work.rows[material])
         if pieces:
-            steps = pass_period(self.work.law, p, self.lever, z0, eta, y, acc, self.room)
+            steps = pass_period(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc, self.room)
             self.followed = steps == 1  # the march takes many
         else:
-            steps = march_period(self.work.law, p, self.lever, z0, eta, y, acc)
+            steps = march_period(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc)
         assert steps > 0
         return complex(acc[COS], -acc[SIN])
 

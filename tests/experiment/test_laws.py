@@ -18,6 +18,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding
 from phasemap._kernels.law import (
+    Oscillator,
     contact_force,
     contact_slope,
     damping,
@@ -523,8 +524,8 @@ def test_averaging_takes_the_neck_on_the_way_out(name: str, decay: float | None)
     without[10] = 0.0
     for amplitude, c in [(1e-8, 0.999), (1e-8, 1 - 1e-7), (1e-8, 0.9), (1e-8, 0.0), (1e-8, -0.5), (3e-9, 0.3)]:
         reach = reach_of(token, p)
-        push, drag, mean = harmonics.harmonics(token, p, lever, reach, amplitude, c)
-        push0, drag0, mean0 = harmonics.harmonics(token, without, lever, reach, amplitude, c)
+        push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), reach, amplitude, c)
+        push0, drag0, mean0 = harmonics.harmonics(Oscillator(token, without, lever), reach, amplitude, c)
         more, more_push, loss = brute(token, p, amplitude, c)
         scale = 2 / (math.pi * k)
         total = abs(push) + abs(scale * more)
@@ -539,7 +540,7 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
     interaction = Interaction(Neck(2e-9), 0.3e-9)
     token, p, k = interaction.token(), row_of(interaction), 5.0
     lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
-    push, drag, mean = harmonics.harmonics(token, p, lever, reach_of(token, p), 0.8e-9, 0.5)
+    push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), reach_of(token, p), 0.8e-9, 0.5)
 
     def part(n: int) -> float:
         return quad(
@@ -557,8 +558,9 @@ def test_no_touch_no_neck() -> None:
     token, p, lever = interaction.token(), row_of(interaction), np.array([1.0, 0.005, 5.0, 2e-10, 0.0])
     without = p.copy()
     without[10] = 0.0
-    numbers = (lever, reach_of(token, p), 1e-8, 1.001)
-    assert harmonics.harmonics(token, p, *numbers) == harmonics.harmonics(token, without, *numbers)
+    numbers = reach_of(token, p), 1e-8, 1.001
+    with_neck, none = Oscillator(token, p, lever), Oscillator(token, without, lever)
+    assert harmonics.harmonics(with_neck, *numbers) == harmonics.harmonics(none, *numbers)
 
 
 def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
@@ -567,7 +569,7 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
     interaction = Interaction("hertz", None)
     p = row_of(interaction, damping=eta * RADIUS * resonance / (2 * k))
     lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
-    _, drag, _ = harmonics.harmonics(interaction.token(), p, lever, 0.0, amplitude, 1 - delta / amplitude)
+    _, drag, _ = harmonics.harmonics(Oscillator(interaction.token(), p, lever), 0.0, amplitude, 1 - delta / amplitude)
     expected = math.pi * math.sqrt(2) / 4 * eta * resonance * math.sqrt(RADIUS * amplitude) * delta**2
     assert -math.pi * k * amplitude * drag == pytest.approx(expected, rel=0.01)
 
@@ -591,7 +593,7 @@ LONG_TO_COMPILE = ("neck, damped", "spring", "jkr, bias")
 def marched(problem: Any, z0: float, y: np.ndarray, eta: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
     y, acc = y.copy(), np.empty(7)
     for _ in range(periods):
-        assert march.march_period(*problem, z0, eta, y, acc) > 0
+        assert march.march_period(problem, z0, eta, y, acc) > 0
     return y, acc
 
 
@@ -603,7 +605,7 @@ def test_energy_closes_with_a_neck(name: str) -> None:
     token, p = interaction.token(), row_of(interaction, damping=damping)
     row, amplitude = np.empty(col.COLUMNS), 12e-9
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = amplitude, 0.0, math.radians(35)
-    assert holding.settle(token, p, LEVER, amplitude, 0.2, 200_000, row) == col.GOOD
+    assert holding.settle(Oscillator(token, p, LEVER), amplitude, 0.2, 200_000, row) == col.GOOD
     assert row[col.INDENTATION] > 0
     assert abs(row[col.CLOSURE]) < 1e-8
     lost = loop_energies(token, p[None])[0]
@@ -614,7 +616,7 @@ def test_energy_closes_with_a_neck(name: str) -> None:
 @pytest.mark.parametrize("name", ["jkr", "jkr, no force before contact, damped", "neck, damped", "maugis, damped"])
 def test_the_neck_keeps_order_eight(name: str) -> None:
     interaction, damping = MARCHED[name]
-    problem = (interaction.token(), row_of(interaction, damping=damping), LEVER)
+    problem = Oscillator(interaction.token(), row_of(interaction, damping=damping), LEVER)
     y, z0 = np.array([0.5e-9, 14.7e-9, 0.0]), 14e-9
     etas = 0.3 * 2.0 ** (-np.arange(6) / 4)
     exact_y, exact_acc = marched(problem, z0, y, 0.04, 3)
@@ -629,10 +631,10 @@ def test_the_neck_keeps_order_eight(name: str) -> None:
 
 def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
     interaction, damping = MARCHED["jkr, bias"]
-    problem = (interaction.token(), row_of(interaction, damping=damping), LEVER)
+    problem = Oscillator(interaction.token(), row_of(interaction, damping=damping), LEVER)
     y, acc = np.array([0.5e-9, 14.7e-9, 0.0]), np.empty(7)
     compiled, acc_compiled = marched(problem, 14e-9, y, 0.5, 1)
-    assert march.march_elastic.py_func(*problem, 14e-9, 0.5, y, acc) > 0
+    assert march.march_elastic.py_func(problem, 14e-9, 0.5, y, acc) > 0
     np.testing.assert_allclose(y, compiled, rtol=1e-10, atol=0)
     np.testing.assert_allclose(acc, acc_compiled, rtol=1e-10)
 
@@ -640,7 +642,7 @@ def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
 def test_contact_is_carried_over_from_period_to_period() -> None:
     # A weak swing in a long neck, which is never released; and the same depth reached out of contact.
     interaction = Interaction(Neck(4e-9), None)
-    problem = (interaction.token(), row_of(interaction, adhesion=1e-3), LEVER * [1, 1, 1, 0.01, 1])
+    problem = Oscillator(interaction.token(), row_of(interaction, adhesion=1e-3), LEVER * [1, 1, 1, 0.01, 1])
     hanging, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 1.0]), 0.3, 3)
     assert hanging[2] == 1 and acc[5] < 0 and acc[3] == 0
     free, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 0.0]), 0.3, 1)
@@ -691,7 +693,7 @@ def test_the_phase_with_a_neck_is_that_of_another_integrator() -> None:
 
     row = np.empty(col.COLUMNS)
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = z0, 0.0, math.pi / 2 - other_lag
-    assert holding.settle(interaction.token(), p, lever, other_amplitude, 0.2, 100_000, row) == col.GOOD
+    assert holding.settle(Oscillator(interaction.token(), p, lever), other_amplitude, 0.2, 100_000, row) == col.GOOD
     assert row[col.TIP_OFFSET] == pytest.approx(z0, abs=2e-14)
     assert math.degrees(row[col.PHASE]) == pytest.approx(90 - math.degrees(other_lag), abs=1e-4)
     assert row[col.DISSIPATION] > loop_energies(interaction.token(), p[None])[0]

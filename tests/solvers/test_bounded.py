@@ -10,7 +10,7 @@ import pytest
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding, in_time, lowering
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import Tip, new_tip
 from phasemap._kernels.scanning.line import approach_in_time
@@ -41,16 +41,16 @@ def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
 def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int, what: str) -> None:
     amplitude = 0.6 * scope.driven_amplitude
     work = work_of_material(RUBBER, scope, amplitude)
-    problem = work.law, work.rows[0], work.lever
+    problem = Oscillator(work.law, work.rows[0], work.lever)
     tip, row = tip_at(work.law, scope, 24e-9), np.empty(col.COLUMNS)
     tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
     {
-        "hold": lambda: holding.hold(*problem, amplitude, 0.25, most, tip, row),
-        "hold_mean": lambda: holding.hold_mean(*problem, amplitude, holding.EAGER, 0.25, most, tip, row),
-        "move_slowly": lambda: in_time.move_slowly(*problem, amplitude, 0.0, tolerance, most, tip),
-        "follow_down": lambda: lowering.follow_down(*problem, amplitude, 1e-10, 0.0, tolerance, most, tip),
-        "fall": lambda: lowering.fall(*problem, amplitude, 1e-12, 0.0, tolerance, most, tip),
-        "rest": lambda: period_map.rest(*problem, tolerance, most, tip),
+        "hold": lambda: holding.hold(problem, amplitude, 0.25, most, tip, row),
+        "hold_mean": lambda: holding.hold_mean(problem, amplitude, holding.EAGER, 0.25, most, tip, row),
+        "move_slowly": lambda: in_time.move_slowly(problem, amplitude, 0.0, tolerance, most, tip),
+        "follow_down": lambda: lowering.follow_down(problem, amplitude, 1e-10, 0.0, tolerance, most, tip),
+        "fall": lambda: lowering.fall(problem, amplitude, 1e-12, 0.0, tolerance, most, tip),
+        "rest": lambda: period_map.rest(problem, tolerance, most, tip),
     }[what]()
     assert tip.periods[0] <= most + MORE
 
@@ -58,7 +58,7 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
 def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
     work = work_of_material(RUBBER, SLOW, 0.6 * SLOW.driven_amplitude)
     state, row = np.array([0.0, 0.0, 0.0, 80e-9]), np.full(col.COLUMNS, math.nan)
-    status = in_time.carry_to(work.law, work.rows[0], work.lever, 24e-9, 0.25, 10_000, state, row)
+    status = in_time.carry_to(Oscillator(work.law, work.rows[0], work.lever), 24e-9, 0.25, 10_000, state, row)
     assert status == col.NOT_SETTLED
     assert state[3] == 80e-9
     assert np.isnan(row).all()

@@ -11,11 +11,12 @@ from cases import Case, label, load
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding, in_time
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time import march, period_map, runge_kutta
 from phasemap._kernels.orbits.time.tip import BY_V, BY_Z
 from phasemap.experiment.interaction import Interaction
 
-Problem = tuple[Any, np.ndarray, np.ndarray]
+Problem = Oscillator
 
 ORBITS = [(case, orbit) for case in load("orbits") + load("orbits_unseen") for orbit in case["orbits"]]
 STABLE = [
@@ -38,7 +39,7 @@ def problem_of(case: Case) -> Problem:
     rows = interaction.columns(np.array([4 / 3 / (sample + tip)]), adhesion, damping, case["tip_radius"])
     quality = case["quality_factor"]
     lever = [case.get("frequency_ratio", 1.0), 0.5 / quality, case["stiffness"], case["free_amplitude"] / quality, 0.0]
-    return interaction.token(), rows[0], np.array(lever)
+    return Oscillator(interaction.token(), rows[0], np.array(lever))
 
 
 def row_of(orbit: dict[str, float]) -> np.ndarray:
@@ -56,13 +57,13 @@ def state_of(orbit: dict[str, float], omega: float = 1.0) -> np.ndarray:
 
 def settled(problem: Problem, orbit: dict[str, float], eta: float, most: int = 1_000_000) -> tuple[int, np.ndarray]:
     row = row_of(orbit)
-    return holding.settle(*problem, orbit["amplitude"], eta, most, row), row
+    return holding.settle(problem, orbit["amplitude"], eta, most, row), row
 
 
 def marched(problem: Problem, z0: float, y: np.ndarray, eta: float, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
     y, acc = y.copy(), np.empty(7)
     for _ in range(periods):
-        assert march.march_period(*problem, z0, eta, y, acc) > 0
+        assert march.march_period(problem, z0, eta, y, acc) > 0
     return y, acc
 
 
@@ -166,7 +167,7 @@ def test_a_period_with_contact_agrees_with_another_integrator() -> None:
 def test_the_compiled_period_is_the_python_one() -> None:
     problem = problem_of(TAPPING)
     y, acc = state_of(TAPPING_ORBIT), np.empty(7)
-    steps = march.march_elastic.py_func(*problem, TAPPING_ORBIT["tip_offset"], 0.5, y, acc)
+    steps = march.march_elastic.py_func(problem, TAPPING_ORBIT["tip_offset"], 0.5, y, acc)
     compiled, acc_compiled = marched(problem, TAPPING_ORBIT["tip_offset"], state_of(TAPPING_ORBIT), 0.5)
     assert steps > 0
     np.testing.assert_allclose(y, compiled, rtol=1e-12)
@@ -244,9 +245,9 @@ def test_a_fast_tip_does_not_step_over_the_force_before_contact() -> None:
 def test_a_hopeless_period_ends_with_a_status() -> None:
     problem, acc = problem_of(TAPPING), np.empty(6)
     y = state_of(TAPPING_ORBIT)
-    assert march.march_period(*problem, TAPPING_ORBIT["tip_offset"], 1e-6, y, acc) == -col.NOT_SETTLED
-    assert march.march_period(*problem, TAPPING_ORBIT["tip_offset"], 0.3, np.array([math.nan, 0.0]), acc) < 0
-    assert march.march_period(*problem, math.nan, 0.3, state_of(TAPPING_ORBIT), acc) < 0
+    assert march.march_period(problem, TAPPING_ORBIT["tip_offset"], 1e-6, y, acc) == -col.NOT_SETTLED
+    assert march.march_period(problem, TAPPING_ORBIT["tip_offset"], 0.3, np.array([math.nan, 0.0]), acc) < 0
+    assert march.march_period(problem, math.nan, 0.3, state_of(TAPPING_ORBIT), acc) < 0
 
 
 # Settled orbits.
@@ -314,7 +315,7 @@ def test_a_poor_start_settles_on_the_only_orbit_there_is(number: int) -> None:
     case = load("orbits")[number]
     orbit = case["orbits"][0]
     row = row_of(orbit | {"tip_offset": orbit["amplitude"] + 1e-9, "mean_deflection": 0.0, "phase": 0.0})
-    assert holding.settle(*problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
+    assert holding.settle(problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
     assert abs(row[col.TIP_OFFSET] - orbit["tip_offset"]) < 1e-14
 
 
@@ -350,7 +351,7 @@ def test_engaging_ends_where_brute_force_engagement_ended(case: Case) -> None:
     free = lever[3] / abs(complex(1 - lever[0] ** 2, 2 * lever[1] * lever[0]))
     row = np.empty(col.COLUMNS)
     amplitude = case["setpoint"] * free
-    status = in_time.approach(law, p, lever, amplitude, engaged["start"], 1e-9, 0.3, 1_000_000, row)
+    status = in_time.approach(Oscillator(law, p, lever), amplitude, engaged["start"], 1e-9, 0.3, 1_000_000, row)
     assert status == col.GOOD
     if engaged["branch"] == "none":  # the reference found no orbit that repeats itself
         assert row[col.SPREAD_AMPLITUDE] > 0
@@ -364,12 +365,14 @@ def test_engaging_above_the_free_amplitude_finds_no_orbit() -> None:
     row = np.empty(col.COLUMNS)
     law, p, lever = problem_of(TAPPING)
     amplitude = 1.02 * TAPPING["free_amplitude"]
-    assert in_time.approach(law, p, lever, amplitude, 5e-8, 1e-9, 0.3, 1_000_000, row) == col.NO_STABLE_ORBIT
+    assert (
+        in_time.approach(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 1_000_000, row) == col.NO_STABLE_ORBIT
+    )
 
 
 def test_engaging_that_takes_too_long_is_reported() -> None:
     row = np.empty(col.COLUMNS)
     law, p, lever = problem_of(TAPPING)
     amplitude = 0.5 * TAPPING["free_amplitude"]
-    assert in_time.approach(law, p, lever, amplitude, 5e-8, 1e-9, 0.3, 50, row) == col.NOT_SETTLED
+    assert in_time.approach(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 50, row) == col.NOT_SETTLED
     assert np.isnan(row).all()

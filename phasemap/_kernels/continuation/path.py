@@ -14,7 +14,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.collocation.closing import (
     EQUALS,
@@ -74,9 +74,10 @@ class Path(NamedTuple):
 
 
 @kernel
-def fixed(law: Law, p: tuple[float, ...], lever: np.ndarray, tables: np.ndarray) -> Path:
+def fixed(oscillator: Oscillator, tables: np.ndarray) -> Path:
     """Return the path on which only tip offset and amplitude move."""
-    reach = scale_of(law, p, lever, free_amplitude(lever))
+    law, p, lever = oscillator
+    reach = scale_of(oscillator, free_amplitude(lever))
     return Path(law, tables, FIXED, p, lever, reach, np.empty((0, 0)), 0.0)
 
 
@@ -196,7 +197,7 @@ def reach_on(path: Path, orbit: Orbit) -> float:
     if path.kind == FIXED:
         return path.reach
     p, lever = at(path.table, orbit.head[VALUE, M])
-    return scale_of(path.law, p, lever, free_amplitude(lever))
+    return scale_of(Oscillator(path.law, p, lever), free_amplitude(lever))
 
 
 @kernel(shared=True)
@@ -214,13 +215,13 @@ def solve_on(
     through, holds = np.array([r_z, r_a, value[Z0], value[A]]), np.zeros((2, 4))
     put_row(holds[1], row, r_z * value[Z0] + r_a * value[A] + r_m * value[M])
     p, lever = standing_at(path, value[M])
-    still = stillness(law, p, lever, level)
-    smooth = stillness(law, p, lever, 0) > 0.0
+    still = stillness(Oscillator(law, p, lever), level)
+    smooth = stillness(Oscillator(law, p, lever), 0) > 0.0
     for steps in range(most):
         m = orbit.head[VALUE, M]
         p, lever = standing_at(path, m)
         drift = drift_at(path, m)
-        if orbit.head[COUNT, LINEAR] != 1.0 and not linearise(law, p, lever, tables, orbit, drift):
+        if orbit.head[COUNT, LINEAR] != 1.0 and not linearise(Oscillator(law, p, lever), tables, orbit, drift):
             return col.NOT_CONVERGED, steps, orbit, spare
         if path.kind == FIXED:
             solved = close(lever, orbit, HOLD_PLANE, through)
@@ -239,7 +240,7 @@ def solve_on(
             continue  # the elements fit as they lie
         if smooth and nudge(p, tables, orbit):
             continue
-        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+        if not find_contacts(p, tables, orbit) or not lay(Oscillator(law, p, lever), tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, steps + 1, orbit, spare
         carry_over(tables, orbit, spare)
         orbit, spare = spare, orbit
@@ -252,7 +253,7 @@ def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> boo
     m = orbit.head[VALUE, M]
     p, lever = standing_at(path, m)
     drift = drift_at(path, m)
-    if orbit.head[COUNT, LINEAR] == 0.0 and not linearise(path.law, p, lever, path.tables, orbit, drift):
+    if orbit.head[COUNT, LINEAR] == 0.0 and not linearise(Oscillator(path.law, p, lever), path.tables, orbit, drift):
         return False
     if path.kind == FIXED:
         r_z, r_a, _ = row

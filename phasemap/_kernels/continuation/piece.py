@@ -41,6 +41,7 @@ from phasemap._kernels.continuation.step import (
     same_piece,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.closing import along
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe, settled
@@ -95,16 +96,16 @@ def record(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: i
     law, tables, row = path.law, path.tables, made.rows[count]
     p, lever = standing_at(path, orbit.head[VALUE, M])
     row[:] = math.nan
-    observe(law, p, lever, tables, orbit, row[: col.COLUMNS])
+    observe(Oscillator(law, p, lever), tables, orbit, row[: col.COLUMNS])
     amplitude, push = orbit.head[VALUE, A], orbit.head[VALUE, P]
     row[col.SEEN] = seen_amplitude(lever, amplitude, push)
     if along(lever, orbit, 0.0, 1.0):
         rate = seen_rate(lever, amplitude, push, 1.0, orbit.head[SYSTEM + RP, RIGHT])
         row[col.SLOPE] = rate / orbit.head[SYSTEM + RZ, RIGHT]
-    complete(law, p, lever, tables, orbit, row)
+    complete(Oscillator(law, p, lever), tables, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = orbit.head[VALUE, M], kind, index
     if made.traces.shape[2] > 0:
-        time_trace(law, p, lever, tables, orbit, row[col.PHASE], made.traces[count])
+        time_trace(Oscillator(law, p, lever), tables, orbit, row[col.PHASE], made.traces[count])
     return count + 1
 
 
@@ -210,7 +211,7 @@ def visit(
             now = record(path, one, col.WANTED, k, made, count)
             if now > count and index == AP:
                 p, lever = standing_at(path, one.head[VALUE, M])
-                state_errors(path.law, p, lever, path.tables, one, spare, made.rows[count])
+                state_errors(Oscillator(path.law, p, lever), path.tables, one, spare, made.rows[count])
             count = now
     return count, one, spare
 
@@ -290,17 +291,18 @@ def returned(path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) ->
 
 @kernel
 def start_at(
-    path: Path, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float,
-    orbit: Orbit, spare: Orbit,
-) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+    path: Path, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit
+) -> tuple[bool, Orbit, Orbit]:
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
     orbit.head[VALUE, M] = m
     law, tables = path.law, path.tables
     p, lever = standing_at(path, m)
-    if not guess[col.G_A] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
         return False, orbit, spare
     target = np.array([guess[col.G_Z0], 0.0, 0.0, 0.0])
-    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, hold, target, level, tolerance, MOST_STEPS)
+    status, _, orbit, spare = newton(
+        Oscillator(law, p, lever), tables, orbit, spare, hold, target, level, tolerance, MOST_STEPS
+    )
     return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
 
 

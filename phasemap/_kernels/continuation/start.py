@@ -7,6 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import Path
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.collocation.newton import begin, newton
@@ -18,10 +19,14 @@ def start_far(path: Path, orbit: Orbit, spare: Orbit, amplitude: float, level: i
     """Find the orbit far from the surface, where the lever swings almost freely."""
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     free = free_amplitude(lever)
-    guess = np.array([free * far_start(law, p, lever, reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0])
+    guess = np.array(
+        [free * far_start(Oscillator(law, p, lever), reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0]
+    )
     target = np.array([1.0, -1.0, guess[col.G_Z0], free])
-    if not begin(law, p, lever, tables, orbit, guess, level):
+    if not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
         return col.NOT_CONVERGED, orbit, spare
     tolerance = 1e-3 * path.reach
-    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_ARC, target, level, tolerance, 30)
+    status, _, orbit, spare = newton(
+        Oscillator(law, p, lever), tables, orbit, spare, HOLD_ARC, target, level, tolerance, 30
+    )
     return status, orbit, spare

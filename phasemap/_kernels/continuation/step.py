@@ -52,6 +52,7 @@ from phasemap._kernels.continuation.path import (
     unit,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.closing import accept, close, close_swept
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
@@ -112,7 +113,9 @@ def relay(path: Path, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
     p, lever = standing_at(path, orbit.head[VALUE, M])
     level = int(orbit.head[COUNT, LEVEL])
-    if not find_contacts(p, path.tables, orbit) or not lay(path.law, p, lever, path.tables, spare, orbit, level):
+    if not find_contacts(p, path.tables, orbit) or not lay(
+        Oscillator(path.law, p, lever), path.tables, spare, orbit, level
+    ):
         return False
     carry_over(path.tables, orbit, spare)
     return True
@@ -176,13 +179,7 @@ def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) 
 
 @kernel(shared=True)
 def advance(
-    path: Path,
-    point: np.ndarray,
-    step: float,
-    longest: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
+    path: Path, point: np.ndarray, step: float, longest: float, orbit: Orbit, spare: Orbit, saved: Orbit
 ) -> tuple[int, float, Orbit, Orbit]:
     """Go to the next point of the curve; returns a status, the step to try next, the orbit and the spare room.
 

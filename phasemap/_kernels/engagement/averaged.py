@@ -34,7 +34,7 @@ from phasemap._kernels.engagement.resonance import (
     on_side,
     strongest,
 )
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, lowest, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, crossing, far_start, slope_of
@@ -50,13 +50,12 @@ SURE, DOUBTFUL, OPEN, LEAP = 0, 1, 2, 3
 
 
 @kernel
-def log_mismatch(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, epsilon: float, zeta: float, eta: float
-) -> float:
+def log_mismatch(oscillator: Oscillator, reach: float, epsilon: float, zeta: float, eta: float) -> float:
     """Logarithm of drive needed over drive given, squared, in the coordinates in which the curve is followed."""
+    lever = oscillator.lever
     amplitude = math.exp(eta / WEIGHT)
     c = 1.0 + epsilon * math.sinh(zeta) / amplitude
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+    push, drag, _ = harmonics(oscillator, reach, amplitude, c)
     return math.log(1.0 + mismatch(lever, amplitude, push, drag))
 
 
@@ -67,20 +66,21 @@ def caution(lever: np.ndarray) -> float:
 
 
 @kernel
-def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
+def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
     """`engage` along the whole curve of averaged orbits."""
+    law, p, lever = oscillator
     free = free_amplitude(lever)
     reach = reach_of(law, p)
-    epsilon = scale_of(law, p, lever, free)
-    start = far_start(law, p, lever, reach, free, amplitude)
+    epsilon = scale_of(oscillator, free)
+    start = far_start(oscillator, reach, free, amplitude)
     zeta, eta = math.asinh((start - 1.0) * free / epsilon), WEIGHT * math.log(free)
     step, t_zeta, t_eta = 0.3, -1.0, 0.0
-    h = log_mismatch(law, p, lever, reach, epsilon, zeta, eta)
+    h = log_mismatch(oscillator, reach, epsilon, zeta, eta)
     a, c, z, lowest, found = free, start, start * free, 1e300, math.nan
     rising, surety, margin = False, SURE, MARGIN * caution(lever)
     for _ in range(MOST_STEPS):
-        slope_zeta = (log_mismatch(law, p, lever, reach, epsilon, zeta + TINY, eta) - h) / TINY
-        slope_eta = (log_mismatch(law, p, lever, reach, epsilon, zeta, eta + TINY) - h) / TINY
+        slope_zeta = (log_mismatch(oscillator, reach, epsilon, zeta + TINY, eta) - h) / TINY
+        slope_eta = (log_mismatch(oscillator, reach, epsilon, zeta, eta + TINY) - h) / TINY
         slope = math.hypot(slope_zeta, slope_eta)
         n_zeta, n_eta = slope_zeta / slope, slope_eta / slope
         onward = 1.0 if n_eta * t_zeta - n_zeta * t_eta > 0.0 else -1.0
@@ -91,13 +91,13 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
         # From a point along the tangent, go back to the curve along the normal.
         while True:
             at_zeta, at_eta, s = zeta + step * t_zeta, eta + step * t_eta, 0.0
-            h, across = log_mismatch(law, p, lever, reach, epsilon, at_zeta, at_eta), slope
+            h, across = log_mismatch(oscillator, reach, epsilon, at_zeta, at_eta), slope
             for _ in range(5):
                 if abs(h) < 1e-3 * step * across:
                     break
                 move = -h / across
                 h_new = log_mismatch(
-                    law, p, lever, reach, epsilon, at_zeta + (s + move) * n_zeta, at_eta + (s + move) * n_eta
+                    oscillator, reach, epsilon, at_zeta + (s + move) * n_zeta, at_eta + (s + move) * n_eta
                 )
                 across = (h_new - h) / move
                 s, h = s + move, h_new
@@ -114,15 +114,15 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
         a_before, c_before, z_before = a, c, z
         a = math.exp(eta / WEIGHT)
         c = 1.0 + epsilon * math.sinh(zeta) / a
-        z = a * c + harmonics(law, p, lever, reach, a, c)[2]
+        z = a * c + harmonics(oscillator, reach, a, c)[2]
         if a > a_before and not rising and abs(a_before - amplitude) < margin * amplitude:
             surety = DOUBTFUL
         rising = a > a_before
         if a_before > amplitude >= a and z < z_before and math.isnan(found):
-            found = crossing(law, p, lever, reach, amplitude, c, c_before)
+            found = crossing(oscillator, reach, amplitude, c, c_before)
             if math.isnan(found):
                 return col.NO_AVERAGED_ORBIT, DOUBTFUL
-            if amplitude * found + harmonics(law, p, lever, reach, amplitude, found)[2] >= lowest:
+            if amplitude * found + harmonics(oscillator, reach, amplitude, found)[2] >= lowest:
                 surety = DOUBTFUL
         elif a > amplitude >= a_before and z >= lowest:
             found = math.nan  # the tip lands before that crossing
@@ -133,79 +133,79 @@ def engage_traced(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, 
             break
     if math.isnan(found):
         return col.NO_STABLE_ORBIT, DOUBTFUL
-    push, drag, mean = harmonics(law, p, lever, reach, amplitude, found)
+    push, drag, mean = harmonics(oscillator, reach, amplitude, found)
     put(guess, amplitude, found, push, drag, mean)
     return col.GOOD, surety
 
 
 @kernel(shared=True)
-def engage(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: Maximum
-) -> tuple[int, int]:
+def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> tuple[int, int]:
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
     Fills guess = (z0, mean deflection, A, P, S, dh/dz0) and returns a status code and how sure the decision is; OPEN
     where averaging cannot tell the side, with the maximum of the mismatch in `top` and, after a leap, the orbit on the
     averaged curve or a P that is NaN; LEAP where the tip is carried over its resonance and only time can tell where.
     """
+    law, p, lever = oscillator
     free, reach = free_amplitude(lever), reach_of(law, p)
     rises = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
-    bent, near = rises and strong(law, p, lever, free), near_resonance(lever)
+    bent, near = rises and strong(oscillator, free), near_resonance(lever)
     if near:
         if bent:
             return col.GOOD, LEAP
-        side = approach(law, p, lever, reach, amplitude, free, caution(lever), top)
+        side = approach(oscillator, reach, amplitude, free, caution(lever), top)
         doubtful = side == UNCLEAR and p[col.LONGRANGE] != 0.0
-        if (doubtful or (rises and side != REPULSIVE)) and only_one(law, p, lever, reach, amplitude, guess):
+        if (doubtful or (rises and side != REPULSIVE)) and only_one(oscillator, reach, amplitude, guess):
             return col.GOOD, SURE
         if rises and side != REPULSIVE:
-            landed = lands(law, p, lever, reach, free)
+            landed = lands(oscillator, reach, free)
             if landed == REPULSIVE:
-                strongest(law, p, lever, reach, amplitude, math.inf, top)
-                if on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess):
+                strongest(oscillator, reach, amplitude, math.inf, top)
+                if on_side(oscillator, reach, amplitude, REPULSIVE, top, guess):
                     return col.GOOD, SURE
             if landed != ATTRACTIVE:
                 return col.GOOD, LEAP
         if doubtful and narrowest(lever) <= 1.0:
-            if rises and engage_traced(law, p, lever, amplitude, guess) != (col.GOOD, SURE):
+            if rises and engage_traced(oscillator, amplitude, guess) != (col.GOOD, SURE):
                 guess[col.G_P] = math.nan
             return col.GOOD, OPEN
-        if side != UNCLEAR and settle_side(law, p, lever, reach, amplitude, side, top, guess):
+        if side != UNCLEAR and settle_side(oscillator, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
-        if rises and side == REPULSIVE and only_one(law, p, lever, reach, amplitude, guess):
+        if rises and side == REPULSIVE and only_one(oscillator, reach, amplitude, guess):
             return col.GOOD, SURE
         if rises and narrowest(lever) > 1.0 and side != REPULSIVE:
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
-    status, surety = engage_traced(law, p, lever, amplitude, guess)
+    status, surety = engage_traced(oscillator, amplitude, guess)
     if status == col.GOOD:
-        guess[col.G_SLOPE] = slope_of(law, p, lever, guess)
+        guess[col.G_SLOPE] = slope_of(oscillator, guess)
         if rises and not near and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
             return col.GOOD, LEAP
     return status, surety
 
 
 @kernel
-def only_one(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray) -> bool:
+def only_one(oscillator: Oscillator, reach: float, amplitude: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this amplitude if there is no other, nor nearly: wherever a tip landed.
 
     Where the sample takes so much, as where it is soft and lossy, that the lever is held before contact repels more
     than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
     and never falls again.
     """
+    lever = oscillator.lever
     plain = least_mismatch(lever, amplitude, caution(lever)) * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    gap, deepest, highest = FARTHEST * reach, lowest(law, p, lever), -math.inf
+    gap, deepest, highest = FARTHEST * reach, lowest(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:
-        h, _ = at_gap(law, p, lever, reach, amplitude, gap)
+        h, _ = at_gap(oscillator, reach, amplitude, gap)
         if h < min(highest, plain) and highest > -plain:
             return False
         highest, gap = max(highest, h), gap - FINELY * (abs(gap) + reach)
     if not highest > plain:
         return False
-    found = averaged_orbits(law, p, lever, amplitude)
+    found = averaged_orbits(oscillator, amplitude)
     if len(found) != 1:
         return False
     gap = found[0, col.G_Z0] - found[0, col.G_MEAN] - amplitude
-    return at_crossing(law, p, lever, reach, amplitude, gap, guess) > STEEPEST
+    return at_crossing(oscillator, reach, amplitude, gap, guess) > STEEPEST
 
 
 @kernel
@@ -215,26 +215,27 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def question(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: Maximum) -> int:
+def question(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
     """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
+    law, p, lever = oscillator
     if not near_resonance(lever):
         return DOUBTFUL
     if p[col.LONGRANGE] == 0.0:
-        return OPEN if approach(law, p, lever, 0.0, amplitude, free_amplitude(lever), 1.0, top) != UNCLEAR else DOUBTFUL
-    strongest(law, p, lever, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
+        return OPEN if approach(oscillator, 0.0, amplitude, free_amplitude(lever), 1.0, top) != UNCLEAR else DOUBTFUL
+    strongest(oscillator, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
     return OPEN
 
 
 @kernel
 def settle_side(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: Maximum,
-    guess: np.ndarray,
-) -> bool:  # fmt: skip
+    oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray
+) -> bool:
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
+    p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
     if p[col.LONGRANGE] != 0.0 and amplitude < narrowest(lever) * free:
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
-        strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+        strongest(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
-    return on_side(law, p, lever, reach, amplitude, side, top, guess)
+    return on_side(oscillator, reach, amplitude, side, top, guess)

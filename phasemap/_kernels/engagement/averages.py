@@ -13,11 +13,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import COS, DEEPEST, GIVEN, MARCHED, SIN, Z0, Tip, ring_down
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 BANDWIDTH = 0.01
@@ -66,13 +66,12 @@ def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def average(
-    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray
-) -> bool:
+def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray) -> bool:
     """March so many periods, and sum up what is seen; z0 falls by way + gain (A - setpoint) [m] in each.
 
     A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
     """
+    lever = oscillator.lever
     for j in range(ADDED):
         sums[j] = 0.0
     sums[CHANGE], sums[DEEPEST], sums[LEAST] = 0.0, -math.inf, math.inf
@@ -81,7 +80,7 @@ def average(
     for _ in range(count):
         tip.u[Z0] -= way + gain * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - setpoint)
         tip.periods[MARCHED] += 1
-        if march_period(law, p, lever, tip.u[Z0], eta, tip.u, acc) < 0:
+        if march_period(oscillator, tip.u[Z0], eta, tip.u, acc) < 0:
             return False
         for j in range(GIVEN):
             sums[j] = max(sums[j], acc[j]) if j == DEEPEST else sums[j] + acc[j]

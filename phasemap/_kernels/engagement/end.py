@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, narrowest, pull
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, Nodes
 from phasemap._kernels.orbits.response.orbit import Fit, Room
@@ -39,48 +39,46 @@ MOST_STEPS, ENOUGH = 6, 0.02  # to the orbit beside the end, and mismatch left t
 
 
 @kernel
-def held(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, f: Nodes,
-    state: PassState,
-) -> float:  # fmt: skip
+def held(oscillator: Oscillator, reach: float, amplitude: float, gap: float, f: Nodes, state: PassState) -> float:
     """`pull` of the exact orbit with this amplitude and gap, whatever drive it needs; NaN if it is not found."""
+    lever = oscillator.lever
     clear(state)
     state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach
-    if not start(law, p, lever, reach, f, state):
+    if not start(oscillator, reach, f, state):
         return math.nan
-    if converge(law, p, lever, f, state, True, KNOWN, math.inf) != FOUND:
+    if converge(oscillator, f, state, True, KNOWN, math.inf) != FOUND:
         return math.nan
     return pull(lever, amplitude, state.push, state.drag)
 
 
 @kernel
 def decide_exactly(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum, f: Nodes,
-    state: PassState, fit: Fit,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, reach: float, amplitude: float, top: Maximum, f: Nodes, state: PassState, fit: Fit
+) -> int:
     """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
 
     Fills `fit`.
     """
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
-    lifted = held(law, p, lever, reach, amplitude, 0.0, f, state)
+    lever = oscillator.lever
+    lifted = held(oscillator, reach, amplitude, 0.0, f, state)
     middle = top.gap + (min(f.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
     step = min(0.3 * (reach + abs(middle)), INSIDE * abs(top.gap))
-    h0 = held(law, p, lever, reach, amplitude, middle, f, state)
+    h0 = held(oscillator, reach, amplitude, middle, f, state)
     if top.mismatch < FAR_BELOW and h0 < FAR_BELOW:
         return REPULSIVE
-    h1 = held(law, p, lever, reach, amplitude, middle + step, f, state)
-    h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
+    h1 = held(oscillator, reach, amplitude, middle + step, f, state)
+    h2 = held(oscillator, reach, amplitude, middle - step, f, state)
     for _ in range(MOST_SHIFTS):
         if math.isfinite(h0 + h1 + h2) or not beside_resonance(lever):
             break
         middle, h1, h0 = middle - step, h0, h2  # passes may not converge where a tip just touches
-        h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
+        h2 = held(oscillator, reach, amplitude, middle - step, f, state)
     bend = (h1 - 2.0 * h0 + h2) / (step * step)
     if not bend < 0.0:
         return UNCLEAR
     at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
-    h = held(law, p, lever, reach, amplitude, at, f, state)
+    h = held(oscillator, reach, amplitude, at, f, state)
     fit.gap, fit.mismatch, fit.curvature = at, h, bend
     highest = max(max(h0, h1), max(h2, h))
     if not math.isfinite(h):
@@ -93,38 +91,37 @@ def decide_exactly(
 
 
 @kernel
-def highest_at(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, room: Room) -> float:
+def highest_at(oscillator: Oscillator, reach: float, amplitude: float, room: Room) -> float:
     """The maximum of the mismatch next to the gap of room.fit, which is filled anew; NaN where it is not so near."""
     middle, f, state = room.fit.gap, room.nodes, room.state
-    h0 = held(law, p, lever, reach, amplitude, middle, f, state)
+    h0 = held(oscillator, reach, amplitude, middle, f, state)
     depth = f.w[TOUCH + N // 2] - middle
     step = min(LENS * (reach + abs(middle)), INSIDE * depth)  # within the contact: where it begins there is a kink
-    h1 = held(law, p, lever, reach, amplitude, middle + step, f, state)
-    h2 = held(law, p, lever, reach, amplitude, middle - step, f, state)
+    h1 = held(oscillator, reach, amplitude, middle + step, f, state)
+    h2 = held(oscillator, reach, amplitude, middle - step, f, state)
     bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
     if not (step > 0.0 and bend < 0.0 and abs(rise) < -2.0 * step * bend):
         return math.nan
     at = middle - rise / bend
-    h = held(law, p, lever, reach, amplitude, at, f, state)
+    h = held(oscillator, reach, amplitude, at, f, state)
     room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
     return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + KNOWN else math.nan
 
 
 @kernel
-def decide_closely(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, setpoint: float, amplitude: float, room: Room
-) -> int:
+def decide_closely(oscillator: Oscillator, reach: float, setpoint: float, amplitude: float, room: Room) -> int:
     """The side where `decide_exactly` left it open: the maximum once more, with a lens.
 
     Where the branch is narrowest is known for harmonic orbits. Of the maxima around that amplitude, not below the
     setpoint, the least counts.
     """
-    highest = highest_at(law, p, lever, reach, amplitude, room)
+    lever = oscillator.lever
+    highest = highest_at(oscillator, reach, amplitude, room)
     if amplitude < (1.0 + SPREAD) * narrowest(lever) * free_amplitude(lever):
         at, h, bend = room.fit.gap, room.fit.mismatch, room.fit.curvature
-        above = highest_at(law, p, lever, reach, (1.0 + SPREAD) * amplitude, room)
+        above = highest_at(oscillator, reach, (1.0 + SPREAD) * amplitude, room)
         room.fit.gap = at
-        below = highest_at(law, p, lever, reach, (1.0 - SPREAD) * amplitude, room)
+        below = highest_at(oscillator, reach, (1.0 - SPREAD) * amplitude, room)
         room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
         slope, curved = 0.5 * (above - below), 0.5 * (above + below) - highest
         if not (curved > 0.0 and abs(slope) < 4.0 * curved):
@@ -137,9 +134,7 @@ def decide_closely(
 
 
 @kernel
-def beside_end(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, guess: np.ndarray, room: Room
-) -> bool:
+def beside_end(oscillator: Oscillator, reach: float, amplitude: float, guess: np.ndarray, room: Room) -> bool:
     """Fill `guess` with the orbit outside of the maximum in room.fit, nearly; False if it is not found.
 
     The mismatch goes with the square of the distance from its maximum.
@@ -150,7 +145,7 @@ def beside_end(
         if not (highest > 0.0 and fall < 0.0):
             return False
         x = math.sqrt(-highest / fall)
-        h = held(law, p, lever, reach, amplitude, at + x, room.nodes, state)
+        h = held(oscillator, reach, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
         if abs(h) < ENOUGH * highest and state.push < 0.0:
             guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean, -state.mean, amplitude

@@ -36,6 +36,7 @@ from phasemap._kernels.engagement.resonance import (
     near_resonance,
 )
 from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, pulled, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
@@ -75,7 +76,7 @@ def lower(
             path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
         )
         if status != col.GOOD:
-            if pressed_in(law, p, lever, orbit):
+            if pressed_in(Oscillator(law, p, lever), orbit):
                 status = col.NO_STABLE_ORBIT
             return status, min(lowest, before[ZP]) if math.isnan(left) else left, orbit, spare, found
         z0, a = point[ZP], point[AP]
@@ -85,7 +86,7 @@ def lower(
                 path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
             )
             if not have:
-                status = col.NO_STABLE_ORBIT if pressed_in(law, p, lever, orbit) else col.NOT_CONVERGED
+                status = col.NO_STABLE_ORBIT if pressed_in(Oscillator(law, p, lever), orbit) else col.NOT_CONVERGED
                 return status, lowest if math.isnan(left) else left, orbit, spare, found
         elif a > amplitude >= before[AP] and z0 >= lowest:
             have = False  # the tip lands before that crossing
@@ -118,7 +119,7 @@ def retract(
     Where the branch ends first the tip is pulled off and jumps across the setpoint.
     """
     law, p, lever = path.law, path.p, path.lever
-    step, sudden = 0.1, lets_go(law, p, lever)
+    step, sudden = 0.1, lets_go(Oscillator(law, p, lever))
     for _ in range(MOST_POINTS):
         before = point.copy()
         status, step, orbit, spare = advance_watching(
@@ -150,13 +151,7 @@ def only_offset(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> No
 
 
 @kernel
-def joined(
-    path: Path,
-    z0: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-) -> tuple[bool, Orbit, Orbit]:
+def joined(path: Path, z0: float, orbit: Orbit, spare: Orbit, saved: Orbit) -> tuple[bool, Orbit, Orbit]:
     """Whether stable orbits join this one (lost) to near the tip offset z0, the amplitude rising with the tip offset.
 
     Near is enough: a tip that hits a force that jumps goes through doubled periods before it comes to this branch.
@@ -192,13 +187,13 @@ def tapping(
     """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     target = np.zeros(4)
-    guesses = averaged_orbits(law, p, lever, amplitude)
+    guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[col.G_P] <= 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+        if guess[col.G_P] <= 0.0 or not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
-            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 20
+            Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 20
         )
         if status != col.GOOD or not orbit.head[VALUE, P] > 0.0:
             continue
@@ -223,14 +218,14 @@ def engage_landed(
 ) -> tuple[int, Orbit, Orbit, Orbit]:
     """`engage` from the orbit on which the tip lands at `z0`, lowered further or retracted to the setpoint."""
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
-    good, orbit, spare = land(law, p, lever, tables, z0, level, orbit, spare)
+    good, orbit, spare = land(Oscillator(law, p, lever), tables, z0, level, orbit, spare)
     if not good:
         good, orbit, spare, found = tapping(path, amplitude, z0, level, tolerance, orbit, spare, saved, found)
         return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     down, point = orbit.head[VALUE, A] > amplitude, np.zeros(POINT)
     if not down:
-        z0 = loosened(law, p, lever, z0, amplitude)
-        good, orbit, spare = land(law, p, lever, tables, z0, level, orbit, spare)
+        z0 = loosened(Oscillator(law, p, lever), z0, amplitude)
+        good, orbit, spare = land(Oscillator(law, p, lever), tables, z0, level, orbit, spare)
         if not good:
             return col.NOT_CONVERGED, orbit, spare, found
     only_offset(path, orbit, -1.0 if down else 1.0, point)
@@ -273,7 +268,7 @@ def engage(
         return col.NOT_CONVERGED, orbit, spare, found
     status, left, orbit, spare, found = lower(path, amplitude, tolerance, lingering, point, orbit, spare, saved, found)
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
-    grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and pulled(law, p, lever) > 0.0)
+    grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and pulled(Oscillator(law, p, lever)) > 0.0)
     if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
         done, orbit, spare, found = engage_landed(path, amplitude, left, level, tolerance, orbit, spare, saved, found)
         return status if done == col.NOT_CONVERGED else done, orbit, spare, found
@@ -291,13 +286,7 @@ def lowest_between(before: np.ndarray, point: np.ndarray) -> float:
 
 @kernel
 def engage_near(
-    path: Path,
-    amplitude: float,
-    tolerance: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-    found: Orbit,
+    path: Path, amplitude: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit, found: Orbit
 ) -> tuple[int, Orbit, Orbit, Orbit]:
     """`engage` near the end of the attractive branch, without the way from far.
 
@@ -314,13 +303,15 @@ def engage_near(
         return col.NOT_CONVERGED, orbit, spare, found
     for share in (0.3, 0.7):
         higher = worst + share * (free - worst)
-        side = approach(law, p, lever, force_reach, higher, free, caution(lever), top)
-        certain = side == ATTRACTIVE and settle_side(law, p, lever, force_reach, higher, side, top, guess)
+        side = approach(Oscillator(law, p, lever), force_reach, higher, free, caution(lever), top)
+        certain = side == ATTRACTIVE and settle_side(Oscillator(law, p, lever), force_reach, higher, side, top, guess)
         if certain:
             break
-    if not certain or not begin(law, p, lever, tables, orbit, guess, 0):
+    if not certain or not begin(Oscillator(law, p, lever), tables, orbit, guess, 0):
         return col.NOT_CONVERGED, orbit, spare, found
-    status, _, orbit, spare = newton(law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
+    status, _, orbit, spare = newton(
+        Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12
+    )
     point = np.zeros(POINT)
     point[TV] = -1.0
     if status != col.GOOD or not mark(path, orbit, point):
@@ -348,13 +339,15 @@ def engage_near(
             )
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     row = np.zeros(col.COLUMNS)
-    guesses = averaged_orbits(law, p, lever, amplitude)
+    guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[col.G_P] <= 0.0 or not begin(law, p, lever, tables, found, guess, 0):
+        if guess[col.G_P] <= 0.0 or not begin(Oscillator(law, p, lever), tables, found, guess, 0):
             continue
-        status, _, found, spare = newton(law, p, lever, tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12)
-        if status == col.GOOD and finish(law, p, lever, tables, found, row) == col.GOOD:
+        status, _, found, spare = newton(
+            Oscillator(law, p, lever), tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12
+        )
+        if status == col.GOOD and finish(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
             if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
                 return col.GOOD, orbit, spare, found
     return col.NOT_CONVERGED, orbit, spare, found

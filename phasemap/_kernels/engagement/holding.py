@@ -35,6 +35,7 @@ from phasemap._kernels.engagement.averages import (
     seen,
 )
 from phasemap._kernels.engagement.lowering import STILL
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.elements import FREE, MODE
@@ -69,9 +70,8 @@ def fine(p: np.ndarray, eta: float) -> float:
 
 @kernel
 def hold_mean(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, gain: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, gain: float, eta: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
@@ -82,6 +82,7 @@ def hold_mean(
     `gain` is that of the controller at first, but at most SLOW past a contact with hysteresis: a tip that is moved
     faster takes to another pattern of taps than the one that it lands on.
     """
+    p, lever = oscillator.p, oscillator.lever
     held = amplitude > 0.0
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * (amplitude if held else free_amplitude(lever)), OFFSET_ERROR)
     block, sums, total = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED)
@@ -93,7 +94,7 @@ def hold_mean(
     follows = 1.0 / block if sticky else 0.0
     gain, count, series = min(gain, SLOW) if sticky else gain, 0, np.zeros((SERIES, 3))
     for j in range(3 * GROUP):
-        if not average(law, p, lever, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
+        if not average(oscillator, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
             return col.NOT_SETTLED
         series, count = noted(lever, sums, series, count), count + 1
         tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
@@ -108,7 +109,7 @@ def hold_mean(
     while tip.periods[MARCHED] + size * block <= most:
         z0 = cosine = sine = 0.0
         for _ in range(size):
-            if not average(law, p, lever, COARSE * eta, block, slow, tip, sums):
+            if not average(oscillator, COARSE * eta, block, slow, tip, sums):
                 return col.NOT_SETTLED
             for j in range(ADDED):
                 total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
@@ -118,7 +119,7 @@ def hold_mean(
             series, count = noted(lever, sums, series, count), count + 1
             missed += (seen(lever, sums) - amplitude) ** 2
             tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
-        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(law, p, lever, tolerance, amplitude, tip):
+        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(oscillator, tolerance, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
         x, y = cosine / (size * block) - lever[col.SHAKER], sine / (size * block)
@@ -170,67 +171,64 @@ def hold_mean(
 
 
 @kernel
-def hold(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+def hold(oscillator: Oscillator, amplitude: float, eta: float, most: int, tip: Tip, row: np.ndarray) -> int:
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row.
 
     A tip that engages beats periods from where it swung freely. One that begins in a contact with memory knows only
     nearly what is inside, so that the orbit is sought again from where it is highest.
     """
+    law, p = oscillator.law, oscillator.p
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
-    if status == col.GOOD and law.memory != 0 and tip.u[MODE] != FREE and lingering(law, p, lever) == 0:
+    status = hold_periodic(oscillator, tolerance, amplitude, most, tip, row)
+    if status == col.GOOD and law.memory != 0 and tip.u[MODE] != FREE and lingering(oscillator) == 0:
         again = row.copy()
-        if settle_near(law, p, lever, amplitude, eta, most, again):
+        if settle_near(oscillator, amplitude, eta, most, again):
             copy(again, row)
     if status != col.NOT_SETTLED:
         return status
-    return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
+    return hold_mean(oscillator, amplitude, EAGER, eta, most, tip, row)
 
 
 @kernel
-def settle(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
+def settle(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
     """Hold an amplitude [m] in time, starting from the orbit in the result row, which is filled anew.
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
+    law, lever = oscillator.law, oscillator.lever
     tip = tip_on(law, lever, amplitude, row)
     row[:] = math.nan
-    return hold(law, p, lever, amplitude, eta, most, tip, row)
+    return hold(oscillator, amplitude, eta, most, tip, row)
 
 
 @kernel
-def settle_near(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray
-) -> bool:
+def settle_near(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
     """As `settle`, by a periodic orbit; False where time leads to none, or to the other side of resonance."""
+    law, lever = oscillator.law, oscillator.lever
     tip = tip_on(law, lever, amplitude, row)
-    return hold_near(law, p, lever, amplitude, eta, most, row[col.PHASE] > 0.0, tip, row)
+    return hold_near(oscillator, amplitude, eta, most, row[col.PHASE] > 0.0, tip, row)
 
 
 @kernel
 def hold_near(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, repelled: bool, tip: Tip,
-    row: np.ndarray,
-) -> bool:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, eta: float, most: int, repelled: bool, tip: Tip, row: np.ndarray
+) -> bool:
     """As `hold_periodic`; False also where time leads to the other side of resonance."""
+    p = oscillator.p
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    status = hold_periodic(law, p, lever, tolerance, amplitude, most, tip, row)
+    status = hold_periodic(oscillator, tolerance, amplitude, most, tip, row)
     return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
 
 
 @kernel
-def settle_dents(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, row: np.ndarray
-) -> bool:
+def settle_dents(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
     """As `settle_near`, where dents last so long that they have to form first."""
+    law, p, lever = oscillator
     tip, repelled = tip_on(law, lever, amplitude, row), row[col.PHASE] > 0.0
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    if not form_dents(law, p, lever, tolerance, amplitude, most, tip):
+    if not form_dents(oscillator, tolerance, amplitude, most, tip):
         return False
-    return hold_near(law, p, lever, amplitude, eta, most, repelled, tip, row)
+    return hold_near(oscillator, amplitude, eta, most, repelled, tip, row)
 
 
 @kernel

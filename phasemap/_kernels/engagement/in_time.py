@@ -54,6 +54,7 @@ from phasemap._kernels.engagement.lowering import (
 )
 from phasemap._kernels.engagement.ringing import RINGS, engage_ringing
 from phasemap._kernels.engagement.stuck import FREE, REACHED, UNKNOWN, comes_loose, presses, sticks, too_stiff
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, free_phasor
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, pass_period, rest, skip
 from phasemap._kernels.orbits.time.tip import MARCHED, Z0, Tip, amplitude_of, new_tip, ring_down, tip_in
@@ -82,14 +83,7 @@ def pace_of(lever: np.ndarray) -> float:
 
 @kernel
 def move_slowly(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    amplitude: float,
-    least: float,
-    tolerance: Tolerance,
-    most: int,
-    tip: Tip,
+    oscillator: Oscillator, amplitude: float, least: float, tolerance: Tolerance, most: int, tip: Tip
 ) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached: SEEN, AGAIN, SPENT or LOWEST.
 
@@ -97,11 +91,12 @@ def move_slowly(
     irregular as it was (else once more, slowly), and ever slower near the end, for the way decides on the pattern of
     taps. AGAIN is said where the motion repeats itself every period, but not before z0 has changed by `least` [m].
     """
+    p, lever = oscillator.p, oscillator.lever
     block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[Z0]
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH * tolerance.eta if hasty else tolerance.eta
     sums, u, acc = begin_sums(lever, tip.acc), tip.u.copy(), tip.acc.copy()
-    if tip.periods[MARCHED] + block > most or not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
+    if tip.periods[MARCHED] + block > most or not average(oscillator, eta, block, (0.0, 0.0, 0.0), tip, sums):
         return SPENT
     before, change = seen(lever, sums), sums[CHANGE]
     down = before > amplitude
@@ -111,7 +106,7 @@ def move_slowly(
             pace = max(slow / FINEST, min(pace, LANDING * abs(before - amplitude) / block))
         copy(tip.u, u)
         copy(tip.acc, acc)
-        if not average(law, p, lever, eta, block, (pace if down else -pace, 0.0, 0.0), tip, sums):
+        if not average(oscillator, eta, block, (pace if down else -pace, 0.0, 0.0), tip, sums):
             return SPENT
         now = seen(lever, sums)
         led = abs(abs(now - before) - pace * block) > STEADY * pace * block or sums[CHANGE] < TAMER * change
@@ -125,9 +120,9 @@ def move_slowly(
             wait = int(DISTURBED) * block
             if tip.periods[MARCHED] + wait + block > most:
                 return SPENT
-            if not average(law, p, lever, eta, wait, (0.0, 0.0, 0.0), tip, sums):
+            if not average(oscillator, eta, wait, (0.0, 0.0, 0.0), tip, sums):
                 return SPENT
-            if not average(law, p, lever, eta, block, (0.0, 0.0, 0.0), tip, sums):
+            if not average(oscillator, eta, block, (0.0, 0.0, 0.0), tip, sums):
                 return SPENT
             now = seen(lever, sums)
         if (now <= amplitude) == down:
@@ -136,7 +131,7 @@ def move_slowly(
             return LOWEST
         before, change = now, sums[CHANGE]
         still = change < STILL * (max(amplitude, now) if hasty else amplitude) and alike(sums)
-        if still and abs(from_z0 - tip.u[Z0]) > least and skip(law, p, lever, tolerance, 0.0, tip):
+        if still and abs(from_z0 - tip.u[Z0]) > least and skip(oscillator, tolerance, 0.0, tip):
             return AGAIN
         if hasty and not still:
             haste = max(1.0, min(2.0 * haste, HASTE, CLOSER * abs(now - amplitude) / (slow * block)))
@@ -147,54 +142,54 @@ def move_slowly(
 
 @kernel
 def lower(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
     """Lower a tip that swings freely until its amplitude first reaches the setpoint, and hold it; as `approach`."""
+    law, p, lever = oscillator
     free = free_amplitude(lever)
     tolerance = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
-    least, pace, loose, fell = AWAY * free, pace_of_leap(law, p, lever), False, tip.u.copy()
+    least, pace, loose, fell = AWAY * free, pace_of_leap(oscillator), False, tip.u.copy()
     short = WHOLE * ring_down(lever) > most  # for more than to see that the surface catches the tip
     while True:
         if loose and pace > 0.0:
-            ends, periodic = fall(law, p, lever, amplitude, 0.0, 0.0, tolerance, most, tip), False
+            ends, periodic = fall(oscillator, amplitude, 0.0, 0.0, tolerance, most, tip), False
         else:
-            ends = follow_down(law, p, lever, amplitude, step, TRAIL * pace, tolerance, most, tip)
+            ends = follow_down(oscillator, amplitude, step, TRAIL * pace, tolerance, most, tip)
             periodic = ends == SEEN
         if ends == LEFT and pace > 0.0:
-            ends = fall(law, p, lever, amplitude, pace, least, tolerance, most, tip)
+            ends = fall(oscillator, amplitude, pace, least, tolerance, most, tip)
             least *= 2.0
             if short and not (ends == HELD and sticks(p, lever, amplitude, tip)):
                 return col.NOT_SETTLED
         elif ends == LEFT:
-            ends = move_slowly(law, p, lever, amplitude, least, tolerance, most, tip)
+            ends = move_slowly(oscillator, amplitude, least, tolerance, most, tip)
             least *= 2.0
         if law.memory == 0 and ends in (SEEN, HELD) and sticks(p, lever, amplitude, tip):
             known = periodic or p[col.RELEASE] != 0.0
-            if loose or (known and too_stiff(law, p, lever, amplitude)):
+            if loose or (known and too_stiff(oscillator, amplitude)):
                 return col.NO_STABLE_ORBIT
             copy(tip.u, fell)
-            comes = comes_loose(law, p, lever, amplitude, tolerance, most, tip)
+            comes = comes_loose(oscillator, amplitude, tolerance, most, tip)
             if comes == REACHED:
-                return hold(law, p, lever, amplitude, eta, most, tip, row)
+                return hold(oscillator, amplitude, eta, most, tip, row)
             if comes == FREE and periodic:
                 return col.NO_STABLE_ORBIT
             loose = comes != UNKNOWN and (periodic or pace > 0.0)
             if not loose:  # a feedback may lower it faster than it was lowered
                 copy(fell, tip.u)
-                pass_period(law, p, lever, tolerance.eta, tip)
+                pass_period(oscillator, tolerance.eta, tip)
             elif comes == FREE:
                 tip.u[Z0] = min(tip.u[Z0], fell[Z0] + LEAD * (amplitude_of(lever, tip.acc) - amplitude))
             if loose:
                 continue
         leapt = ends == AGAIN and pace > 0.0 and law.memory == 0
-        if leapt and skip_to(law, p, lever, amplitude, tolerance, tip):
+        if leapt and skip_to(oscillator, amplitude, tolerance, tip):
             ends = HELD
         if periodic or ends == HELD:
-            return hold(law, p, lever, amplitude, eta, most, tip, row)
+            return hold(oscillator, amplitude, eta, most, tip, row)
         if ends in (SEEN, KEPT):
             gain = SLOW if ends == KEPT else LAST_GAIN if pace > 0.0 else EAGER
-            return hold_mean(law, p, lever, amplitude, gain, eta, most, tip, row)
+            return hold_mean(oscillator, amplitude, gain, eta, most, tip, row)
         if ends == LOWEST and presses(p, tip):
             return col.PRESSED
         if ends != AGAIN:
@@ -209,25 +204,25 @@ def free_tip(law: Law, lever: np.ndarray, z0: float) -> Tip:
 
 
 @kernel
-def share_of(law: Law, p: np.ndarray, lever: np.ndarray, most: int) -> float:
+def share_of(oscillator: Oscillator, most: int) -> float:
     """Share of the periods allowed that `lower` has, before `engage_ringing` has its turn: NONE_LEFT if it has none.
 
     A contact with hysteresis or memory leads to one pattern or another, as it is lowered.
     """
+    law, p, lever = oscillator
     if ring_down(lever) < RINGS or p[col.RELEASE] != 0.0 or law.memory != 0:
         return NONE_LEFT
     # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
-    if pace_of_leap(law, p, lever) > 0.0:
+    if pace_of_leap(oscillator) > 0.0:
         far = abs(1.0 - lever[col.OMEGA] ** 2) > BESIDE
-        return 1.0 if far and strong(law, p, lever, free_amplitude(lever)) else NONE_LEFT
+        return 1.0 if far and strong(oscillator, free_amplitude(lever)) else NONE_LEFT
     return 1.0 if DISTURBED * ring_down(lever) < WAITING * most else AT_ONCE
 
 
 @kernel
 def approach(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, z0: float, step: float, eta: float, most: int,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, z0: float, step: float, eta: float, most: int, row: np.ndarray
+) -> int:
     """Engage from z0 [m]: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
 
     Parameters
@@ -242,62 +237,61 @@ def approach(
     Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where it was lowered as far as a tip is, and into the
     surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
-    tip, share = free_tip(law, lever, z0), share_of(law, p, lever, most)
+    law, lever = oscillator.law, oscillator.lever
+    tip, share = free_tip(law, lever, z0), share_of(oscillator, most)
     row[:] = math.nan
-    status = lower(law, p, lever, amplitude, step, eta, int(min(share, 1.0) * most), tip, row)
+    status = lower(oscillator, amplitude, step, eta, int(min(share, 1.0) * most), tip, row)
     if status != col.NOT_SETTLED or share > 1.0:
         return status
     again = free_tip(law, lever, z0)
     began = again.periods[MARCHED] = tip.periods[MARCHED]
     row[:] = math.nan
-    status = engage_ringing(law, p, lever, amplitude, step, eta, most, again, row)
+    status = engage_ringing(oscillator, amplitude, step, eta, most, again, row)
     spent = again.periods[MARCHED]
     if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most:
         return status
     # Several patterns may hold the setpoint: what another start does not lead to is found by chance.
     tip, other = free_tip(law, lever, z0 + AWAY * free_amplitude(lever)), np.empty(col.COLUMNS)
     tip.periods[MARCHED] = spent
-    if engage_ringing(law, p, lever, amplitude, step, eta, most, tip, other) != col.GOOD:
+    if engage_ringing(oscillator, amplitude, step, eta, most, tip, other) != col.GOOD:
         return col.GOOD
     allowed = ALIKE + row[col.ERROR_PHASE] + (other[col.ERROR_PHASE] if other[col.SPREAD_AMPLITUDE] > 0.0 else 0.0)
     return col.GOOD if abs(other[col.PHASE] - row[col.PHASE]) < allowed else col.NOT_SETTLED
 
 
 @kernel
-def carry_to(
-    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
-) -> int:
+def carry_to(oscillator: Oscillator, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray) -> int:
     """Move a tip in state u = (z, z', touching, its tip offset) slowly to z0 [m], and fill a row with its motion there.
 
     Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
     """
+    p, lever = oscillator.p, oscillator.lever
     tip = tip_in(u)
     count = int(abs(u[Z0] - z0) / pace_of(lever))
-    if count >= most or not pass_period(law, p, lever, eta, tip):
+    if count >= most or not pass_period(oscillator, eta, tip):
         return col.NOT_SETTLED
     move, sums = ((u[Z0] - z0) / max(count, 1), 0.0, 0.0), begin_sums(lever, tip.acc)
-    if not average(law, p, lever, COARSE * eta, count, move, tip, sums):
+    if not average(oscillator, COARSE * eta, count, move, tip, sums):
         return col.NOT_SETTLED
     u[Z0] = z0
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * free_amplitude(lever), OFFSET_ERROR)
-    if rest(law, p, lever, tolerance, min(int(DISTURBED * ring_down(lever)), most - tip.periods[MARCHED]), tip):
+    if rest(oscillator, tolerance, min(int(DISTURBED * ring_down(lever)), most - tip.periods[MARCHED]), tip):
         fill_orbit(lever, tip, row)
         return col.GOOD
-    return hold_mean(law, p, lever, 0.0, 0.0, eta, most, tip, row)
+    return hold_mean(oscillator, 0.0, 0.0, eta, most, tip, row)
 
 
 @kernel
-def carry_on(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
-) -> int:
+def carry_on(oscillator: Oscillator, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray) -> int:
     """Move a tip in state u slowly until its amplitude is the one asked for, hold it, and fill a row; as `approach`."""
+    lever = oscillator.lever
     tip = tip_in(u)
-    if not pass_period(law, p, lever, eta, tip):
+    if not pass_period(oscillator, eta, tip):
         return col.NOT_SETTLED
     tolerance = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
-    ends = move_slowly(law, p, lever, amplitude, AWAY * free_amplitude(lever), tolerance, most, tip)
+    ends = move_slowly(oscillator, amplitude, AWAY * free_amplitude(lever), tolerance, most, tip)
     if ends == AGAIN:
-        return hold(law, p, lever, amplitude, eta, most, tip, row)
+        return hold(oscillator, amplitude, eta, most, tip, row)
     if ends == SEEN:
-        return hold_mean(law, p, lever, amplitude, EAGER, eta, most, tip, row)
+        return hold_mean(oscillator, amplitude, EAGER, eta, most, tip, row)
     return col.NOT_SETTLED if ends == SPENT else col.NO_STABLE_ORBIT

@@ -19,33 +19,36 @@ from phasemap._kernels.engagement.leap import strong
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side, strongest
 from phasemap._kernels.engagement.stuck import presses
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, needed, reach_of
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, rest
 from phasemap._kernels.orbits.time.tip import COS, Z0, Tip, V, Z, amplitude_of, ring_down
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    pass
 
 SETTLES = 4.0  # ring-down times in which it comes to rest there
 
 
 @kernel
-def repelled_at(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray) -> bool:
+def repelled_at(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this amplitude on the repulsive branch, if averaging knows it well."""
+    law, p, lever = oscillator
     reach, top = reach_of(law, p), Maximum()
-    if not near_resonance(lever) or strong(law, p, lever, free_amplitude(lever)):
+    if not near_resonance(lever) or strong(oscillator, free_amplitude(lever)):
         return False
-    strongest(law, p, lever, reach, amplitude, math.inf, top)
-    if not on_side(law, p, lever, reach, amplitude, REPULSIVE, top, guess):
+    strongest(oscillator, reach, amplitude, math.inf, top)
+    if not on_side(oscillator, reach, amplitude, REPULSIVE, top, guess):
         return False
-    return not rebounds(law, p, lever, guess[col.G_P])
+    return not rebounds(oscillator, guess[col.G_P])
 
 
 @kernel
-def skip_to(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, tolerance: Tolerance, tip: Tip) -> bool:
+def skip_to(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, tip: Tip) -> bool:
     """Move a tip that landed on a periodic repulsive orbit on to the setpoint; where it cannot, it stays."""
+    p, lever = oscillator.p, oscillator.lever
     guess, u, above = np.zeros(col.GUESS), tip.u, amplitude_of(lever, tip.acc) > amplitude
-    if not (tip.acc[COS] > 0.0 and above) or presses(p, tip) or not repelled_at(law, p, lever, amplitude, guess):
+    if not (tip.acc[COS] > 0.0 and above) or presses(p, tip) or not repelled_at(oscillator, amplitude, guess):
         return False
     before = u.copy()
     x, y = needed(lever, amplitude, guess[col.G_P], guess[col.G_S])
@@ -53,8 +56,8 @@ def skip_to(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, tolera
     u[Z], u[V] = guess[col.G_MEAN] + amplitude * x / whole, lever[col.OMEGA] * amplitude * y / whole
     u[Z0] = guess[col.G_Z0]
     patience = int(SETTLES * ring_down(lever))
-    if rest(law, p, lever, tolerance, patience, tip) and tip.acc[COS] > 0.0:
+    if rest(oscillator, tolerance, patience, tip) and tip.acc[COS] > 0.0:
         return True
     copy(before, u)
-    pass_period(law, p, lever, tolerance.eta, tip)
+    pass_period(oscillator, tolerance.eta, tip)
     return False

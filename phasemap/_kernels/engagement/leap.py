@@ -26,7 +26,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEAR, balance_depth
-from phasemap._kernels.law import Law, longrange_force
+from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 
@@ -58,18 +58,17 @@ AMP, GAP, MEAN, PUSH, FOLD = 0, 1, 2, 3, 4
 
 
 @kernel
-def risen(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, gap: float, amplitude: float, at: np.ndarray
-) -> bool:
+def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at: np.ndarray) -> bool:
     """Fill `at` with the orbit below resonance that has this gap, near an amplitude; False if there is none.
 
     (A s + P)^2 + (2 alpha0 omega A)^2 = u0^2 is a quadratic equation for A, with P that hardly depends on it. What
     damping in the sample takes is left out: folds lie where the tip hardly touches.
     """
+    lever = oscillator.lever
     stiff, damped = 1.0 - lever[col.OMEGA] ** 2, 2.0 * lever[col.ALPHA0] * lever[col.OMEGA]
     whole = stiff * stiff + damped * damped
     for _ in range(4):
-        push, _, mean = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+        push, _, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
         square = lever[col.BASE] ** 2 * whole - (push * damped) ** 2
         if square < 0.0:
             return False
@@ -81,11 +80,11 @@ def risen(
 
 
 @kernel
-def fold(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, at: np.ndarray) -> int:
+def fold(oscillator: Oscillator, reach: float, free: float, at: np.ndarray) -> int:
     """Fill `at` with the orbit of least tip offset to which a tip from far comes; FOUND, SMOOTH or FAR."""
     gap, amplitude = FARTHEST * reach, free
     x0 = x1 = z0 = z1 = math.inf
-    while risen(law, p, lever, reach, gap, amplitude, at):
+    while risen(oscillator, reach, gap, amplitude, at):
         amplitude = at[AMP]
         z = amplitude + gap + at[MEAN]
         if z > z1:
@@ -95,7 +94,7 @@ def fold(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, 
             rise = (z1 - z0) / (x1 - x0)
             bend = ((z - z1) / (gap - x1) - rise) / (gap - x0)
             gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
-            return FOUND if risen(law, p, lever, reach, gap, amplitude, at) else FAR
+            return FOUND if risen(oscillator, reach, gap, amplitude, at) else FAR
         x0, z0, x1, z1 = x1, z1, gap, z
         gap = NEARER * (gap + 1.5 * reach) - 1.5 * reach
         if gap < -1.4 * reach:
@@ -105,11 +104,12 @@ def fold(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, 
 
 @kernel
 def _rate(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, z0: float, lift: float, a: complex, mean: float
+    oscillator: Oscillator, reach: float, z0: float, lift: float, a: complex, mean: float
 ) -> tuple[complex, float, float]:
     """da/dtau, the in-phase force P [m], and how far [m] mean deflection and harmonics carry the tip."""
+    lever = oscillator.lever
     omega, size = lever[col.OMEGA], abs(a)
-    push, drag, more = harmonics(law, p, lever, reach, size, (z0 - mean) / size)
+    push, drag, more = harmonics(oscillator, reach, size, (z0 - mean) / size)
     drive = lever[col.BASE] - complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega) * a
     return (
         (drive - complex(push, -drag) * a / size) / (2.0 * complex(lever[col.ALPHA0], omega)),
@@ -119,23 +119,24 @@ def _rate(
 
 
 @kernel
-def fall(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, at: np.ndarray, below: float, lift: float) -> int:
+def fall(oscillator: Oscillator, reach: float, at: np.ndarray, below: float, lift: float) -> int:
     """Side on which a tip comes to rest that left the fold; UNCLEAR if it does not.
 
     The steps are the pair of orders 3 and 2 of Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321.
     """
+    lever = oscillator.lever
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
     stiff, mean = 1.0 - omega * omega, at[MEAN] + lift * at[PUSH]
     z0 = at[AMP] + at[GAP] + mean - below * reach
     # u0 = (X - i Y) a/|a| on an orbit.
     begun = lever[col.BASE] * at[AMP] / complex(at[PUSH] + at[AMP] * stiff, 2.0 * alpha0 * omega * at[AMP])
     a, h, fastest = begun, 0.02 / alpha0, 0.0
-    k1, push, mean = _rate(law, p, lever, reach, z0, lift, a, mean)
+    k1, push, mean = _rate(oscillator, reach, z0, lift, a, mean)
     for _ in range(MOST_STEPS):
-        k2, _, _ = _rate(law, p, lever, reach, z0, lift, a + 0.5 * h * k1, mean)
-        k3, _, middle = _rate(law, p, lever, reach, z0, lift, a + 0.75 * h * k2, mean)
+        k2, _, _ = _rate(oscillator, reach, z0, lift, a + 0.5 * h * k1, mean)
+        k3, _, middle = _rate(oscillator, reach, z0, lift, a + 0.75 * h * k2, mean)
         end = a + h * (2 / 9 * k1 + 1 / 3 * k2 + 4 / 9 * k3)
-        k4, push, last = _rate(law, p, lever, reach, z0, lift, end, middle)
+        k4, push, last = _rate(oscillator, reach, z0, lift, end, middle)
         error = abs(h * (-5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4)) / (TOLERANCE * reach)
         if error <= 1.0:
             a, k1, mean = end, k4, last
@@ -147,24 +148,25 @@ def fall(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, at: np.ndarra
 
 
 @kernel
-def highest_repelled(law: Law, p: np.ndarray, lever: np.ndarray, reach: float) -> float:
+def highest_repelled(oscillator: Oscillator, reach: float) -> float:
     """Highest tip offset [m] of an orbit below the resonance that repulsion moves up; -infinity without one.
 
     It is next to X = 0, where the amplitude is the largest that the drive can make if the sample takes nothing, and
     -P = A (1 - omega^2) on the way in from the strongest attraction.
     """
+    law, p, lever = oscillator
     pull = (1.0 - lever[col.OMEGA] ** 2) * lever[col.BASE] / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA])
     amplitude = lever[col.BASE] / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA])
     outer, inner, mean = 0.0, 0.7 * balance_depth(law, p, reach), 0.0
-    push, _, _ = harmonics(law, p, lever, reach, amplitude, 1.0 - inner / amplitude)
+    push, _, _ = harmonics(oscillator, reach, amplitude, 1.0 - inner / amplitude)
     while push + pull <= 0.0:
         outer, inner = inner, 1.4 * inner
         if inner > 1.9 * amplitude:
             return -math.inf
-        push, _, _ = harmonics(law, p, lever, reach, amplitude, 1.0 - inner / amplitude)
+        push, _, _ = harmonics(oscillator, reach, amplitude, 1.0 - inner / amplitude)
     for _ in range(HALVINGS):
         middle = 0.5 * (outer + inner)
-        push, _, more = harmonics(law, p, lever, reach, amplitude, 1.0 - middle / amplitude)
+        push, _, more = harmonics(oscillator, reach, amplitude, 1.0 - middle / amplitude)
         if push + pull > 0.0:
             inner = middle
         else:
@@ -173,28 +175,30 @@ def highest_repelled(law: Law, p: np.ndarray, lever: np.ndarray, reach: float) -
 
 
 @kernel
-def strong(law: Law, p: np.ndarray, lever: np.ndarray, free: float) -> bool:
+def strong(oscillator: Oscillator, free: float) -> bool:
     """Whether the attraction bends the lever too much to be averaged."""
+    law, p, lever = oscillator
     return -longrange_force(law, 0.0, p) > STRONG * lever[col.STIFFNESS] * free
 
 
 @kernel
-def lands(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float) -> int:
+def lands(oscillator: Oscillator, reach: float, free: float) -> int:
     """Side on which a tip lands that comes from far and is carried over its resonance; UNCLEAR where time must tell."""
+    law, p, lever = oscillator
     at, other = np.zeros(FOLD), lever.copy()
-    status = fold(law, p, lever, reach, free, at)
+    status = fold(oscillator, reach, free, at)
     if status != FOUND:
         return ATTRACTIVE if status == SMOOTH else UNCLEAR
-    height = at[AMP] + at[GAP] + at[MEAN] - highest_repelled(law, p, lever, reach)
+    height = at[AMP] + at[GAP] + at[MEAN] - highest_repelled(oscillator, reach)
     if height > CLEAR * reach:
         return ATTRACTIVE
     landed = UNCLEAR
     for i in range(len(VARIANTS)):
         other[col.ALPHA0] = VARIANTS[i, 0] * lever[col.ALPHA0]
         other[col.BASE] = VARIANTS[i, 0] * lever[col.BASE]
-        if VARIANTS[i, 0] != 1.0 and fold(law, p, other, reach, free_amplitude(other), at) != FOUND:
+        if VARIANTS[i, 0] != 1.0 and fold(Oscillator(law, p, other), reach, free_amplitude(other), at) != FOUND:
             return UNCLEAR
-        end = fall(law, p, other, reach, at, VARIANTS[i, 1], VARIANTS[i, 2])
+        end = fall(Oscillator(law, p, other), reach, at, VARIANTS[i, 1], VARIANTS[i, 2])
         if i == 0:
             landed = end
         more = landed == REPULSIVE and VARIANTS[i, 0] > 1.0

@@ -19,14 +19,14 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import strong
 from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
-from phasemap._kernels.law import longrange_force
+from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.many_periods import FLOW, NEXT, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, relaxed, rest, skip, slope_of
 from phasemap._kernels.orbits.time.tip import BY_Z0, COS, MARCHED, SIN, Z0, Tip, V, Z, amplitude_of, ring_down
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    pass
 
 LONGEST, SHORTEST = 8.0, 0.02  # steps of the tip offset on that way, over the one given
 DEEPER = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
@@ -69,12 +69,13 @@ def too_far(lever: np.ndarray, from_z0: float, z0: float) -> bool:
 
 
 @kernel
-def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+def pace_of_leap(oscillator: Oscillator) -> float:
     """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not.
 
     Forces no more attractive than f0 have an in-phase force P >= -2/pi f0/k. Where that leaves A (1 - omega^2) + P
     above zero from the free amplitude on, no orbit comes to the resonance.
     """
+    law, p, lever = oscillator
     free = free_amplitude(lever)
     # A contact with hysteresis leaves its orbits by sticking, at any frequency.
     smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
@@ -87,9 +88,8 @@ def pace_of_leap(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
 
 @kernel
 def follow_down(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, trail: float, tolerance: Tolerance,
-    most: int, tip: Tip,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, step: float, trail: float, tolerance: Tolerance, most: int, tip: Tip
+) -> int:
     """Lower the tip along periodic orbits until the amplitude is reached; returns SEEN, LEFT, SPENT or LOWEST.
 
     LOWEST is said where the tip does not leave the surface any more, or a hundredth of a metre down.
@@ -97,6 +97,7 @@ def follow_down(
     Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
+    p, lever = oscillator.p, oscillator.lever
     u, linear, before = tip.u, tip.linear, np.empty(4)
     lowest = deepest(lever)
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else STUCK) * ring_down(lever))
@@ -108,7 +109,7 @@ def follow_down(
             before[j] = u[j]
         z, v = u[Z] - z_slope * stride, u[V] - v_slope * stride
         u[Z], u[V], u[Z0] = z, v, u[Z0] - stride
-        rests = skip(law, p, lever, tolerance, 0.0, tip)
+        rests = skip(oscillator, tolerance, 0.0, tip)
         off = math.hypot(u[Z] - z, u[V] - v) if rests else math.inf
         turned = rests and slope_of(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
         small = stride <= SHORTEST * step
@@ -121,7 +122,7 @@ def follow_down(
             # A tip that moves trails its orbit, and loses one that draws in its closest neighbours only.
             u[Z0] -= trail
             off = math.inf
-            if not skip(law, p, lever, tolerance, 0.0, tip):
+            if not skip(oscillator, tolerance, 0.0, tip):
                 return LEFT
         elif not rests and trail > 0.0 and stride > 0.0:
             for j in range(4):
@@ -131,7 +132,7 @@ def follow_down(
             for j in range(4):
                 u[j] = before[j]
             u[Z0] -= stride
-            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
+            if not rest(oscillator, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
                 return LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return SEEN
@@ -146,9 +147,8 @@ def follow_down(
 
 @kernel
 def fall(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, pace: float, least: float, tolerance: Tolerance,
-    most: int, tip: Tip,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, pace: float, least: float, tolerance: Tolerance, most: int, tip: Tip
+) -> int:
     """Lower the tip by `pace` [m] a period until its motion repeats itself, AGAIN above the amplitude or HELD at it.
 
     A pace of 0 leaves it to the feedback from the start.
@@ -157,15 +157,16 @@ def fall(
     so for long, SEEN where it does not come to rest, SPENT or LOWEST. An orbit above the amplitude is not looked for
     before z0 has fallen by `least` [m].
     """
+    law, p, lever = oscillator
     u, acc, ring = tip.u, tip.acc, max(FEWEST, ring_down(lever))
-    if not pass_period(law, p, lever, tolerance.eta, tip):
+    if not pass_period(oscillator, tolerance.eta, tip):
         return SPENT
     x, y = acc[COS] - lever[col.SHAKER], acc[SIN]
     from_z0, steady = u[Z0], 0
     seen, flow, allowed = 0 if pace > 0.0 else 1, np.zeros(FLOW), ASTRAY * reach_of(law, p)
     gentle = law.memory == 0 and abs(1.0 - lever[col.OMEGA] ** 2) < BESIDE
-    gentle = gentle and not strong(law, p, lever, free_amplitude(lever))
-    if seen == 0 and gentle and not begin_flow(law, p, lever, ROUGH * tolerance.eta, pace, tip, flow):
+    gentle = gentle and not strong(oscillator, free_amplitude(lever))
+    if seen == 0 and gentle and not begin_flow(oscillator, ROUGH * tolerance.eta, pace, tip, flow):
         return SPENT
     while tip.periods[MARCHED] + ring <= most:
         change, missed, passed = 0.0, 0.0, 0
@@ -173,12 +174,12 @@ def fall(
             last_x, last_y, many = acc[COS], acc[SIN], 1
             if seen == 0 and gentle:
                 flow[NEXT] = min(flow[NEXT], ring)
-                many = pass_many(law, p, lever, ROUGH * tolerance.eta, pace, allowed, tip, flow)
+                many = pass_many(oscillator, ROUGH * tolerance.eta, pace, allowed, tip, flow)
                 if many == 0:
                     return SPENT
             else:
                 u[Z0] -= pace if seen == 0 else GAIN / (ring + seen / SLOWER) * (math.hypot(x, y) - amplitude)
-                if not pass_period(law, p, lever, tolerance.eta, tip):
+                if not pass_period(oscillator, tolerance.eta, tip):
                     return SPENT
             passed += many
             change = max(change, math.hypot(acc[COS] - last_x, acc[SIN] - last_y) / many)
@@ -200,9 +201,9 @@ def fall(
         if still:
             if seen > 0 and presses(p, tip):
                 return AGAIN if amplitude_of(lever, acc) > amplitude else HELD
-            if seen > 0 and skip(law, p, lever, tolerance, amplitude, tip):
+            if seen > 0 and skip(oscillator, tolerance, amplitude, tip):
                 return HELD
-            if seen == 0 and from_z0 - u[Z0] > least and skip(law, p, lever, tolerance, 0.0, tip):
+            if seen == 0 and from_z0 - u[Z0] > least and skip(oscillator, tolerance, 0.0, tip):
                 return AGAIN
         steady = steady + 1 if seen > 0 and missed < EVEN * amplitude else 0
         if steady >= LONG:

@@ -20,29 +20,28 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from phasemap._kernels.columns import OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import near_resonance
-from phasemap._kernels.law import contact_force
+from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.response.passes import beside_resonance
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    pass
 
 LASTS = 2.943  # of the depth over the velocity: time of a Hertzian impact, 2 pi^(1/2) Gamma(7/5)/Gamma(9/10)
 STORED = 0.4  # of depth times force: energy of a Hertzian contact
 
 
 @kernel
-def rebounds(law: Law, p: np.ndarray, lever: np.ndarray, push: float) -> bool:
+def rebounds(oscillator: Oscillator, push: float) -> bool:
     """Whether a contact with in-phase force P [m] is shorter than what T differs from the free lever's period.
 
     A short contact turns the velocity v = pi P/(2 omega) round. It is so short if the depth at which it would last as
     long takes more energy than v^2/2. Within a linewidth of the resonance a lever keeps no time of its own, and
     far from it time has been asked already.
     """
+    law, p, lever = oscillator
     if not (push > 0.0 and beside_resonance(lever) and near_resonance(lever)):
         return False
     omega = lever[OMEGA]

@@ -37,7 +37,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force
+from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import free_amplitude, lowest, mismatch
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.passes import beside_resonance
@@ -65,11 +65,10 @@ class Maximum:
 
 
 @kernel
-def at_gap(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
-) -> tuple[float, float]:
+def at_gap(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
     """Mismatch and in-phase force P of the harmonic orbit with this gap."""
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+    lever = oscillator.lever
+    push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     return mismatch(lever, amplitude, push, drag), push
 
 
@@ -114,11 +113,10 @@ def pull(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float
 
 
 @kernel
-def pull_at(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float
-) -> tuple[float, float]:
+def pull_at(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
     """`pull` and in-phase force P of the harmonic orbit with this gap."""
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+    lever = oscillator.lever
+    push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     return pull(lever, amplitude, push, drag), push
 
 
@@ -133,18 +131,17 @@ def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
 
 
 @kernel
-def strongest(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, plain: float, top: Maximum
-) -> None:
+def strongest(oscillator: Oscillator, reach: float, amplitude: float, plain: float, top: Maximum) -> None:
     """Find the first maximum of `pull` as the tip comes near, or stop early where it is plainly above zero."""
-    h, push = pull_at(law, p, lever, reach, amplitude, 0.0)
+    law, p = oscillator.law, oscillator.p
+    h, push = pull_at(oscillator, reach, amplitude, 0.0)
     top.gap, top.mismatch, top.push = 0.0, h, push
     if h >= plain:
         return
     before, h_before, here, h_here = 0.0, h, 0.0, h
     deeper = -0.12 * balance_depth(law, p, reach)
     for _ in range(60):
-        h, push = pull_at(law, p, lever, reach, amplitude, deeper)
+        h, push = pull_at(oscillator, reach, amplitude, deeper)
         if h < h_here or push > 0.0:
             break
         top.gap, top.mismatch, top.push = deeper, h, push
@@ -161,17 +158,18 @@ def strongest(
         x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
         highest = h_before + (x - x0) * (rise + bend * (x - x1))
         if x0 < x < x2 and abs(highest) < 2.0 * plain:
-            h, push = pull_at(law, p, lever, reach, amplitude, -x * x)
+            h, push = pull_at(oscillator, reach, amplitude, -x * x)
             if h > top.mismatch:
                 top.gap, top.mismatch, top.push = -x * x, h, push
 
 
 @kernel
 def _between(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, shift: float,
+    oscillator: Oscillator, reach: float, amplitude: float, side: int, shift: float,
     one: tuple[float, float], two: tuple[float, float],
 ) -> float:  # fmt: skip
     """Gap of the crossing between two of opposite sign, (gap, f), by regula falsi in ln(gap + shift) or in the gap."""
+    lever = oscillator.lever
     a, f_a = one
     b, f_b = two
     logarithmic = side == ATTRACTIVE
@@ -180,7 +178,7 @@ def _between(
     x = a
     for _ in range(50):
         x = (a * f_b - b * f_a) / (f_b - f_a)
-        h, push = at_gap(law, p, lever, reach, amplitude, math.exp(x) - shift if logarithmic else x)
+        h, push = at_gap(oscillator, reach, amplitude, math.exp(x) - shift if logarithmic else x)
         f = sided(lever, amplitude, side, h, push)
         if abs(f) < CLOSE:
             return math.exp(x) - shift if logarithmic else x
@@ -203,45 +201,47 @@ def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float)
 
 
 @kernel
-def outer(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum) -> float:
+def outer(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the attractive crossing, outside of a point with more than enough attraction; NaN if it is not found."""
     near, h_near = top.gap, top.mismatch
     shift = reach + max(-near, 0.0)
     for _ in range(40):
         far = near + 2.0 * (near + shift)
-        h, _ = at_gap(law, p, lever, reach, amplitude, far)
+        h, _ = at_gap(oscillator, reach, amplitude, far)
         if h <= 0.0:
             return _between(
-                law, p, lever, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
+                oscillator, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
             )
         near, h_near = far, h
     return math.nan
 
 
 @kernel
-def deepest(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+def deepest(oscillator: Oscillator) -> float:
     """Tip offset [m] down to which a repulsive orbit is looked for.
 
     Above resonance a soft contact makes up for the lever's detuning only where the tip is pressed in far.
     """
+    lever = oscillator.lever
     if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
         return -FARTHEST_AT_ALL
-    return lowest(law, p, lever)
+    return lowest(oscillator)
 
 
 @kernel
-def inner(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum) -> float:
+def inner(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
+    lever = oscillator.lever
     stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
     peak, want = top.gap, lever[col.BASE] - stiff - top.push
     near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST))))
-    gap, last = top.behind, deepest(law, p, lever)
+    gap, last = top.behind, deepest(oscillator)
     for _ in range(60):
-        h, push = at_gap(law, p, lever, reach, amplitude, gap)
+        h, push = at_gap(oscillator, reach, amplitude, gap)
         if h > 0.0 and push > 0.0:
             if not repelled(lever, amplitude, push):
                 return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _between(law, p, lever, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
+            return _between(oscillator, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
         near, f_near = gap, sided(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top.push, 0.02 * want))
@@ -279,10 +279,9 @@ def weak(lever: np.ndarray, amplitude: float, highest: float) -> bool:
 
 
 @kernel
-def decide(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, margin: float, top: Maximum
-) -> int:
+def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float, top: Maximum) -> int:
     """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
+    law, p, lever = oscillator
     clear(top)
     if p[col.LONGRANGE] == 0.0:
         # Without attraction there is one branch; with adhesion alone its onset jumps.
@@ -290,7 +289,7 @@ def decide(
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least = least_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    strongest(law, p, lever, reach, amplitude, plain, top)
+    strongest(oscillator, reach, amplitude, plain, top)
     if top.mismatch >= plain:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
@@ -299,48 +298,42 @@ def decide(
 
 
 @kernel
-def approach(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, free: float, margin: float,
-    top: Maximum,
-) -> int:  # fmt: skip
+def approach(oscillator: Oscillator, reach: float, amplitude: float, free: float, margin: float, top: Maximum) -> int:
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
+    p, lever = oscillator.p, oscillator.lever
     worst = narrowest(lever) * free
-    side = decide(law, p, lever, reach, max(amplitude, min(worst, free)), margin, top)
+    side = decide(oscillator, reach, max(amplitude, min(worst, free)), margin, top)
     if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
         return side
-    return ATTRACTIVE if decide(law, p, lever, reach, worst, margin, top) == ATTRACTIVE else UNCLEAR
+    return ATTRACTIVE if decide(oscillator, reach, worst, margin, top) == ATTRACTIVE else UNCLEAR
 
 
 @kernel
-def at_crossing(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, guess: np.ndarray
-) -> float:
+def at_crossing(oscillator: Oscillator, reach: float, amplitude: float, gap: float, guess: np.ndarray) -> float:
     """Fill guess = (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit of this gap; returns its dz0/dA."""
+    lever = oscillator.lever
     c = 1.0 + gap / amplitude
-    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
     h = mismatch(lever, amplitude, push, drag)
     # dz0/dA along the orbits, from the two slopes of the mismatch at fixed A and fixed c.
     small = 1e-5 * (reach if reach > 0.0 else -gap)
-    slope = (at_gap(law, p, lever, reach, amplitude, gap + small)[0] - h) / small
+    slope = (at_gap(oscillator, reach, amplitude, gap + small)[0] - h) / small
     larger = amplitude * 1.00001
-    push_a, drag_a, _ = harmonics(law, p, lever, reach, larger, c)
+    push_a, drag_a, _ = harmonics(oscillator, reach, larger, c)
     put(guess, amplitude, c, push, drag, mean)
     guess[col.G_SLOPE] = slope
     return c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
 
 
 @kernel
-def on_side(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, top: Maximum,
-    guess: np.ndarray,
-) -> bool:  # fmt: skip
+def on_side(oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with this side's averaged orbit, if it is far from a fold and from being pressed in."""
     if side == ATTRACTIVE:
-        gap = outer(law, p, lever, reach, amplitude, top)
+        gap = outer(oscillator, reach, amplitude, top)
     else:
-        gap = inner(law, p, lever, reach, amplitude, top)
+        gap = inner(oscillator, reach, amplitude, top)
     if math.isnan(gap):
         return False
-    along = at_crossing(law, p, lever, reach, amplitude, gap, guess)
-    inside = guess[col.G_Z0] > deepest(law, p, lever)
+    along = at_crossing(oscillator, reach, amplitude, gap, guess)
+    inside = guess[col.G_Z0] > deepest(oscillator)
     return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

@@ -17,36 +17,37 @@ from phasemap._kernels.engagement.averaged import engage as engage_averaged
 from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_exactly, highest_at
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, Maximum, leaps, narrowest, weak
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, steep
 
 
 @kernel
-def engage(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
+def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
     """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
+    p, lever = oscillator.p, oscillator.lever
     if p[RELEASE] != 0.0:
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
     if low_q(lever):
-        return question(law, p, lever, amplitude, top)
-    status, surety = engage_averaged(law, p, lever, amplitude, guess, top)
+        return question(oscillator, amplitude, top)
+    status, surety = engage_averaged(oscillator, amplitude, guess, top)
     if status != GOOD:
         return DOUBTFUL
-    return LEAP if surety == SURE and rebounds(law, p, lever, guess[G_P]) else surety
+    return LEAP if surety == SURE and rebounds(oscillator, guess[G_P]) else surety
 
 
 @kernel
 def cheap_orbit(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray,
-    room: Room,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray, room: Room
+) -> int:
     """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold.
 
     NOT_CONVERGED where only time tells.
     """
+    law, p, lever = oscillator
     reach = reach_of(law, p)
     if surety == SURE:
-        if refine(law, p, lever, reach, guess, limits, room):
+        if refine(oscillator, reach, guess, limits, room):
             return GOOD
         return PENDING if grazes(p, reach, guess) else STIFF  # Newton's method takes the contact as given, too
     if surety != OPEN:
@@ -57,30 +58,30 @@ def cheap_orbit(
         room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
         leapt, low = leaps(lever, reach, free_amplitude(lever)), low_q(lever)
         if leapt or not low or not weak(lever, worst, room.top.mismatch):
-            side = decide_exactly(law, p, lever, reach, worst, room.top, room.nodes, room.state, room.fit)
+            side = decide_exactly(oscillator, reach, worst, room.top, room.nodes, room.state, room.fit)
         # At high Q a leap is known to end on the attractive branch.
         if side != REPULSIVE and (narrowest(lever) > 1.0 or (leapt and low)):
             return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
         if side == UNCLEAR:
-            side = decide_closely(law, p, lever, reach, amplitude, worst, room)
+            side = decide_closely(oscillator, reach, amplitude, worst, room)
         if leapt and not low and (guess[G_P] + amplitude * (1.0 - lever[OMEGA] ** 2)) * side < 0.0:
             return PENDING  # the averaged curve ends elsewhere
     if side == UNCLEAR:
         return PENDING
-    known, outside = settle_side(law, p, lever, reach, amplitude, side, room.top, guess), False
+    known, outside = settle_side(oscillator, reach, amplitude, side, room.top, guess), False
     if side == REPULSIVE and not known:
         return PENDING
-    if side == REPULSIVE and rebounds(law, p, lever, guess[G_P]):
+    if side == REPULSIVE and rebounds(oscillator, guess[G_P]):
         return NOT_CONVERGED
     while True:
-        if known and refine(law, p, lever, reach, guess, limits, room):
-            if side == REPULSIVE or steep(law, p, lever, limits, room):
+        if known and refine(oscillator, reach, guess, limits, room):
+            if side == REPULSIVE or steep(oscillator, limits, room):
                 break
         if side == REPULSIVE or outside:
             return STIFF
         if worst != amplitude:
-            highest_at(law, p, lever, reach, amplitude, room)
-        known = outside = beside_end(law, p, lever, reach, amplitude, guess, room)
+            highest_at(oscillator, reach, amplitude, room)
+        known = outside = beside_end(oscillator, reach, amplitude, guess, room)
         if not outside:
             return PENDING
     if outside:

@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_slope
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import lowest, pulled
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
@@ -36,18 +36,19 @@ PRECISION = 1e-6  # of the amplitude, at which a landing is known
 
 
 @kernel
-def pressed_in(law: Law, p: np.ndarray, lever: np.ndarray, orbit: Orbit) -> bool:
+def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
     """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
     if orbit.head[COUNT, CONTACTS] != PERMANENT:
         return False
-    return orbit.head[VALUE, Z0] < lowest(law, p, lever)
+    return orbit.head[VALUE, Z0] < lowest(oscillator)
 
 
 @kernel
-def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float:
+def static_depth(oscillator: Oscillator, z0: float) -> float:
     """Deepest depth [m] at which the lever rests in contact, theory, Eq. (engagement-5); NaN if it does at none."""
+    law, p, lever = oscillator
     inverse_k = 1.0 / lever[col.STIFFNESS]
-    high = 2.0 * (abs(z0) + pulled(law, p, lever)) + 1e-12
+    high = 2.0 * (abs(z0) + pulled(oscillator)) + 1e-12
     while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:
         high *= 2.0
     low = high
@@ -68,16 +69,18 @@ def static_depth(law: Law, p: np.ndarray, lever: np.ndarray, z0: float) -> float
 
 
 @kernel
-def lets_go(law: Law, p: np.ndarray, lever: np.ndarray) -> bool:
+def lets_go(oscillator: Oscillator) -> bool:
     """Whether a tip that loses contact is gone: adhesion ends there, or falls more steeply than the lever is stiff."""
+    law, p, lever = oscillator
     if p[col.LONGRANGE] == 0.0:
-        return pulled(law, p, lever) > 0.0
+        return pulled(oscillator) > 0.0
     return lever[col.STIFFNESS] + longrange_slope(law, 0.0, p) < 0.0
 
 
 @kernel
-def swing(law: Law, p: np.ndarray, lever: np.ndarray, d: float) -> float:
+def swing(oscillator: Oscillator, d: float) -> float:
     """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
+    law, p, lever = oscillator
     omega = lever[col.OMEGA]
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
     alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
@@ -85,15 +88,16 @@ def swing(law: Law, p: np.ndarray, lever: np.ndarray, d: float) -> float:
 
 
 @kernel
-def loosened(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, amplitude: float) -> float:
+def loosened(oscillator: Oscillator, z0: float, amplitude: float) -> float:
     """Tip offset to which the resting lever can be retracted before it swings by much of its depth or the setpoint.
 
     So far the oscillation is linear about the rest, and there is no need to follow it.
     """
-    d = static_depth(law, p, lever, z0)
+    law, p, lever = oscillator
+    d = static_depth(oscillator, z0)
     for _ in range(2000):
         following = 0.98 * d
-        if not swing(law, p, lever, following) < min(0.9 * amplitude, LINEAR * following):
+        if not swing(oscillator, following) < min(0.9 * amplitude, LINEAR * following):
             break
         offset = -following - contact_force(law, following, p) / lever[col.STIFFNESS]
         if not offset > z0:
@@ -103,15 +107,16 @@ def loosened(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, amplitude: f
 
 
 @kernel
-def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.ndarray) -> bool:
+def resting(oscillator: Oscillator, z0: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the small oscillation about the lever's rest in contact; False if it rests at no depth."""
+    law, p, lever = oscillator
     omega = lever[col.OMEGA]
-    d = static_depth(law, p, lever, z0)
+    d = static_depth(oscillator, z0)
     if math.isnan(d):
         return False
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
     alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
-    amplitude = swing(law, p, lever, d)
+    amplitude = swing(oscillator, d)
     guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, z0 + d, amplitude
     guess[col.G_P], guess[col.G_S] = slope * amplitude, -2.0 * alpha * omega * amplitude
     return amplitude > 0.0 and math.isfinite(amplitude)
@@ -119,27 +124,26 @@ def resting(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, guess: np.nda
 
 @kernel
 def held_there(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, guess: np.ndarray, level: int,
-    orbit: Orbit, spare: Orbit,
-) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+    oscillator: Oscillator, tables: np.ndarray, z0: float, guess: np.ndarray, level: int, orbit: Orbit, spare: Orbit
+) -> tuple[bool, Orbit, Orbit]:
     """Go from a harmonic orbit to the exact one at this tip offset; True if it is stable."""
     target = np.array([z0, 0.0, 0.0, 0.0])
-    if not guess[col.G_A] > 0.0 or not begin(law, p, lever, tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin(oscillator, tables, orbit, guess, level):
         return False, orbit, spare
     status, _, orbit, spare = newton(
-        law, p, lever, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[col.G_A], 20
+        oscillator, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[col.G_A], 20
     )
-    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(law, p, lever, tables, orbit, no_drift())
+    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(oscillator, tables, orbit, no_drift())
     return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
 
 
 @kernel
 def land(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, z0: float, level: int, orbit: Orbit, spare: Orbit
+    oscillator: Oscillator, tables: np.ndarray, z0: float, level: int, orbit: Orbit, spare: Orbit
 ) -> tuple[bool, Orbit, Orbit]:
     """The stable orbit in contact for good on which the tip lands at this tip offset; False if there is none."""
     guess = np.zeros(col.GUESS)
     # A tip that swings by more than it rests deep leaves contact.
-    if not resting(law, p, lever, z0, guess) or guess[col.G_A] > guess[col.G_MEAN] - z0:
+    if not resting(oscillator, z0, guess) or guess[col.G_A] > guess[col.G_MEAN] - z0:
         return False, orbit, spare
-    return held_there(law, p, lever, tables, z0, guess, level, orbit, spare)
+    return held_there(oscillator, tables, z0, guess, level, orbit, spare)

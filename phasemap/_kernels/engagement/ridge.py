@@ -30,7 +30,7 @@ from phasemap._kernels.engagement.resonance import (
     pull_at,
     weak,
 )
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, needed, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.averaged.row import averaged_row
@@ -73,22 +73,23 @@ class Ridge(NamedTuple):
 
 
 @kernel
-def begin_on(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, gap: float, row: np.ndarray) -> Ridge:
+def begin_on(oscillator: Oscillator, amplitude: float, gap: float, row: np.ndarray) -> Ridge:
     """Return the harmonic orbit of this gap, with the curvatures of averaging; fills the row with it."""
+    law, p, lever = oscillator
     reach, guess, place, driven = reach_of(law, p), np.zeros(col.GUESS), np.zeros(PLACE), lever.copy()
-    push, drag, mean = harmonics(law, p, lever, reach, amplitude, 1.0 + gap / amplitude)
+    push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     put(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
     x, y = needed(lever, amplitude, push, drag)
     driven[col.BASE] = math.hypot(x, y)
     averaged_row(lever, guess, row)
     place[B], place[A] = guess[col.G_Z0] - amplitude, amplitude
     step, more = min(WIDE * (reach + abs(gap)), INSIDE * abs(gap)), SPREAD * amplitude
-    h = pull_at(law, p, lever, reach, amplitude, gap)[0]
-    near = pull_at(law, p, lever, reach, amplitude, gap - step)[0]
-    far = pull_at(law, p, lever, reach, amplitude, gap + step)[0]
+    h = pull_at(oscillator, reach, amplitude, gap)[0]
+    near = pull_at(oscillator, reach, amplitude, gap - step)[0]
+    far = pull_at(oscillator, reach, amplitude, gap + step)[0]
     place[H_BB] = (near - 2.0 * h + far) / step**2
-    less = pull_at(law, p, lever, reach, amplitude - more, gap)[0]
-    larger = pull_at(law, p, lever, reach, amplitude + more, gap)[0]
+    less = pull_at(oscillator, reach, amplitude - more, gap)[0]
+    larger = pull_at(oscillator, reach, amplitude + more, gap)[0]
     place[H_AA] = (less - 2.0 * h + larger) / more**2
     return Ridge(place, driven, tip_on(law, lever, amplitude, row), np.zeros((4, 3)))
 
@@ -97,12 +98,12 @@ def begin_on(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, gap: 
 def derive(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
     """Fill the derivatives of a place; returns as `linearise`."""
     _, driven, tip, by = ridge
-    if not linearise(law, p, driven, eta, tip):
+    if not linearise(Oscillator(law, p, driven), eta, tip):
         return False
     u, y = tip.u, np.empty(len(tip.u))
     base, size = driven[col.BASE], apart(driven, tip)
     driven[col.BASE] = base + size
-    good = pass_from(law, p, driven, eta, tip, u[Z], u[V], u[Z0], y)
+    good = pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y)
     driven[col.BASE] = base
     for j in range(3):
         for i in range(BY_Z0):
@@ -135,7 +136,7 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
                 return True
             if way > SMOOTH * before:
                 break
-            if not pass_from(law, p, driven, eta, tip, u[Z], u[V], u[Z0], y):
+            if not pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y):
                 return False
             carry(y, u)
             off = amplitude_of(driven, tip.acc) - place[A]
@@ -145,8 +146,9 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
 
 
 @kernel
-def look(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, scale: float, ridge: Ridge) -> bool:
+def look(oscillator: Oscillator, eta: float, scale: float, ridge: Ridge) -> bool:
     """Find h and its slopes at a place; False where no motion is found, or none that the lever is attracted in."""
+    law, p, lever = oscillator
     place, driven, tip, by = ridge
     if not hold_by_drive(law, p, eta, scale, ridge) or not tip.acc[COS] < 0.0:
         return False
@@ -204,18 +206,17 @@ def bend(place: np.ndarray, before: np.ndarray, scale: float) -> None:
 
 
 @kernel
-def side_of(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, top: Maximum, ridge: Ridge
-) -> int:
+def side_of(oscillator: Oscillator, amplitude: float, eta: float, top: Maximum, ridge: Ridge) -> int:
     """Side on which the tip comes to `amplitude`; `top` is averaging's maximum, on which the ridge begins.
 
     A first look decides with a margin as wide as it misses what averaging predicts; later ones as they predict each
     other. Dents that last grow from look to look, and keep the margin wide.
     """
+    law, p = oscillator.law, oscillator.p
     place, scale, predicted = ridge.place, reach_of(law, p) + abs(top.gap), math.nan
     before = place.copy()
     for i in range(MOST_LOOKS):
-        if not look(law, p, lever, eta, scale, ridge):
+        if not look(oscillator, eta, scale, ridge):
             return UNCLEAR
         lifted = -top.gap - ridge.tip.acc[DEEPEST]
         if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top.gap):
@@ -227,7 +228,7 @@ def side_of(
         of_b, of_a, rise = to_saddle(place, amplitude)
         highest = place[H] + rise
         missed = TRUSTED * max(abs(highest - (top.mismatch if first else predicted)), abs(rise))
-        if abs(highest) > missed + (TIGHT if first or lingering(law, p, lever) > 0.0 else CLOSEST):
+        if abs(highest) > missed + (TIGHT if first or lingering(oscillator) > 0.0 else CLOSEST):
             return ATTRACTIVE if highest > 0.0 else REPULSIVE
         predicted = highest
         share = 1.0 / max(1.0, abs(of_b) / (LONGEST * scale), abs(of_a) / (FARTHEST * place[A]))
@@ -239,9 +240,7 @@ def side_of(
 
 
 @kernel
-def go_outside(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, scale: float, ridge: Ridge
-) -> bool:
+def go_outside(oscillator: Oscillator, amplitude: float, eta: float, scale: float, ridge: Ridge) -> bool:
     """Go on from the saddle to the orbit outside of it that holds `amplitude`, nearly; False if it is not found."""
     place = ridge.place
     of_a = amplitude - place[A]
@@ -251,7 +250,7 @@ def go_outside(
         return False
     go(ridge, of_b + math.sqrt(-2.0 * h / place[H_BB]), of_a)
     for _ in range(MOST_NEWTON):
-        if not look(law, p, lever, eta, scale, ridge) or not place[H_B] < 0.0:
+        if not look(oscillator, eta, scale, ridge) or not place[H_B] < 0.0:
             return False
         way = -place[H] / place[H_B]
         go(ridge, way, 0.0)
@@ -262,29 +261,29 @@ def go_outside(
 
 @kernel
 def settle_open(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, most: int, top: Maximum,
-    guess: np.ndarray, row: np.ndarray,
-) -> bool:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, eta: float, most: int, top: Maximum, guess: np.ndarray, row: np.ndarray
+) -> bool:
     """Fill the row with the motion that holds `amplitude` where averaging leaves its side open; False if it stays so.
 
     Levers that are carried over their resonance, or driven so far below it that the branch is narrowest above the free
     amplitude, are left to time.
     """
+    law, p, lever = oscillator
     reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
     if p[col.LONGRANGE] == 0.0 or narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
         return False
-    ridge, rough = begin_on(law, p, lever, worst, top.gap, row), COARSE * eta
+    ridge, rough = begin_on(oscillator, worst, top.gap, row), COARSE * eta
     side = REPULSIVE
     if not (low_q(lever) and weak(lever, worst, top.mismatch)):
-        side = side_of(law, p, lever, amplitude, rough, top, ridge)
+        side = side_of(oscillator, amplitude, rough, top, ridge)
     if side == UNCLEAR:
         return False
     tip = ridge.tip
-    if settle_side(law, p, lever, reach, amplitude, side, top, guess):
-        if side == REPULSIVE and rebounds(law, p, lever, guess[col.G_P]):
+    if settle_side(oscillator, reach, amplitude, side, top, guess):
+        if side == REPULSIVE and rebounds(oscillator, guess[col.G_P]):
             return False
         averaged_row(lever, guess, row)
         tip = tip_on(law, lever, amplitude, row)
-    elif side == REPULSIVE or not go_outside(law, p, lever, amplitude, rough, reach + abs(top.gap), ridge):
+    elif side == REPULSIVE or not go_outside(oscillator, amplitude, rough, reach + abs(top.gap), ridge):
         return False
-    return hold_near(law, p, lever, amplitude, eta, most, side == REPULSIVE, tip, row)
+    return hold_near(oscillator, amplitude, eta, most, side == REPULSIVE, tip, row)

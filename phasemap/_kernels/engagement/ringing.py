@@ -43,6 +43,7 @@ from phasemap._kernels.engagement.holding import (
 )
 from phasemap._kernels.engagement.lowering import DISTURBED, FEWEST, LOWEST, SEEN, follow_down, too_far
 from phasemap._kernels.engagement.stuck import presses, sticks
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.pattern import find_pattern, shorten
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill, fill_orbit, hold_periodic, pass_period
@@ -59,7 +60,7 @@ from phasemap._kernels.orbits.time.tip import (
 )
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    pass
 
 RINGS = 320.0  # periods in which a lever rings down for which this is worth the while, and by which it begins
 PACE = 8e-3  # of the free amplitude, by which z0 falls in the periods in which the motion rings down
@@ -89,8 +90,9 @@ def with_ringing(lever: np.ndarray, periods: float) -> np.ndarray:
 
 
 @kernel
-def fill_pattern(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip, row: np.ndarray) -> int:
+def fill_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.ndarray) -> int:
     """Fill a result row from a tip at rest on a pattern."""
+    lever = oscillator.lever
     count = tip.periods[PATTERN]
     if count == 1:
         fill_orbit(lever, tip, row)
@@ -98,7 +100,7 @@ def fill_pattern(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Ti
     fill(lever, tip.u[Z0], tip.acc, row)
     sums, whole = begin_sums(lever, tip.acc), count * (SETTLED // count + 1)
     for _ in range(2):
-        if not average(law, p, lever, eta, whole, (0.0, 0.0, 0.0), tip, sums):
+        if not average(oscillator, eta, whole, (0.0, 0.0, 0.0), tip, sums):
             return col.NOT_SETTLED
     size, angle = sums[SIZE] / sums[COUNT], sums[ANGLE] / sums[COUNT]
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(sums[SIZE2] / sums[COUNT] - size * size, 0.0))
@@ -109,19 +111,19 @@ def fill_pattern(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Ti
 
 @kernel
 def follow_and_hold(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
     """Lower a tip along its pattern, or from far, and hold the amplitude where it comes by it.
 
     Returns GOOD; NOT_CONVERGED where the pattern ends, or UNSTABLE where it ends as it is held; else what is final.
     """
+    law, p, lever = oscillator
     quick, periods, ends = with_ringing(lever, QUICK), tip.periods, SEEN
     coarse = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
     exact = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     if amplitude_of(lever, tip.acc) > amplitude:
         limit = periods[MARCHED] + int(PART * (most - periods[MARCHED]))
-        ends = follow_down(law, p, quick, amplitude, step, 0.0, coarse, limit, tip)
+        ends = follow_down(Oscillator(law, p, quick), amplitude, step, 0.0, coarse, limit, tip)
     if ends == LOWEST:
         return col.PRESSED if presses(p, tip) else col.NO_STABLE_ORBIT
     if ends != SEEN:
@@ -129,11 +131,11 @@ def follow_and_hold(
     if sticks(p, lever, amplitude, tip):
         return col.NOT_SETTLED
     limit = periods[MARCHED] + int(PART * (most - periods[MARCHED]))
-    if hold_periodic(law, p, quick, exact, amplitude, limit, tip, row) != col.GOOD:
+    if hold_periodic(Oscillator(law, p, quick), exact, amplitude, limit, tip, row) != col.GOOD:
         return col.UNSTABLE
-    if not shorten(law, p, lever, exact, amplitude, tip):
+    if not shorten(oscillator, exact, amplitude, tip):
         return col.UNSTABLE
-    return fill_pattern(law, p, lever, exact.eta, tip, row)
+    return fill_pattern(oscillator, exact.eta, tip, row)
 
 
 @kernel
@@ -151,16 +153,16 @@ def renew(lever: np.ndarray, sums: np.ndarray, way: np.ndarray) -> None:
 
 @kernel
 def move(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, eta: float, until: int, tip: Tip, sums: np.ndarray,
-    way: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, eta: float, until: int, tip: Tip, sums: np.ndarray, way: np.ndarray
+) -> int:
     """Lower or raise the tip slowly for some periods, or until it reaches the amplitude; `way` goes along."""
+    lever = oscillator.lever
     free, periods = free_amplitude(lever), tip.periods
     while periods[MARCHED] < until:
         ring, waits, down = lever[col.RINGING], periods[MARCHED] < way[STILL], way[SIDE] > 0.0
         block = 12 * (int(min(max(ring, float(LEAST_BLOCK)), float(BLOCK))) // 12 + 1)
         pace = 0.0 if waits else way[SIDE] * PACE * free / ring
-        if not average(law, p, lever, eta, block, (pace, 0.0, 0.0), tip, sums):
+        if not average(oscillator, eta, block, (pace, 0.0, 0.0), tip, sums):
             return OVER
         renew(lever, sums, way)
         now = seen(lever, sums)
@@ -184,38 +186,38 @@ def move(
 
 @kernel
 def engage_ringing(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, step: float, eta: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
     """Lower a tip that swings freely until its amplitude first reaches the setpoint, and hold it; as `approach`."""
+    law, p, lever = oscillator
     slow, periods, acc = with_ringing(lever, RINGS), tip.periods, tip.acc
     coarse = Tolerance(COARSE * eta, WIDE * STATE_ERROR * amplitude, WIDE * OFFSET_ERROR)
     exact = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    way, wait, found = np.zeros(WAY), SOON, pass_period(law, p, lever, coarse.eta, tip)
+    way, wait, found = np.zeros(WAY), SOON, pass_period(oscillator, coarse.eta, tip)
     sums = begin_sums(lever, acc)
     way[FROM], way[SIDE] = tip.u[Z0], 1.0
     while periods[MARCHED] < most and way[TURNS] <= MOST_TURNS:
         if found:
-            status = follow_and_hold(law, p, lever, amplitude, step, eta, most, tip, row)
+            status = follow_and_hold(oscillator, amplitude, step, eta, most, tip, row)
             if status not in (col.NOT_CONVERGED, col.UNSTABLE):
                 return status
             if status == col.UNSTABLE:
                 way[TURNS] += 1.0
             periods[PATTERN], wait, sums = 1, SOON, begin_sums(lever, acc)
             way[X], way[Y], way[BEFORE], way[STILL] = acc[COS] - lever[col.SHAKER], acc[SIN], math.inf, 0.0
-        ends = move(law, p, slow, amplitude, coarse.eta, min(most, periods[MARCHED] + wait), tip, sums, way)
+        ends = move(Oscillator(law, p, slow), amplitude, coarse.eta, min(most, periods[MARCHED] + wait), tip, sums, way)
         if ends == OVER:
             return col.NOT_SETTLED
         if ends == DEEP:
             return col.PRESSED if presses(p, tip) else col.NO_STABLE_ORBIT
         if ends == REACHED:
-            if find_pattern(law, p, slow, exact, amplitude, tip):
-                return fill_pattern(law, p, lever, exact.eta, tip, row)
+            if find_pattern(Oscillator(law, p, slow), exact, amplitude, tip):
+                return fill_pattern(oscillator, exact.eta, tip, row)
             if periods[MARCHED] + 3 * GROUP * block_of(slow) < most:
-                return hold_mean(law, p, slow, amplitude, SLOW, eta, most, tip, row)
+                return hold_mean(Oscillator(law, p, slow), amplitude, SLOW, eta, most, tip, row)
             way[STILL] = most  # no time for a mean, but a pattern may be found
         if ends != LOOK:
             wait = SOON
-        found = find_pattern(law, p, slow, coarse, 0.0, tip)
+        found = find_pattern(Oscillator(law, p, slow), coarse, 0.0, tip)
         wait = min(int(LATER * wait), LATEST)
     return col.NOT_SETTLED

@@ -18,7 +18,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.rest import loosened, static_depth
-from phasemap._kernels.law import Law, contact_force
+from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time.period_map import Tolerance, relaxed, rest, slope_of
 from phasemap._kernels.orbits.time.tip import (
     BY_Z0,
@@ -64,8 +64,9 @@ def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool
 
 
 @kernel
-def pull_off(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+def pull_off(oscillator: Oscillator) -> float:
     """Highest tip offset [m] at which the lever rests in contact or neck."""
+    law, p, lever = oscillator
     highest = -math.inf
     for i in range(LOOKS + 1):
         d = p[col.RELEASE] * i / LOOKS
@@ -74,8 +75,9 @@ def pull_off(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
 
 
 @kernel
-def least_push(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> float:
+def least_push(oscillator: Oscillator, amplitude: float) -> float:
     """In-phase force P [m] of a swing in contact that just reaches release."""
+    law, p, lever = oscillator
     total = 0.0
     for i in range(LOOKS):
         cosine = math.cos(math.pi * (i + 0.5) / LOOKS)
@@ -84,40 +86,40 @@ def least_push(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> 
 
 
 @kernel
-def too_stiff(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> bool:
+def too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
     """Whether no orbit swings by this amplitude [m] in contact, and a tip that comes loose touches nothing.
 
     Without a neck, an attraction that reaches beyond contact lets a tip leave it for a part of each period: the forces
     do not say then.
     """
+    p, lever = oscillator.p, oscillator.lever
     if p[col.RELEASE] == 0.0 and p[col.LONGRANGE] != 0.0:
         return False
     of_tip, drive = amplitude - lever[col.SHAKER], lever[col.BASE]
-    if not of_tip > 0.0 or pull_off(law, p, lever) < BEYOND * drive / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA]):
+    if not of_tip > 0.0 or pull_off(oscillator) < BEYOND * drive / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA]):
         return False
     needed = drive + of_tip * abs(1.0 - lever[col.OMEGA] ** 2)
-    return least_push(law, p, lever, of_tip) > TOO_STIFF * needed
+    return least_push(oscillator, of_tip) > TOO_STIFF * needed
 
 
 @kernel
-def comes_loose(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, tolerance: Tolerance, most: int, tip: Tip
-) -> int:
+def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most: int, tip: Tip) -> int:
     """Raise a tip that sticks along its orbits in contact, to where they end.
 
     As long as it swings by little about the lever's rest there is nothing to follow. Returns REACHED with the tip near
     the amplitude, FREE or LOOSE where it jumps across it at the end, which is known to `SHORTEST`, or UNKNOWN.
     """
+    p, lever = oscillator.p, oscillator.lever
     u, acc, linear, before = tip.u, tip.acc, tip.linear, np.empty(4)
     copy(u, before)
-    z0 = loosened(law, p, lever, u[Z0], amplitude)
+    z0 = loosened(oscillator, u[Z0], amplitude)
     if z0 > u[Z0]:
-        u[Z], u[V], u[TOUCHES], u[Z0] = z0 + static_depth(law, p, lever, z0), 0.0, 1.0, z0
+        u[Z], u[V], u[TOUCHES], u[Z0] = z0 + static_depth(oscillator, z0), 0.0, 1.0, z0
     patience, shortest = int(PATIENCE * ring_down(lever)) + LOOKS, SHORTEST * amplitude
     stride, step, ceiling = STRIDE * amplitude, 0.0, math.inf
     z_slope = v_slope = slope = low = 0.0
     while tip.periods[MARCHED] + patience < most:
-        rests, now = rest(law, p, lever, tolerance, patience, tip), amplitude_of(lever, acc)
+        rests, now = rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
         as_said = least or (abs(now - low - slope * step) < EXPECTED * amplitude and slope_of(linear) * slope >= 0.0)
         if now < amplitude and (as_said if rests else least and step > 0.0 and now < FALLEN * amplitude):

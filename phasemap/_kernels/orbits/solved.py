@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.around import RATE, ROWS, TOUCHES, harmonic
 from phasemap._kernels.orbits.kept import carry
 from phasemap._kernels.orbits.response.nodes import Nodes
@@ -34,7 +34,7 @@ def new_path(nodes: Nodes, state: PassState) -> Path:
 
 @kernel
 def nodes_of(
-    law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, averaged: bool, whole: bool, at: np.ndarray
+    oscillator: Oscillator, row: np.ndarray, averaged: bool, whole: bool, at: np.ndarray
 ) -> tuple[int, float, float]:
     """Fill the nodes of a result row of the tip, shape (ROWS, MOST), of an orbit that may be `averaged` only.
 
@@ -43,9 +43,10 @@ def nodes_of(
     Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
     0 where it does not. An orbit that is averaged is harmonic.
     """
+    law, p = oscillator.law, oscillator.p
     count, entry, release = 0, 0.0, 0.0
     if not averaged:
-        count = tap(law, p, lever, row, whole, at)
+        count = tap(oscillator, row, whole, at)
         for j in range(count - 1):
             if at[TOUCHES, j] > at[TOUCHES, j + 1]:
                 entry, release = release, abs(at[RATE, j])  # the way in is first
@@ -58,11 +59,10 @@ def nodes_of(
 
 
 @kernel
-def all_nodes_of(
-    law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, averaged: bool, path: Path
-) -> tuple[int, float, float]:
+def all_nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, path: Path) -> tuple[int, float, float]:
     """The same of a whole period, by the lever's response where that will do, which takes half as long."""
-    if averaged or p[col.RELEASE] < 0.0 or not retrace(law, p, lever, row, path.nodes, path.state):
-        return nodes_of(law, p, lever, row, averaged, True, path.at)
+    p = oscillator.p
+    if averaged or p[col.RELEASE] < 0.0 or not retrace(oscillator, row, path.nodes, path.state):
+        return nodes_of(oscillator, row, averaged, True, path.at)
     e = row[col.TIP_OFFSET] - row[col.MEAN]
     return carry(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)

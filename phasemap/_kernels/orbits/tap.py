@@ -12,13 +12,13 @@ harmonic of its motion says so.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, damping, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, damping, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT
 
@@ -73,11 +73,12 @@ def _turn(z0: float, end: float, y: Numbers) -> float:
 
 
 @kernel
-def _rates(law: Law, p: Any, lever: np.ndarray, held: Numbers, end: float, y: Numbers) -> Numbers:
+def _rates(oscillator: Oscillator, held: Numbers, end: float, y: Numbers) -> Numbers:
     """Changes of x, v, tau with s, `held` at a tip offset z0 and under a drive of so much cosine and less of sine.
 
     In flight `end` is the distance from the edge of the contact to the pole.
     """
+    law, p, lever = oscillator
     (x, v, time), (z0, even, odd) = y, held
     d, free = _depth(end, x), 0.0 < end < math.inf
     f = longrange_force(law, d, p) if free else contact_force(law, d, p)
@@ -105,27 +106,28 @@ def _put(lever: np.ndarray, end: float, y: Numbers, weight: float, at: np.ndarra
 
 @kernel
 def _way(
-    law: Law, p: Any, lever: np.ndarray, held: Numbers, end: float, y: Numbers, h: float, at: np.ndarray, first: int
+    oscillator: Oscillator, held: Numbers, end: float, y: Numbers, h: float, at: np.ndarray, first: int
 ) -> tuple[Numbers, int]:
     """Follow the tip with steps `h`, back in time where negative, up to the end of contact or half a period away.
 
     Returns where it is then, and up to where nodes are filled; 0 where it does not leave the contact, or does and comes
     back within the period.
     """
+    p, lever = oscillator.p, oscillator.lever
     timed, j, half = end > 0.0, first, math.copysign(math.pi / lever[col.OMEGA], h)
     free, longest = 0.0 < end < math.inf, MOST_FLIGHT if lever[col.BASE] < FAINT * held[0] else MOST_DRIVEN
     least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if free else math.inf
-    share, r = lever[col.OMEGA] / 6.0, _rates(law, p, lever, held, end, y)
+    share, r = lever[col.OMEGA] / 6.0, _rates(oscillator, held, end, y)
     _put(lever, end, y, 0.0, at, j)
     for _ in range(MOST_STEPS):
         last = abs(half - y[2]) <= abs(h) * r[2] if timed else y[0] <= -h * r[0]
         size = h if not last else (half - y[2]) / r[2] if timed else -y[0] / r[0]
-        second = _rates(law, p, lever, held, end, _moved(y, 0.5 * size, r))
-        third = _rates(law, p, lever, held, end, _moved(y, 0.5 * size, second))
-        fourth = _rates(law, p, lever, held, end, _moved(y, size, third))
+        second = _rates(oscillator, held, end, _moved(y, 0.5 * size, r))
+        third = _rates(oscillator, held, end, _moved(y, 0.5 * size, second))
+        fourth = _rates(oscillator, held, end, _moved(y, size, third))
         new = _moved(_moved(y, size / 6.0, r), size / 3.0, second)
         new = _moved(_moved(new, size / 3.0, third), size / 6.0, fourth)
-        after = _rates(law, p, lever, held, end, new)
+        after = _rates(oscillator, held, end, new)
         between = (
             0.5 * (y[0] + new[0]) + 0.125 * size * (r[0] - after[0]),
             0.5 * (y[1] + new[1]) + 0.125 * size * (r[1] - after[1]),
@@ -146,43 +148,43 @@ def _way(
 
 @kernel
 def _out(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, lag: float, side: float, whole: bool, at: np.ndarray,
-    first: int,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, row: np.ndarray, lag: float, side: float, whole: bool, at: np.ndarray, first: int
+) -> int:
     """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
+    law, p, lever = oscillator
     base, deepest, release = lever[col.BASE], row[col.INDENTATION], p[col.RELEASE]
     held = (row[col.TIP_OFFSET], base * math.cos(lag), base * math.sin(lag))
     y, count, edge = (deepest, 0.0, 0.0), first, 0.0
     if deepest > 0.0:
         y = (math.sqrt(deepest), 0.0, 0.0)
         slows = 4.0 * y[0] * damping(law, deepest, p)
-        falls = -_rates(law, p, lever, held, 0.0, y)[1] / (2.0 * y[0])
+        falls = -_rates(oscillator, held, 0.0, y)[1] / (2.0 * y[0])
         h = side / (STEPS * (4.0 / math.pi) * math.sqrt(0.5 * max(falls, 0.0)) + slows)
-        y, count = _way(law, p, lever, held, 0.0, y, h, at, first)
+        y, count = _way(oscillator, held, 0.0, y, h, at, first)
         if side > 0.0 and release < 0.0 and count > 0:
             y, edge = (math.sqrt(-release), y[1], y[2]), release
-            y, count = _way(law, p, lever, held, release, y, NECK * y[0] / abs(y[1]), at, count)
+            y, count = _way(oscillator, held, release, y, NECK * y[0] / abs(y[1]), at, count)
         y = (edge, y[1], y[2])
     if count == 0 and deepest > 0.0:
         h = side * math.pi / (ROUND * lever[col.OMEGA])
-        return _way(law, p, lever, held, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
+        return _way(oscillator, held, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
     if not whole:
         return count
     reach = reach_of(law, p)
-    return _way(law, p, lever, held, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
+    return _way(oscillator, held, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
 
 
 @kernel
 def _followed(
-    law: Law, p: Any, lever: np.ndarray, row: np.ndarray, late: float, whole: bool, at: np.ndarray
+    oscillator: Oscillator, row: np.ndarray, late: float, whole: bool, at: np.ndarray
 ) -> tuple[int, float, float]:
     """Nodes of a period, or of its contact if not `whole`, with angles from where the tip is deepest.
 
     Returns how many, 0 for none, how late that is against the first harmonic, and that over the row's.
     """
     lag = 0.5 * math.pi - row[col.PHASE] + late
-    half = _out(law, p, lever, row, lag, -1.0, whole, at, 0)
-    count = _out(law, p, lever, row, lag, 1.0, whole, at, half) if half > 0 else 0
+    half = _out(oscillator, row, lag, -1.0, whole, at, 0)
+    count = _out(oscillator, row, lag, 1.0, whole, at, half) if half > 0 else 0
     amplitude = row[col.AMPLITUDE]
     if not whole:
         return count, 0.0, 0.0
@@ -196,19 +198,20 @@ def _followed(
 
 
 @kernel
-def tap(law: Law, p: Any, lever: np.ndarray, row: np.ndarray, whole: bool, at: np.ndarray) -> int:
+def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: np.ndarray) -> int:
     """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed.
 
     If not `whole`, those in contact will do, and where the drive is small their angles against the drive are not told.
     """
+    lever = oscillator.lever
     if not whole and row[col.INDENTATION] > 0.0 and lever[col.BASE] < FAINT * row[col.AMPLITUDE]:
-        count, _, _ = _followed(law, p, lever, row, 0.0, False, at)
+        count, _, _ = _followed(oscillator, row, 0.0, False, at)
         if count > 0:
             return count
     for start in (0.0, 0.5, -0.5, 1.0, -1.0):
         late, last, last_off = start, 0.0, 0.0
         for turn in range(TURNS):
-            count, found, size = _followed(law, p, lever, row, late, True, at)
+            count, found, size = _followed(oscillator, row, late, True, at)
             if count == 0:
                 break
             # Where motion in a liquid is far from a sine, the secant converges and repetition does not.

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, contact_slope, longrange_force, parameters
+from phasemap._kernels.law import Law, Oscillator, contact_force, contact_slope, longrange_force, parameters
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, WEIGHTS, X, moves
 from phasemap._kernels.orbits.kept import COUNT, ENDS, nodes_in
 from phasemap._kernels.orbits.solved import nodes_of
@@ -50,7 +50,7 @@ def adhesion_rows(
         if len(kept) > 0 and kept[i, COUNT] > 0.0:
             at, count, release = nodes_in(kept[i]), int(kept[i, COUNT]), kept[i, ENDS]
         else:
-            count, _, release = nodes_of(law, p, lever, row, averaged[i], follow, at)
+            count, _, release = nodes_of(Oscillator(law, p, lever), row, averaged[i], follow, at)
         if count == 0:
             continue
         for j in range(count):

@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.orbit import Room, refine
@@ -44,14 +44,14 @@ def exact_block(
             lever, held, before = levers[j], amplitudes[j], (np.nan, np.nan)
             amplitude = likely_amplitude(lever, held, sides[i, j])
             for step in range(MOST_STEPS):
-                c, slope = root_of(law, p, lever, reach, amplitude, sides[i, j], True, places[i, j])
+                c, slope = root_of(Oscillator(law, p, lever), reach, amplitude, sides[i, j], True, places[i, j])
                 if not slope < 0.0:
                     break
                 places[i, j] = c
-                push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+                push, drag, mean = harmonics(Oscillator(law, p, lever), reach, amplitude, c)
                 put(guess, amplitude, c, push, drag, mean)
                 guess[col.G_SLOPE] = slope / amplitude
-                if not refine(law, p, lever, reach, guess, limits, room):
+                if not refine(Oscillator(law, p, lever), reach, guess, limits, room):
                     break
                 seen, phase = show(lever, amplitude, room.state.phase)
                 miss = seen - held

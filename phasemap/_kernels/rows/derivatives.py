@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SHAKER
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
@@ -63,16 +63,15 @@ def observed(
 
 
 @kernel
-def root_near(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, c: float
-) -> tuple[float, float]:
+def root_near(oscillator: Oscillator, reach: float, amplitude: float, side: int, c: float) -> tuple[float, float]:
     """The root c near a guess, and dh/dc there; NaN if Newton's method leaves this branch or its stable part."""
+    lever = oscillator.lever
     slope = math.nan
     for _ in range(MOST_STEPS):
         depth = depth_of(reach, amplitude, c)
-        push, drag, _mean = harmonics(law, p, lever, reach, amplitude, c)
+        push, drag, _mean = harmonics(oscillator, reach, amplitude, c)
         h = mismatch(lever, amplitude, push, drag)
-        near, far, _mean = harmonics(law, p, lever, reach, amplitude, c + FINE * depth)
+        near, far, _mean = harmonics(oscillator, reach, amplitude, c + FINE * depth)
         slope = (mismatch(lever, amplitude, near, far) - h) / (FINE * depth)
         if not slope < 0.0:
             return math.nan, math.nan
@@ -84,15 +83,13 @@ def root_near(
 
 
 @kernel
-def root_anywhere(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int
-) -> tuple[float, float]:
+def root_anywhere(oscillator: Oscillator, reach: float, amplitude: float, side: int) -> tuple[float, float]:
     """The farthest stable root on this branch, and dh/dc there; NaN if there is none."""
-    candidates = averaged_orbits(law, p, lever, amplitude)
+    candidates = averaged_orbits(oscillator, amplitude)
     for i in range(len(candidates)):
         if (candidates[i, col.G_P] > 0.0) == (side > 0):
             c, slope = root_near(
-                law, p, lever, reach, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
+                oscillator, reach, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
             )
             if slope < 0.0:
                 return c, slope
@@ -101,19 +98,20 @@ def root_anywhere(
 
 @kernel
 def root_of(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, side: int, search: bool, c: float
+    oscillator: Oscillator, reach: float, amplitude: float, side: int, search: bool, c: float
 ) -> tuple[float, float]:
     """The root c near a guess, or with `search` anywhere, and dh/dc there; NaN if there is none."""
-    root, slope = root_near(law, p, lever, reach, amplitude, side, c)
+    root, slope = root_near(oscillator, reach, amplitude, side, c)
     if search and not slope < 0.0:
-        root, slope = root_anywhere(law, p, lever, reach, amplitude, side)
+        root, slope = root_anywhere(oscillator, reach, amplitude, side)
     return root, slope
 
 
 @kernel
-def look(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> Look:
+def look(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> Look:
     """A harmonic orbit as it is seen."""
-    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+    lever = oscillator.lever
+    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
     phase, offset = observed(lever, amplitude, c, push, drag, mean)
     seen, turned = show(lever, amplitude, phase)
     return Look(mismatch(lever, amplitude, push, drag), seen, turned, offset)
@@ -121,15 +119,16 @@ def look(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: fl
 
 @kernel
 def held_root(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, held: float, side: int, search: bool, c: float
+    oscillator: Oscillator, reach: float, held: float, side: int, search: bool, c: float
 ) -> tuple[float, float, float]:
     """A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and dh/dc; NaN without one."""
+    lever = oscillator.lever
     amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
     for step in range(MOST_STEPS):
-        c, slope = root_of(law, p, lever, reach, amplitude, side, search, c)
+        c, slope = root_of(oscillator, reach, amplitude, side, search, c)
         if not slope < 0.0 or lever[SHAKER] == 0.0:
             return amplitude, c, slope
-        push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+        push, drag, mean = harmonics(oscillator, reach, amplitude, c)
         phase, _ = observed(lever, amplitude, c, push, drag, mean)
         miss = show(lever, amplitude, phase)[0] - held
         if abs(miss) < (HELD if step < MOST_STEPS - 1 else WELL) * held:
@@ -156,10 +155,10 @@ def averaged_phases(
             continue
         p = parameters(rows[i])
         reach, lever = reach_of(law, p), levers[i]
-        amplitude, c, slope = held_root(law, p, lever, reach, amplitudes[i], sides[i], search, places[i])
+        amplitude, c, slope = held_root(Oscillator(law, p, lever), reach, amplitudes[i], sides[i], search, places[i])
         if slope < 0.0:
             places[i] = c
-            phases[i] = look(law, p, lever, reach, amplitude, c).phase
+            phases[i] = look(Oscillator(law, p, lever), reach, amplitude, c).phase
 
 
 @kernel
@@ -196,27 +195,29 @@ def averaged_block(
             if sides[i, j] == 0:
                 continue
             lever = levers[j]
-            amplitude, c, slope = held_root(law, p, lever, reach, amplitudes[j], sides[i, j], search, places[i, j])
+            amplitude, c, slope = held_root(
+                Oscillator(law, p, lever), reach, amplitudes[j], sides[i, j], search, places[i, j]
+            )
             if not slope < 0.0:
                 good[i] = False
                 break
             places[i, j] = c
-            here = look(law, p, lever, reach, amplitude, c)
+            here = look(Oscillator(law, p, lever), reach, amplitude, c)
             values[i, j, PHASE], values[i, j, OFFSET] = here.phase, here.offset
             small, wide = FINE * depth_of(reach, amplitude, c), APART * amplitude
-            there = look(law, p, lever, reach, amplitude, c + small)
+            there = look(Oscillator(law, p, lever), reach, amplitude, c + small)
             h_c, v_c, phase_c, offset_c = (
                 (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
                 (there.phase - here.phase) / small, (there.offset - here.offset) / small,
             )  # fmt: skip
             h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
             if lever[SHAKER] != 0.0:
-                there = look(law, p, lever, reach, amplitude + wide, c)
+                there = look(Oscillator(law, p, lever), reach, amplitude + wide, c)
                 h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
                 phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
             for k in range(rows.shape[0] - 1):
                 other = parameters(rows[1 + k, i])
-                there = look(law, other, lever, reach_of(law, other), amplitude, c)
+                there = look(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
                 # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
                 h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
                 both = h_c * v_a - h_a * v_c

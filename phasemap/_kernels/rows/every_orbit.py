@@ -18,7 +18,7 @@ from phasemap._kernels.continuation.step import (
     mark,
 )
 from phasemap._kernels.engagement.exact import MOST_POINTS
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
@@ -35,14 +35,7 @@ FARTHEST = 300.0  # the curve is left where the lever is pressed down by so many
 
 
 @kernel
-def collect(
-    path: Path,
-    hold: int,
-    value: float,
-    level: int,
-    tolerance: float,
-    rows: np.ndarray,
-) -> tuple[int, int]:
+def collect(path: Path, hold: int, value: float, level: int, tolerance: float, rows: np.ndarray) -> tuple[int, int]:
     """Fill rows with the orbits of this amplitude or tip offset on the curve from far; returns a status and how many.
 
     The way is followed on coarser elements than the orbits have. It is left where the tip stays in contact, or hardly
@@ -72,8 +65,8 @@ def collect(
             good, one, spare = cross(path, index, value, Place(before, saved), before, point, one, spare, tolerance)
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
-            finish(law, p, lever, tables, one, rows[count])
-            state_errors(law, p, lever, tables, one, spare, rows[count])
+            finish(Oscillator(law, p, lever), tables, one, rows[count])
+            state_errors(Oscillator(law, p, lever), tables, one, spare, rows[count])
             count = insert(rows, count)
         if point[AP] < CAUGHT * (value if hold == HOLD_AMPLITUDE else free):
             return col.GOOD, count
@@ -97,13 +90,7 @@ def insert(rows: np.ndarray, count: int) -> int:
 
 @kernel
 def seed(
-    path: Path,
-    amplitude: float,
-    guesses: np.ndarray,
-    level: int,
-    tolerance: float,
-    rows: np.ndarray,
-    count: int,
+    path: Path, amplitude: float, guesses: np.ndarray, level: int, tolerance: float, rows: np.ndarray, count: int
 ) -> int:
     """Add the orbits of this amplitude to which averaged ones lead; returns how many rows there are.
 
@@ -114,16 +101,16 @@ def seed(
     target, point = np.zeros(4), np.zeros(POINT)
     for i in range(len(guesses)):
         guess = guesses[i]
-        if count == len(rows) or not begin(law, p, lever, tables, orbit, guess, level):
+        if count == len(rows) or not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
         status, _, orbit, spare = newton(
-            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 30
+            Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 30
         )
         if status != col.GOOD or not orbit.head[VALUE, A] > 0.0:
             continue
         if guess[col.G_A] == amplitude:
-            finish(law, p, lever, tables, orbit, rows[count])
-            state_errors(law, p, lever, tables, orbit, spare, rows[count])
+            finish(Oscillator(law, p, lever), tables, orbit, rows[count])
+            state_errors(Oscillator(law, p, lever), tables, orbit, spare, rows[count])
             count = insert(rows, count)
             continue
         point[:] = 0.0
@@ -144,8 +131,8 @@ def seed(
                     path, AP, amplitude, Place(before, saved), before, point, one, spare, tolerance
                 )
                 if good:
-                    finish(law, p, lever, tables, one, rows[count])
-                    state_errors(law, p, lever, tables, one, spare, rows[count])
+                    finish(Oscillator(law, p, lever), tables, one, rows[count])
+                    state_errors(Oscillator(law, p, lever), tables, one, spare, rows[count])
                     count = insert(rows, count)
     return count
 
@@ -156,19 +143,19 @@ def every_orbit(
 ) -> tuple[int, np.ndarray]:
     """Rows of every orbit found with this amplitude or tip offset, stable or not, far to near."""
     p = parameters(row)
-    path = fixed(law, p, lever, tables)
+    path = fixed(Oscillator(law, p, lever), tables)
     found = np.zeros((MOST_ORBITS, col.COLUMNS))
-    level, tolerance = 1, 1e-3 * tolerance_of(law, p, lever)
+    level, tolerance = 1, 1e-3 * tolerance_of(Oscillator(law, p, lever))
     status, count = collect(path, hold, value, level, tolerance, found)
     if status != col.GOOD:
         status, count = collect(path, hold, value, level + 1, tolerance, found)
     if hold == HOLD_AMPLITUDE:
         for amplitude in (value, 0.97 * value, 1.03 * value, 0.88 * value, 1.12 * value):
-            guesses = averaged_orbits(law, p, lever, amplitude)
+            guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
             if amplitude == value or len(guesses) > count:
                 count = seed(path, value, guesses, level, tolerance, found, count)
         # A strong pull throws the tip out of its harmonic orbit, whose contact is then too deep to start from.
-        guesses = averaged_orbits(law, p, lever, value)
+        guesses = averaged_orbits(Oscillator(law, p, lever), value)
         for i in range(len(guesses)):
             guesses[i, col.G_Z0] += THROWN * value
         count = seed(path, value, guesses, level, tolerance, found, count)

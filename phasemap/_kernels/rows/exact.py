@@ -20,7 +20,7 @@ from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.engagement.rest import LINGERING
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import low_q
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
@@ -35,39 +35,38 @@ Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 
 @kernel
 def exact_orbit(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
+    oscillator: Oscillator, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
     orbits: Orbits, row: np.ndarray,
 ) -> tuple[int, Orbits]:  # fmt: skip
     """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve.
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
     """
+    lever = oscillator.lever
     if surety == LEAP:
         row[:] = math.nan
         return col.NOT_CONVERGED, orbits
     orbit, spare, saved, found = orbits
-    target, tolerance = np.zeros(4), tolerance_of(law, p, lever)
+    target, tolerance = np.zeros(4), tolerance_of(oscillator)
     level = 0 if surety == SURE else FINEST + 1
     kicked = low_q(lever) and guess[col.G_P] > 0.0
     while level <= FINEST:
-        if not (kicked and level == 0 and begin_impact(law, p, lever, tables, orbit, amplitude, level)):
-            if not begin(law, p, lever, tables, orbit, guess, level):
+        if not (kicked and level == 0 and begin_impact(oscillator, tables, orbit, amplitude, level)):
+            if not begin(oscillator, tables, orbit, guess, level):
                 break
         start = orbit.head[VALUE, Z0]
-        done, _, orbit, spare = newton(
-            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 12
-        )
+        done, _, orbit, spare = newton(oscillator, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 12)
         level += 1
         if done != col.GOOD:
             continue  # finer elements change less from pass to pass
-        done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+        done, orbit, spare = polish(oscillator, tables, orbit, spare, row)
         same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
         near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
         if done == col.GOOD and same and near and judge(row) == col.GOOD:
-            state_errors(law, p, lever, tables, orbit, spare, row)
+            state_errors(oscillator, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)
         break
-    done, path = col.NOT_CONVERGED, fixed(law, p, lever, tables)
+    done, path = col.NOT_CONVERGED, fixed(oscillator, tables)
     if not low_q(lever):
         done, orbit, spare, found = engage_near(path, amplitude, tolerance, orbit, spare, saved, found)
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
@@ -85,13 +84,13 @@ def exact_orbit(
     if done == col.NOT_SETTLED:
         done = col.NOT_CONVERGED
     if done == col.GOOD:
-        done, found, spare = polish(law, p, lever, tables, found, spare, row)
+        done, found, spare = polish(oscillator, tables, found, spare, row)
     if done == col.GOOD:
         done = judge(row)
-    if done == col.GOOD and rebounds(law, p, lever, row[col.STIFFENING] * amplitude):
+    if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * amplitude):
         done = col.NOT_CONVERGED
     if done == col.GOOD:
-        state_errors(law, p, lever, tables, found, spare, row)
+        state_errors(oscillator, tables, found, spare, row)
     else:
         row[:] = math.nan
     return done, (orbit, spare, saved, found)
@@ -119,7 +118,7 @@ def exact_rows(
         for j in range(len(guess)):
             guess[j] = row[j]
         if math.isnan(guess[0]):
-            surety = engage(law, p, lever, amplitude, guess, top)
+            surety = engage(Oscillator(law, p, lever), amplitude, guess, top)
         row[:] = math.nan
-        status[i], orbits = exact_orbit(law, p, lever, tables, amplitude, surety, guess, orbits, row)
+        status[i], orbits = exact_orbit(Oscillator(law, p, lever), tables, amplitude, surety, guess, orbits, row)
         solver[i] = col.ORBIT

@@ -16,7 +16,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, Maximum, near_resonance, on_side, strongest
 from phasemap._kernels.engagement.response import cheap_orbit, engage
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
@@ -75,8 +75,8 @@ def cheap_rows(
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage(law, p, lever, amplitude, guess, room.top)
-        status[i] = cheap_orbit(law, p, lever, amplitude, surety, limits, guess, room)
+        surety = engage(Oscillator(law, p, lever), amplitude, guess, room.top)
+        status[i] = cheap_orbit(Oscillator(law, p, lever), amplitude, surety, limits, guess, room)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.STIFF:
@@ -92,13 +92,7 @@ def cheap_rows(
 
 @kernel
 def averaging_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    amplitudes: np.ndarray,
-    first: int,
-    last: int,
-    answers: Answers,
+    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, first: int, last: int, answers: Answers
 ) -> int:
     """First-order averaged orbit of every row in [first, last) where averaging decides; returns how many wait."""
     out, status, solver = answers
@@ -106,7 +100,7 @@ def averaging_rows(
     for i in range(first, last):
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        if engage(law, parameters(rows[i]), lever, amplitudes[i], guess, top) == SURE:
+        if engage(Oscillator(law, parameters(rows[i]), lever), amplitudes[i], guess, top) == SURE:
             status[i] = col.GOOD
             averaged_row(lever, guess, out[i])
         else:
@@ -116,27 +110,20 @@ def averaging_rows(
 
 
 @kernel
-def averaged_beside(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray
-) -> bool:
+def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
+    law, p, lever = oscillator
     if p[col.LONGRANGE] == 0.0 or not near_resonance(lever):
         return False
     reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
-    strongest(law, p, lever, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
-    found = on_side(law, p, lever, reach, amplitude, side, top, guess)
+    strongest(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+    found = on_side(oscillator, reach, amplitude, side, top, guess)
     return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < farthest(lever, amplitude)
 
 
 @kernel
 def averaged_near_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    amplitudes: np.ndarray,
-    first: int,
-    last: int,
-    answers: Answers,
+    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, first: int, last: int, answers: Answers
 ) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
     out, status, solver = answers
@@ -144,8 +131,8 @@ def averaged_near_rows(
     for i in range(first, last):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
             p, amplitude = parameters(rows[i]), amplitudes[i]
-            if not averaged_beside(law, p, lever, amplitude, out[i], top, guess):
-                status[i] = nearest(averaged_orbits(law, p, lever, amplitude), out[i], guess)
+            if not averaged_beside(Oscillator(law, p, lever), amplitude, out[i], top, guess):
+                status[i] = nearest(averaged_orbits(Oscillator(law, p, lever), amplitude), out[i], guess)
             out[i] = math.nan
             if status[i] == col.GOOD:
                 averaged_row(lever, guess, out[i])

@@ -10,6 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import (
     Law,
+    Oscillator,
     contact_force,
     contact_slope,
     damping,
@@ -137,8 +138,9 @@ def _slopes(law: Law, p: np.ndarray, at: np.ndarray, count: int, load: np.ndarra
 
 
 @kernel
-def _pushes(law: Law, p: np.ndarray, lever: np.ndarray, at: np.ndarray, count: int, load: np.ndarray) -> None:
+def _pushes(oscillator: Oscillator, at: np.ndarray, count: int, load: np.ndarray) -> None:
     """Each node's share of twice the mean of g [m]."""
+    law, p, lever = oscillator
     inverse_k = 1.0 / lever[col.STIFFNESS]
     for j in range(count):
         d = at[DEPTH, j]
@@ -190,7 +192,7 @@ def force_rows(
         if len(kept) > 0 and kept[i, COUNT] > 0.0:
             at, count, entry, release = nodes_in(kept[i]), int(kept[i, COUNT]), kept[i, BEGINS], kept[i, ENDS]
         else:
-            count, entry, release = all_nodes_of(law, p, lever, row, averaged[i], path)
+            count, entry, release = all_nodes_of(Oscillator(law, p, lever), row, averaged[i], path)
         if count == 0:
             continue
         gradient, drag = _slopes(law, p, at, count, load)
@@ -200,6 +202,6 @@ def force_rows(
             _harmonics(at, count, load, 1, slopes)
             _sidebands(yields, slopes, row)
         if harmonics:
-            _pushes(law, p, lever, at, count, load)
+            _pushes(Oscillator(law, p, lever), at, count, load)
             _harmonics(at, count, load, 2, waves)
             _answer(lever, waves, row)

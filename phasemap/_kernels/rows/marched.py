@@ -15,7 +15,7 @@ from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side
 from phasemap._kernels.engagement.response import engage
 from phasemap._kernels.engagement.ridge import settle_open
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.averaged.row import averaged_row
@@ -45,11 +45,11 @@ def march_rows(
     for i in range(len(rows)):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         if status[i] == col.GOOD:
-            status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
+            status[i] = settle(Oscillator(law, p, lever), amplitude, eta, most, out[i])
         else:
-            far = free * far_start(law, p, lever, reach_of(law, p), free, amplitude)
-            step = 0.1 * scale_of(law, p, lever, free) + 1e-3 * free
-            status[i] = approach(law, p, lever, amplitude, far, step, eta, most, out[i])
+            far = free * far_start(Oscillator(law, p, lever), reach_of(law, p), free, amplitude)
+            step = 0.1 * scale_of(Oscillator(law, p, lever), free) + 1e-3 * free
+            status[i] = approach(Oscillator(law, p, lever), amplitude, far, step, eta, most, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
 
@@ -65,12 +65,12 @@ def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
 
 
 @kernel
-def only_orbit(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
+def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
     clear(top)
     top.behind = -1e-3 * amplitude
-    known = on_side(law, p, lever, 0.0, amplitude, REPULSIVE, top, guess)
-    return known and not rebounds(law, p, lever, guess[col.G_P])
+    known = on_side(oscillator, 0.0, amplitude, REPULSIVE, top, guess)
+    return known and not rebounds(oscillator, guess[col.G_P])
 
 
 @kernel
@@ -94,20 +94,20 @@ def remembering_rows(
         p, amplitude = parameters(rows[i]), amplitudes[i]
         status[i] = col.PENDING
         if has_one_orbit(p, lever):
-            if only_orbit(law, p, lever, amplitude, top, guess):
+            if only_orbit(Oscillator(law, p, lever), amplitude, top, guess):
                 averaged_row(lever, guess, out[i])
-                status[i] = settle(law, p, lever, amplitude, eta, most, out[i])
+                status[i] = settle(Oscillator(law, p, lever), amplitude, eta, most, out[i])
             continue
-        surety = engage(law, p, lever, amplitude, guess, top)
-        if surety == OPEN and settle_open(law, p, lever, amplitude, eta, near, top, guess, out[i]):
+        surety = engage(Oscillator(law, p, lever), amplitude, guess, top)
+        if surety == OPEN and settle_open(Oscillator(law, p, lever), amplitude, eta, near, top, guess, out[i]):
             status[i] = col.GOOD
         elif surety == SURE:
             for finer in (1.0, FINER):
                 averaged_row(lever, guess, out[i])
-                if settle_near(law, p, lever, amplitude, finer * eta, near, out[i]):
+                if settle_near(Oscillator(law, p, lever), amplitude, finer * eta, near, out[i]):
                     status[i] = col.GOOD
                     break
             else:
                 averaged_row(lever, guess, out[i])
-                if settle_dents(law, p, lever, amplitude, eta, most, out[i]):
+                if settle_dents(Oscillator(law, p, lever), amplitude, eta, most, out[i]):
                     status[i] = col.GOOD

@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.continuation.step import relay
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import thrown
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin, newton
@@ -52,25 +52,25 @@ def nearby_rows(
         guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, mean, amplitude
         guess[col.G_P] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
         guess[col.G_S] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
-        tolerance = tolerance_of(law, p, lever)
-        done, throws = col.NOT_CONVERGED, thrown(law, p, lever, amplitude, guess[col.G_P])
+        tolerance = tolerance_of(Oscillator(law, p, lever))
+        done, throws = col.NOT_CONVERGED, thrown(Oscillator(law, p, lever), amplitude, guess[col.G_P])
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
             if warm:
                 head = orbit.head
                 head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[col.G_P], guess[col.G_S]
-                if not relay(fixed(law, p, lever, tables), orbit, spare):
+                if not relay(fixed(Oscillator(law, p, lever), tables), orbit, spare):
                     continue
                 orbit, spare = spare, orbit
-            elif not (throws and begin_impact(law, p, lever, tables, orbit, amplitude, 0)):
-                if not begin(law, p, lever, tables, orbit, guess, 0):
+            elif not (throws and begin_impact(Oscillator(law, p, lever), tables, orbit, amplitude, 0)):
+                if not begin(Oscillator(law, p, lever), tables, orbit, guess, 0):
                     continue
             done, _, orbit, spare = newton(
-                law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
+                Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
             )
             if done == col.GOOD:
-                done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+                done, orbit, spare = polish(Oscillator(law, p, lever), tables, orbit, spare, row)
             if done == col.GOOD and judge(row) == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < away:
                 break
             done = col.NOT_CONVERGED

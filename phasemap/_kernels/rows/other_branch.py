@@ -27,7 +27,7 @@ from phasemap._kernels.engagement.resonance import (
     on_side,
     strongest,
 )
-from phasemap._kernels.law import Law, contact_force, parameters
+from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 from phasemap._kernels.orbits.response.orbit import Room, refine, solved, steep
@@ -50,14 +50,13 @@ def side_of(slot: int) -> int:
 
 
 @kernel
-def averaged_on(
-    law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, side: int, guess: np.ndarray, room: Room
-) -> int:
+def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.ndarray, room: Room) -> int:
     """Fill `guess` with the averaged orbit on this side; NO_STABLE_ORBIT if there is surely none, PENDING in doubt.
 
     In doubt about the attractive side the guess lies outside of where the branch ends, from where Newton's method comes
     to the outer orbit if there is one.
     """
+    law, p, lever = oscillator
     guess[:] = 0.0
     if p[col.RELEASE] != 0.0:
         return col.PENDING
@@ -65,7 +64,7 @@ def averaged_on(
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
     reach, free, top = reach_of(law, p), free_amplitude(lever), room.top
-    strongest(law, p, lever, reach, amplitude, math.inf, top)
+    strongest(oscillator, reach, amplitude, math.inf, top)
     if side == ATTRACTIVE:
         wanted = 1.0 - (amplitude / free) ** 2
         detuned = 1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
@@ -74,52 +73,49 @@ def averaged_on(
             return col.NO_STABLE_ORBIT
         if top.mismatch < plain:
             room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-            exact = decide_exactly(law, p, lever, reach, amplitude, top, room.nodes, room.state, room.fit)
+            exact = decide_exactly(oscillator, reach, amplitude, top, room.nodes, room.state, room.fit)
             if exact == UNCLEAR:
-                highest = highest_at(law, p, lever, reach, amplitude, room)
+                highest = highest_at(oscillator, reach, amplitude, room)
                 if abs(highest) >= CLOSEST:
                     exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
             if exact == REPULSIVE:
                 return col.NO_STABLE_ORBIT
             if exact == UNCLEAR or not top.mismatch > 0.0:
-                beside(law, p, lever, reach, amplitude, top, guess)
+                beside(oscillator, reach, amplitude, top, guess)
                 return col.PENDING
-    if on_side(law, p, lever, reach, amplitude, side, top, guess):
+    if on_side(oscillator, reach, amplitude, side, top, guess):
         return col.GOOD
     if side == ATTRACTIVE:
-        beside(law, p, lever, reach, amplitude, top, guess)
+        beside(oscillator, reach, amplitude, top, guess)
         return col.PENDING
-    drag, gap = drag_at_balance(law, p, lever, reach, amplitude, top)
+    drag, gap = drag_at_balance(oscillator, reach, amplitude, top)
     if abs(drag) < DAMPED * caution(lever):
-        drag = exact_drag(law, p, lever, reach, amplitude, gap, room)
+        drag = exact_drag(oscillator, reach, amplitude, gap, room)
         return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
     return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
 
 
 @kernel
-def beside(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum, guess: np.ndarray
-) -> None:
+def beside(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum, guess: np.ndarray) -> None:
     """Fill `guess` with a harmonic orbit outside of the strongest pull."""
     c = 1.0 + (top.gap + BESIDE * (reach + abs(top.gap))) / amplitude
-    push, drag, mean = harmonics(law, p, lever, reach, amplitude, c)
+    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
     put(guess, amplitude, c, push, drag, mean)
 
 
 @kernel
-def drag_at_balance(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, top: Maximum
-) -> tuple[float, float]:
+def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> tuple[float, float]:
     """Mismatch where repulsion just makes up for attraction, and the gap there; deeper the surface takes up more.
 
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
     for attraction, even in permanent contact.
     """
+    lever = oscillator.lever
     near, far = top.gap, top.behind
-    h, push = at_gap(law, p, lever, reach, amplitude, far)
+    h, push = at_gap(oscillator, reach, amplitude, far)
     while push <= 0.0 and far >= DEEPEST * amplitude:
         near, far = far, 2.0 * far
-        h, push = at_gap(law, p, lever, reach, amplitude, far)
+        h, push = at_gap(oscillator, reach, amplitude, far)
     if not push > 0.0:
         return math.inf if push <= 0.0 else math.nan, far
     middle = far
@@ -127,7 +123,7 @@ def drag_at_balance(
         if abs(push) < 0.05 * lever[col.BASE]:
             break
         middle = 0.5 * (near + far)
-        h, push = at_gap(law, p, lever, reach, amplitude, middle)
+        h, push = at_gap(oscillator, reach, amplitude, middle)
         if push > 0.0:
             far = middle
         else:
@@ -143,15 +139,14 @@ def balanced(lever: np.ndarray, amplitude: float, h: float) -> float:
 
 
 @kernel
-def exact_drag(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, gap: float, room: Room
-) -> float:
+def exact_drag(oscillator: Oscillator, reach: float, amplitude: float, gap: float, room: Room) -> float:
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
+    lever = oscillator.lever
     before = gap + APART * min(gap, -reach)
-    held(law, p, lever, reach, amplitude, before, room.nodes, room.state)
+    held(oscillator, reach, amplitude, before, room.nodes, room.state)
     push_before = room.state.push
     for _ in range(MOST_SECANTS):
-        h, push = held(law, p, lever, reach, amplitude, gap, room.nodes, room.state), room.state.push
+        h, push = held(oscillator, reach, amplitude, gap, room.nodes, room.state), room.state.push
         if not math.isfinite(h):
             return math.nan
         if abs(push) < NO_FORCE * lever[col.BASE]:
@@ -190,10 +185,10 @@ def other_rows(
                 status[slot, i], solver[slot, i] = col.GOOD, solver[ENGAGED, i]
                 continue
             row[:] = math.nan
-            done = averaged_on(law, p, lever, amplitudes[i], side_of(slot), guess, room)
+            done = averaged_on(Oscillator(law, p, lever), amplitudes[i], side_of(slot), guess, room)
             if done == col.GOOD:
-                exact = refine(law, p, lever, reach, guess, limits, room)
-                if not exact or not steep(law, p, lever, limits, room):
+                exact = refine(Oscillator(law, p, lever), reach, guess, limits, room)
+                if not exact or not steep(Oscillator(law, p, lever), limits, room):
                     done = col.PENDING
             if done == col.GOOD:
                 solver[slot, i] = choose(lever, guess, solved(room), room.state, True, allowed, row)

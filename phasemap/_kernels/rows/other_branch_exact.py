@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.collocation.estimate import state_errors
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
@@ -35,7 +35,7 @@ def exact_near_rows(
     waiting = 0
     for i in range(first, last):
         p, left = parameters(rows[i]), False
-        tolerance = tolerance_of(law, p, lever)
+        tolerance = tolerance_of(Oscillator(law, p, lever))
         for slot in range(ENGAGED):
             if status[slot, i] != col.PENDING:
                 continue
@@ -43,16 +43,16 @@ def exact_near_rows(
             for j in range(len(guess)):
                 guess[j] = row[j]
             for _ in range(STARTS):
-                if math.isnan(guess[col.G_Z0]) or not begin(law, p, lever, tables, orbit, guess, 0):
+                if math.isnan(guess[col.G_Z0]) or not begin(Oscillator(law, p, lever), tables, orbit, guess, 0):
                     break
                 done, _, orbit, spare = newton(
-                    law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
+                    Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
                 )
                 if done == col.GOOD:
-                    done, orbit, spare = polish(law, p, lever, tables, orbit, spare, row)
+                    done, orbit, spare = polish(Oscillator(law, p, lever), tables, orbit, spare, row)
                 if done == col.GOOD and judge(row) == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
                     status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
-                    state_errors(law, p, lever, tables, orbit, spare, row)
+                    state_errors(Oscillator(law, p, lever), tables, orbit, spare, row)
                     break
                 guess[col.G_Z0] += FARTHER * amplitudes[i]
             if status[slot, i] == col.PENDING:

@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.engagement.response import engage
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState, report
 from phasemap._kernels.orbits.response.relaxing import END, MEMORY
@@ -36,9 +36,9 @@ def relaxing_rows(
         if not p[col.RELAXATION] > 0.0:
             continue
         if has_one_orbit(p, lever):
-            sure = only_orbit(law, p, lever, amplitudes[i], top, guess)
+            sure = only_orbit(Oscillator(law, p, lever), amplitudes[i], top, guess)
         else:
-            sure = engage(law, p, lever, amplitudes[i], guess, top) == SURE
-        if sure and refine_relaxing(law, p, lever, guess, limits, bench):
+            sure = engage(Oscillator(law, p, lever), amplitudes[i], guess, top) == SURE
+        if sure and refine_relaxing(Oscillator(law, p, lever), guess, limits, bench):
             report(lever, bench.nodes, bench.state, out[i])
             status[i], solver[i] = col.GOOD, col.CORRECTED

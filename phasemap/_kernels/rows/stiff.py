@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.response.newton import new_bench
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import refine_stiff
@@ -40,7 +40,7 @@ def stiff_rows(
         p, row = parameters(rows[i]), out[i]
         for j in range(6):
             guess[j] = row[j]
-        parts = refine_stiff(law, p, lever, guess, limits, short, long)
+        parts = refine_stiff(Oscillator(law, p, lever), guess, limits, short, long)
         if parts == 0:
             status[i] = col.PENDING
             continue

@@ -15,7 +15,7 @@ import numpy as np
 
 from phasemap._kernels.columns import BASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import mismatch, needed, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.rows.derivatives import CLOSE, LONGEST, MOST_STEPS, OFFSET, PHASE, Found, depth_of
@@ -48,7 +48,9 @@ def harmonics_rows(
         p = parameters(rows[i])
         reach = reach_of(law, p)
         for j in range(len(c)):
-            out[i, j, PUSH], out[i, j, DRAG], out[i, j, MEAN] = harmonics(law, p, lever, reach, amplitude, c[j])
+            out[i, j, PUSH], out[i, j, DRAG], out[i, j, MEAN] = harmonics(
+                Oscillator(law, p, lever), reach, amplitude, c[j]
+            )
     return reach
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.scanning.higher_harmonics import lifted
 from phasemap._kernels.scanning.loop import AMP, INTEGRAL, KP, LOSS, PLACE, SETPOINT, SPEED, SPRING, command, drift_of
@@ -78,11 +78,11 @@ def rates(
     for _ in range(TRIES):
         size = max(size_of(a), FAINTEST * loop[SETPOINT])
         depth, c = size + shift - away, (away - shift) / size
-        push, drag, mean = harmonics(law, p, lever, reach, size, c)
+        push, drag, mean = harmonics(Oscillator(law, p, lever), reach, size, c)
         unit = a * (1.0 / size)
         rate = (lever[col.BASE] - free * a - complex(push, -drag) * unit) * inverse
         lead = rate * inverse
-        new = mean + lifted(law, p, lever, reach, size, c, push, shares)
+        new = mean + lifted(Oscillator(law, p, lever), reach, size, c, push, shares)
         carried = size_of(b - lead) - whole + new
         wrong, known = whole + carried - away - depth, memory[KNOWN] > 0.0
         stepped = depth - memory[DEPTH]

@@ -17,7 +17,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, parameters
+from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import attraction
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, slope_of
@@ -65,8 +65,9 @@ def pushed(c: float) -> float:
 
 
 @kernel
-def pull_of(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> float:
+def pull_of(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> float:
     """First harmonic [m], below zero, of the attraction outside contact; within it that is as large as at its edge."""
+    law, p, lever = oscillator
     within = contact_force(law, 0.0, p) * math.sqrt(1.0 - c * c) if abs(c) < 1.0 else 0.0
     return 2.0 / (math.pi * lever[col.STIFFNESS]) * (within + attraction(law, p, reach, amplitude, c)[1])
 
@@ -79,11 +80,10 @@ def kappa_of_pull(share: float, reach: float, amplitude: float, c: float) -> flo
 
 @kernel
 def lifted(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float, push: float,
-    shares: tuple[float, float],
-) -> float:  # fmt: skip
+    oscillator: Oscillator, reach: float, amplitude: float, c: float, push: float, shares: tuple[float, float]
+) -> float:
     """By how much [m] harmonics carry the tip towards the surface, of a harmonic orbit of this P: (slow-flow-4)."""
-    pull = pull_of(law, p, lever, reach, amplitude, c)
+    pull = pull_of(oscillator, reach, amplitude, c)
     kappa = SHORT - shares[REPELLED] * (SHORT - pushed(c))
     return kappa * (push - pull) + kappa_of_pull(shares[ATTRACTED], reach, amplitude, c) * pull
 
@@ -103,13 +103,13 @@ def lifts(
         p, amplitude = parameters(rows[i]), amplitudes[i]
         reach = reach_of(law, p)
         known[:] = 0.0
-        orbits = averaged_orbits(law, p, lever, amplitude)
+        orbits = averaged_orbits(Oscillator(law, p, lever), amplitude)
         for j in range(len(orbits)):
             copy(orbits[j], guess)
-            guess[col.G_SLOPE] = slope_of(law, p, lever, guess)
-            if refine(law, p, lever, reach, guess, limits, room):
+            guess[col.G_SLOPE] = slope_of(Oscillator(law, p, lever), guess)
+            if refine(Oscillator(law, p, lever), reach, guess, limits, room):
                 c, push = (guess[col.G_Z0] - guess[col.G_MEAN]) / amplitude, guess[col.G_P]
-                pull = pull_of(law, p, lever, reach, amplitude, c)
+                pull = pull_of(Oscillator(law, p, lever), reach, amplitude, c)
                 if push < 0.0 and known[ATTRACTED, ATTRACTED] != 0.0:
                     continue  # from far: the first attractive orbit and the last repulsive one are stable
                 side = known[REPELLED if push > 0.0 else ATTRACTED]

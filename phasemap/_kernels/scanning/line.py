@@ -11,7 +11,7 @@ from numba.extending import overload
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT
@@ -130,9 +130,8 @@ overload(start_at)(lambda lever, place, mean, a, tip: _choose_start(tip))
 
 @kernel
 def approach_in_time(
-    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, tip: Any,
-    noise: np.random.Generator,
-) -> int:  # fmt: skip
+    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, tip: Any, noise: np.random.Generator
+) -> int:
     """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status.
 
     That is NOT_SETTLED after a time loop[PATIENCE].
@@ -140,7 +139,7 @@ def approach_in_time(
     p = parameters(row)
     reach, free = reach_of(law, p), free_amplitude(lever)
     decay, y = 1.0 / lever[col.ALPHA0], tip.y
-    far = free * far_start(law, p, lever, reach, free, loop[SETPOINT])
+    far = free * far_start(Oscillator(law, p, lever), reach, free, loop[SETPOINT])
     start_at(lever, ground + far, 0.0, free_phasor(lever), tip)
     lowering = loop.copy()
     lowering[KP] = lowering[KI] = lowering[KD] = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_slope
+from phasemap._kernels.law import Law, Oscillator, contact_slope
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import COS, SIN, V, Z
@@ -75,27 +75,23 @@ class Piece(NamedTuple):
 
 
 @kernel
-def pass_period(
-    law: Law, p: tuple[float, ...], lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray,
-    room: np.ndarray,
-) -> int:  # fmt: skip
+def pass_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray, room: np.ndarray) -> int:
     """Let a period pass, as one tap or as `march_period` does; returns steps: 1, or what that returns.
 
     Of `acc`, COS and SIN are filled.
     """
+    law, p, lever = oscillator
     apt = abs(lever[col.OMEGA] - 1.0) < OFF and lever[col.ALPHA0] < DAMPED
     if apt and law.memory == 0 and p[col.RELEASE] == 0.0:
         if room[LATER] > 0.0:
             room[LATER] -= 1.0
-        elif tap_once(law, p, lever, z0, y, acc, room):
+        elif tap_once(oscillator, z0, y, acc, room):
             return 1
-    return int(march_period(law, p, lever, z0, eta, y, acc))
+    return int(march_period(oscillator, z0, eta, y, acc))
 
 
 @kernel(shared=True)
-def tap_once(
-    law: Law, p: tuple[float, ...], lever: np.ndarray, z0: float, y: np.ndarray, acc: np.ndarray, room: np.ndarray
-) -> bool:
+def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: np.ndarray, room: np.ndarray) -> bool:
     """Let a period with one tap pass; returns whether it was one that the pieces can follow.
 
     Parameters
@@ -107,6 +103,7 @@ def tap_once(
     room : ndarray, shape (ROOM,)
         What one period leaves for the next; zeros at first.
     """
+    law, p, lever = oscillator
     alone = lever_on(lever[col.OMEGA], lever[col.ALPHA0], lever[col.BASE], 0.0, z0)
     period = 2.0 * math.pi / alone.omega
     start = Instant(y[Z], y[V], complex(1.0, 0.0))
@@ -210,7 +207,7 @@ def _leave(law: Law, below: Below, lever: Lever, at: Instant, span: float, rest:
 @kernel
 def _fly(
     law: Law, below: Below, lever: Lever, at: Instant, near: float, far: float, side: float, m: np.ndarray
-) -> Piece:  # fmt: skip
+) -> Piece:
     """Flight between two times from a contact where the free lever is `at`: after it, or before it to the near one."""
     last, to = math.inf, far if side == AFTER else -near
     if below.p[col.LONGRANGE] == 0.0:

@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.time import elements
 from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN, TOUCHES, V, Z
 from phasemap._kernels.scanning.loop import (
@@ -102,7 +102,7 @@ def march_on(
         _collect(memory, min(at, span), tally)
     while at + 0.5 * period < span:
         z0 = y[PLACE] - ground - slope * (at + 0.5 * period)
-        if pass_period(law, p, lever, z0, memory[ETA], state.tip, state.sums, state.taps) < 0:
+        if pass_period(Oscillator(law, p, lever), z0, memory[ETA], state.tip, state.sums, state.taps) < 0:
             return col.DIVERGED
         y[AMP], y[AMP + 1] = state.sums[COS], -state.sums[SIN]
         if noisy:

@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import average, begin_sums, block_of
 from phasemap._kernels.engagement.holding import COARSE
 from phasemap._kernels.engagement.in_time import pace_of
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.time.tip import COS, MARCHED, Z0, new_tip
 
 
@@ -37,6 +37,9 @@ def reach_rows(
         sums, top = begin_sums(lever, tip.acc), reach[i]
         reach[i] = math.inf
         while tip.periods[MARCHED] < most and tip.u[Z0] < top:
-            if not average(law, parameters(rows[i]), lever, COARSE * eta, block, up, tip, sums) or sums[COS] < 0.0:
+            if (
+                not average(Oscillator(law, parameters(rows[i]), lever), COARSE * eta, block, up, tip, sums)
+                or sums[COS] < 0.0
+            ):
                 reach[i] = tip.u[Z0]
                 break

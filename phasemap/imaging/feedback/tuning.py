@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from phasemap._kernels.columns import ALPHA0, GOOD, SHAKER
-from phasemap._kernels.law import parameters
+from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
@@ -149,13 +149,13 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
 def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
     """Averaged orbits (z0, mean deflection, A, P, S) that the detector sees with this amplitude, shape (n, 5)."""
     if not work.lever[SHAKER]:
-        found: Array = averaged_orbits(work.law, p, work.lever, amplitude)
+        found: Array = averaged_orbits(Oscillator(work.law, p, work.lever), amplitude)
         return found
     rows, reach = [], reach_of(work.law, p)
     for side in (-1, 1):
-        a, c, slope = held_root(work.law, p, work.lever, reach, amplitude, side, True, math.nan)
+        a, c, slope = held_root(Oscillator(work.law, p, work.lever), reach, amplitude, side, True, math.nan)
         if slope < 0:
-            push, drag, mean = harmonics(work.law, p, work.lever, reach, a, c)
+            push, drag, mean = harmonics(Oscillator(work.law, p, work.lever), reach, a, c)
             rows.append([a * c + mean, mean, a, push, drag])
     return np.array(rows).reshape(-1, 5)
 
@@ -170,7 +170,7 @@ def _steady(work: Work, p: tuple[float, ...], loop: Array, orbit: Array) -> tupl
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and what carries the tip there."""
     z0, mean, amplitude, push, drag = orbit[:5]
     c = (z0 - mean) / amplitude
-    more = lifted(work.law, p, work.lever, reach_of(work.law, p), amplitude, c, push, TYPICAL)
+    more = lifted(Oscillator(work.law, p, work.lever), reach_of(work.law, p), amplitude, c, push, TYPICAL)
     a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
     state = np.zeros(of.STATE)
     state[of.AMP : of.AMP + 2] = a.real, a.imag

@@ -30,6 +30,7 @@ class OffOrbit:
         """
         from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_at
         from phasemap._kernels.engagement.in_time import carry_on, carry_to
+        from phasemap._kernels.law import Oscillator
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
         p, lever = curves.standing(x if column == col.PARAMETER else 0.0)
@@ -37,7 +38,7 @@ class OffOrbit:
             target, by_amplitude = held_at(curves.path, x), curves.path.kind == HELD_AMPLITUDE
             row[col.PARAMETER] = x
         move = carry_on if by_amplitude else carry_to
-        status = move(curves.law, p, lever, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        status = move(Oscillator(curves.law, p, lever), target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
             row[: col.COLUMNS] = np.nan
         row[col.SEEN] = show(lever, row[col.AMPLITUDE], row[col.PHASE])[0]

@@ -74,11 +74,11 @@ class Question:
 def fixed_path(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
     from phasemap._kernels.continuation.path import fixed
-    from phasemap._kernels.law import parameters
+    from phasemap._kernels.law import Oscillator, parameters
     from phasemap._kernels.quadrature import TABLES
 
     work = question.work()
-    path: Path = fixed(work.law, parameters(work.rows[0]), work.lever, TABLES)
+    path: Path = fixed(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
     return path
 
 

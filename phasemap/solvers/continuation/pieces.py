@@ -112,10 +112,11 @@ class Curves:
 
     def seek(self, amplitude: float) -> None:
         """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far."""
+        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
         p, lever = self.standing(0.0)
-        for guess in averaged_orbits(self.law, p, lever, amplitude):
+        for guess in averaged_orbits(Oscillator(self.law, p, lever), amplitude):
             if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
                 guess[col.G_Z0], amplitude, guess[col.G_P], lever
             ):
@@ -131,6 +132,7 @@ class Curves:
         `beside`: how far past the end the tip is let go, in the control.
         `close`: how well its motion must have settled [m].
         """
+        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.time.landing import land_free
 
         waiting = list(self.pieces)
@@ -145,7 +147,7 @@ class Curves:
                 p, lever = self.standing(m)
                 check_stopped()
                 row, state = np.zeros(col.COLUMNS), rows[last, START].copy()
-                if not land_free(self.law, p, lever, z0, state, close, settling_periods(lever), row):
+                if not land_free(Oscillator(self.law, p, lever), z0, state, close, settling_periods(lever), row):
                     continue
                 known = len(self.pieces)
                 push = row[col.STIFFENING] * row[col.AMPLITUDE]
@@ -182,10 +184,11 @@ class Curves:
         self.wanted = wanted
 
     def _tolerance(self, m: float) -> float:
+        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.collocation.polish import tolerance_of
 
         p, lever = self.standing(m)
-        return TIGHT * float(tolerance_of(self.law, p, lever))
+        return TIGHT * float(tolerance_of(Oscillator(self.law, p, lever)))
 
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
         from phasemap._kernels.continuation.piece import start_at

@@ -218,6 +218,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
         return OffOrbit(start) if hysteretic else None
     if len(reached) == 1 and not hysteretic:
         return reached[0][0]
+    from phasemap._kernels.law import Oscillator
     from phasemap._kernels.lever import free_amplitude
     from phasemap._kernels.orbits.time.landing import land_on
 
@@ -230,7 +231,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     state = start[[col.START_Z, col.START_V, col.START_HELD]].copy()
     most = settling_periods(lever)
     free = float(free_amplitude(lever))
-    which, _ = land_on(curves.law, p, lever, z0, state, targets, NEAR * free, most)
+    which, _ = land_on(Oscillator(curves.law, p, lever), z0, state, targets, NEAR * free, most)
     if which >= 0:
         return reached[int(which)][0]
     return OffOrbit(start) if hysteretic else None

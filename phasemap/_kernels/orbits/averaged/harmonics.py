@@ -25,7 +25,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_force, damping, longrange_force
+from phasemap._kernels.law import Law, Oscillator, contact_force, damping, longrange_force
 from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, knows_contact
 from phasemap._kernels.orbits.averaged.remembered import remembered_harmonics
 from phasemap._kernels.orbits.time.by_memory import remembers
@@ -125,9 +125,10 @@ def attraction(law: Law, p: np.ndarray, reach: float, amplitude: float, c: float
 
 @kernel(fastmath=ANY_ORDER)
 def _even(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float, outside: bool
+    oscillator: Oscillator, reach: float, amplitude: float, c: float, outside: bool
 ) -> tuple[float, float, float]:
     """P, S and A0 [m] without a neck: the same way in and out; without the long-range force unless `outside`."""
+    law, p, lever = oscillator
     inverse_k = 1.0 / lever[STIFFNESS]
     mean, push, loss = 0.0, 0.0, 0.0  # integrals of F, F cos and alpha_s sin^2 over 0 ... pi
     damped = p[DAMPING] != 0.0
@@ -167,19 +168,18 @@ def _even(
 
 
 @kernel(shared=True)
-def harmonics(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float
-) -> tuple[float, float, float]:
+def harmonics(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> tuple[float, float, float]:
     """P, S and A0 [m] of the harmonic orbit of this amplitude that touches where cos(theta) > c.
 
     A neck that is longer than the tip withdraws is never released.
     """
+    law, p, lever = oscillator
     if law.memory != 0 and abs(c) < 1.0 and remembers(p):
-        return remembered_harmonics(law, p, lever, reach, amplitude, c)
+        return remembered_harmonics(oscillator, reach, amplitude, c)
     if p[RELEASE] == 0.0 or abs(c) >= 1.0:
-        return _even(law, p, lever, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
+        return _even(oscillator, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
     caught = amplitude * (c + 1.0) < -p[RELEASE]
-    push, drag, mean = _even(law, p, lever, reach, amplitude, c, not caught)
+    push, drag, mean = _even(oscillator, reach, amplitude, c, not caught)
     more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, caught)
     share = 2.0 / (math.pi * lever[STIFFNESS])
     return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean

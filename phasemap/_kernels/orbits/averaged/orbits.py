@@ -9,19 +9,18 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
 
 
 @kernel
-def crossing(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, near: float, far: float
-) -> float:
+def crossing(oscillator: Oscillator, reach: float, amplitude: float, near: float, far: float) -> float:
     """Return c between near and far where an orbit has this amplitude (regula falsi); NaN if not bracketed."""
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, near)
+    lever = oscillator.lever
+    push, drag, _ = harmonics(oscillator, reach, amplitude, near)
     h_near = math.log(1.0 + mismatch(lever, amplitude, push, drag))
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, far)
+    push, drag, _ = harmonics(oscillator, reach, amplitude, far)
     h_far = math.log(1.0 + mismatch(lever, amplitude, push, drag))
     if (h_near > 0.0) == (h_far > 0.0):
         return math.nan
@@ -29,7 +28,7 @@ def crossing(
     for _ in range(60):
         before = c
         c = (near * h_far - far * h_near) / (h_far - h_near)
-        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+        push, drag, _ = harmonics(oscillator, reach, amplitude, c)
         h = math.log(1.0 + mismatch(lever, amplitude, push, drag))
         if abs(h) < 1e-10 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
             break
@@ -38,42 +37,46 @@ def crossing(
 
 
 @kernel
-def far_start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, free: float, amplitude: float) -> float:
+def far_start(oscillator: Oscillator, reach: float, free: float, amplitude: float) -> float:
     """Return c so large that the surface hardly matters at this setpoint."""
+    p, lever = oscillator.p, oscillator.lever
     allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.BASE]
-    away = scale_of(law, p, lever, free) / free
+    away = scale_of(oscillator, free) / free
     for _ in range(60):
-        if p[col.LONGRANGE] == 0.0 or abs(harmonics(law, p, lever, reach, free, 1.0 + away)[0]) < allowed:
+        if p[col.LONGRANGE] == 0.0 or abs(harmonics(oscillator, reach, free, 1.0 + away)[0]) < allowed:
             break
         away *= 1.5
     return 1.0 + away
 
 
 @kernel
-def slope_of(law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray) -> float:
+def slope_of(oscillator: Oscillator, guess: np.ndarray) -> float:
     """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
+    law, p, lever = oscillator
     reach, amplitude, e = reach_of(law, p), guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
-    push, drag, _ = harmonics(law, p, lever, reach, amplitude, (e + small) / amplitude)
+    push, drag, _ = harmonics(oscillator, reach, amplitude, (e + small) / amplitude)
     return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[col.G_P], guess[col.G_S])) / small
 
 
 @kernel
-def in_phase(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, amplitude: float, c: float) -> float:
+def in_phase(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> float:
     """P + A (1 - omega^2), the part of the drive that acts against stiffness; it passes zero between two branches."""
-    return harmonics(law, p, lever, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
+    lever = oscillator.lever
+    return harmonics(oscillator, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
 
 
 @kernel(shared=True)
-def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float) -> np.ndarray:
+def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
     """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S).
 
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
+    law, p, lever = oscillator
     reach = reach_of(law, p)
     free = free_amplitude(lever)
-    epsilon = scale_of(law, p, lever, free) / amplitude
-    start = max(far_start(law, p, lever, reach, free, amplitude), 1.5)
+    epsilon = scale_of(oscillator, free) / amplitude
+    start = max(far_start(oscillator, reach, free, amplitude), 1.5)
     zeta, end, samples = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon), 400
     at = np.empty(2 * samples + 2)
     above = np.empty(len(at), np.bool_)  # whether an orbit there needs more drive than there is
@@ -81,18 +84,18 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
     x_before = 0.0
     for i in range(samples + 1):
         c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
-        push, drag, _ = harmonics(law, p, lever, reach, amplitude, c)
+        push, drag, _ = harmonics(oscillator, reach, amplitude, c)
         x = push + amplitude * (1.0 - lever[col.OMEGA] ** 2)
         if i > 0 and (x > 0.0) != (x_before > 0.0):
             near, far = c, at[count - 1]
             for _ in range(60):
                 middle = 0.5 * (near + far)
-                if (in_phase(law, p, lever, reach, amplitude, middle) > 0.0) == (x > 0.0):
+                if (in_phase(oscillator, reach, amplitude, middle) > 0.0) == (x > 0.0):
                     near = middle
                 else:
                     far = middle
             at[count] = 0.5 * (near + far)
-            between, lag, _ = harmonics(law, p, lever, reach, amplitude, at[count])
+            between, lag, _ = harmonics(oscillator, reach, amplitude, at[count])
             above[count] = math.log(1.0 + mismatch(lever, amplitude, between, lag)) > 0.0
             count += 1
         at[count], above[count] = c, math.log(1.0 + mismatch(lever, amplitude, push, drag)) > 0.0
@@ -103,9 +106,9 @@ def averaged_orbits(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float
     for i in range(1, count):
         if above[i] == above[i - 1]:
             continue
-        root = crossing(law, p, lever, reach, amplitude, at[i], at[i - 1])
+        root = crossing(oscillator, reach, amplitude, at[i], at[i - 1])
         if not math.isnan(root) and found < len(rows):
-            push, drag, mean = harmonics(law, p, lever, reach, amplitude, root)
+            push, drag, mean = harmonics(oscillator, reach, amplitude, root)
             put(rows[found], amplitude, root, push, drag, mean)
             found += 1
     return rows[:found]

@@ -15,7 +15,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force
+from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.quadrature import gauss
 
@@ -137,8 +137,9 @@ def _attraction(
 
 
 @kernel
-def remembered_harmonics(law: Law, p: Any, lever: np.ndarray, reach: float, amplitude: float, c: float) -> Sums:
+def remembered_harmonics(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> Sums:
     """P, S and A0 [m] of the harmonic orbit that taps, -1 < c < 1, as `harmonics` has them."""
+    law, p, lever = oscillator
     omega, recovery = lever[col.OMEGA], recovery_of(p, lever)
     if p[col.RELAXATION] > 0:
         sums, end = _solid(p, amplitude, c, omega)

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_slope, damping
+from phasemap._kernels.law import Oscillator, contact_slope, damping
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate
 from phasemap._kernels.orbits.collocation.system import (
@@ -105,8 +105,9 @@ def _half(
 
 
 @kernel
-def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, half: float, level: int) -> int:
+def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
+    law, p, lever = oscillator
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
     rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
     if p[DAMPING] != 0.0:
@@ -115,11 +116,12 @@ def _contact_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float,
 
 
 @kernel
-def _permanent_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, nearest: float, level: int) -> int:
+def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a whole period in contact; -1 where graded elements are short enough.
 
     The longest of these spans most of half a period, too much where the contact's own frequency is high.
     """
+    law, p, lever = oscillator
     deepest = nearest + 2.0 * amplitude
     rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
     if p[DAMPING] != 0.0:
@@ -131,8 +133,9 @@ def _permanent_count(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: floa
 
 
 @kernel
-def _neck_count(law: Law, p: np.ndarray, lever: np.ndarray, half: float, level: int) -> int:
+def _neck_count(oscillator: Oscillator, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
+    law, p, lever = oscillator
     rate = math.sqrt(1.0 + abs(contact_slope(law, 0.5 * p[RELEASE], p)) / lever[STIFFNESS])
     return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
 
@@ -156,10 +159,9 @@ def _span(tables: np.ndarray, orbit: Orbit, side: float, start: float, end: floa
 
 
 @kernel(shared=True)
-def lay(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int
-) -> bool:
+def lay(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int) -> bool:
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
+    law, p = oscillator.law, oscillator.p
     head = orbit.head
     amplitude = source.head[VALUE, A]
     copy(source.head[VALUE], head[VALUE])
@@ -172,7 +174,7 @@ def lay(
     if contacts <= 0:
         theta, nearest = head[CONTACT, AT], head[CONTACT, GAP]
         side = OUTSIDE if contacts != PERMANENT else INSIDE if nearest > 0.0 else NECK
-        pick = _permanent_count(law, p, lever, amplitude, nearest, level) if side == INSIDE else -1
+        pick = _permanent_count(oscillator, amplitude, nearest, level) if side == INSIDE else -1
         if pick >= 0:
             return _span(tables, orbit, INSIDE, theta, theta + TWO_PI, pick)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUTSIDE else 0.0)) / amplitude)
@@ -186,10 +188,10 @@ def lay(
         start, end, broken = head[CONTACT + i, FIRST], head[CONTACT + i, LAST], head[CONTACT + i, BROKEN]
         following = head[CONTACT + i + 1, FIRST] if i + 1 < contacts else head[CONTACT, FIRST] + TWO_PI
         half = 0.5 * (end - start)
-        ok = _span(tables, orbit, INSIDE, start, end, _contact_count(law, p, lever, amplitude, half, level)) and ok
+        ok = _span(tables, orbit, INSIDE, start, end, _contact_count(oscillator, amplitude, half, level)) and ok
         if broken > end:
             half = 0.5 * (broken - end)
-            ok = _span(tables, orbit, NECK, end, broken, _neck_count(law, p, lever, half, level)) and ok
+            ok = _span(tables, orbit, NECK, end, broken, _neck_count(oscillator, half, level)) and ok
         if broken >= following:
             continue
         gap = 0.5 * (following - broken)

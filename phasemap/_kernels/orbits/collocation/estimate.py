@@ -17,7 +17,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy, copy_rows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.collocation.closing import close
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
@@ -59,20 +59,19 @@ ASIDE = 1e-3  # [rad] by which elements may lie beside the contacts and still be
 
 
 @kernel
-def state_errors(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
-) -> None:
+def state_errors(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray) -> None:
     """Fill in the errors of phase and tip offset in the row of a converged orbit, at its amplitude.
 
     The slope of its feedback is known already. Errors are NaN where the equations cannot be solved. The orbit stays as
     it is, the spare room does not.
     """
+    p, lever = oscillator.p, oscillator.lever
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = math.nan, math.nan
     head = orbit.head.copy()
-    laid = find_contacts(p, tables, orbit) and lay(law, p, lever, tables, spare, orbit, int(head[COUNT, LEVEL]))
+    laid = find_contacts(p, tables, orbit) and lay(oscillator, tables, spare, orbit, int(head[COUNT, LEVEL]))
     copy_rows(head, orbit.head)
     halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
-    chained = linearise(law, p, lever, tables, halves, no_drift())
+    chained = linearise(oscillator, tables, halves, no_drift())
     if not chained or not close(lever, halves, HOLD_AMPLITUDE, np.zeros(4)):
         return
     solved = halves.head[SYSTEM:, RIGHT]

@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, contact_slope, damping, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.elements import lay
 from phasemap._kernels.orbits.collocation.system import (
@@ -70,11 +70,12 @@ def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
 
 
 @kernel
-def bounce(law: Law, p: np.ndarray, lever: np.ndarray, turn: float, hit: np.ndarray) -> bool:
+def bounce(oscillator: Oscillator, turn: float, hit: np.ndarray) -> bool:
     """Fill depth, half length and loss of a contact that begins with its speed, d'' = -g/omega^2 - turn.
 
     False if it lasts too long.
     """
+    law, p, lever = oscillator
     omega = lever[col.OMEGA]
     share = 1.0 / (lever[col.STIFFNESS] * omega * omega)
     speed = hit[SPEED]
@@ -102,10 +103,11 @@ def bounce(law: Law, p: np.ndarray, lever: np.ndarray, turn: float, hit: np.ndar
 
 
 @kernel
-def kick_at(law: Law, p: np.ndarray, lever: np.ndarray, speed: float, turn: float, hit: np.ndarray) -> float:
+def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: np.ndarray) -> float:
     """First harmonic J of the force of a contact that begins with a speed; NaN if it lasts too long."""
+    law, p, lever = oscillator
     hit[SPEED] = speed
-    if not bounce(law, p, lever, turn, hit):
+    if not bounce(oscillator, turn, hit):
         return math.nan
     squared, outside = lever[col.OMEGA] ** 2, 0.0
     if p[col.LONGRANGE] != 0.0:
@@ -114,11 +116,12 @@ def kick_at(law: Law, p: np.ndarray, lever: np.ndarray, speed: float, turn: floa
 
 
 @kernel
-def speed_for(law: Law, p: np.ndarray, lever: np.ndarray, kick: float, turn: float, hit: np.ndarray) -> bool:
+def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: np.ndarray) -> bool:
     """Fill the hit with the contact whose force has a first harmonic `kick`; False if it lasts too long."""
+    lever = oscillator.lever
     low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick / lever[col.OMEGA] ** 2, 0.0
     for _ in range(MOST_SPEEDS):
-        f_high = kick_at(law, p, lever, high, turn, hit) - kick
+        f_high = kick_at(oscillator, high, turn, hit) - kick
         if not f_high < 0.0:
             break
         low, f_low = high, f_high
@@ -127,7 +130,7 @@ def speed_for(law: Law, p: np.ndarray, lever: np.ndarray, kick: float, turn: flo
         return False
     for _ in range(MOST_SPEEDS):
         speed = (low * f_high - high * f_low) / (f_high - f_low)
-        f = kick_at(law, p, lever, speed, turn, hit) - kick
+        f = kick_at(oscillator, speed, turn, hit) - kick
         if not abs(f) > ROUGHLY * kick:
             return not math.isnan(f)
         low, f_low, high, f_high = narrowed(low, f_low, high, f_high, speed, f)
@@ -135,8 +138,9 @@ def speed_for(law: Law, p: np.ndarray, lever: np.ndarray, kick: float, turn: flo
 
 
 @kernel
-def find_hit(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, hit: np.ndarray) -> bool:
+def find_hit(oscillator: Oscillator, amplitude: float, hit: np.ndarray) -> bool:
     """Fill the hit that takes the drive at this amplitude; False where no short contact does."""
+    lever = oscillator.lever
     base, omega = lever[col.BASE], lever[col.OMEGA]
     stiff, damped = amplitude * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * amplitude
     mean_slope = 0.5 * (after_kick(lever, 0.0)[1] + after_kick(lever, 2.0 * math.pi)[1])
@@ -151,7 +155,7 @@ def find_hit(law: Law, p: np.ndarray, lever: np.ndarray, amplitude: float, hit: 
         if not half * half > rest:
             return False
         kick = math.sqrt(half * half - rest) - half
-        if not kick > 0.0 or not speed_for(law, p, lever, kick, amplitude * cosine - LIFT * kick, hit):
+        if not kick > 0.0 or not speed_for(oscillator, kick, amplitude * cosine - LIFT * kick, hit):
             return False
         hit[KICK], hit[ANGLE], loss = kick, math.asin(sine), hit[LOSS]
         if abs(kick - before) < KNOWN * base:
@@ -174,12 +178,11 @@ def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: np.ndarray, th
 
 
 @kernel
-def begin_impact(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, amplitude: float, level: int
-) -> bool:
+def begin_impact(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, amplitude: float, level: int) -> bool:
     """Set the motion after a kick that takes the drive at this amplitude; False where no short contact does."""
+    p, lever = oscillator.p, oscillator.lever
     hit, head = np.zeros(HIT), orbit.head
-    if p[col.RELEASE] != 0.0 or not find_hit(law, p, lever, amplitude, hit):
+    if p[col.RELEASE] != 0.0 or not find_hit(oscillator, amplitude, hit):
         return False
     kick, angle, half = hit[KICK], hit[ANGLE], hit[HALF]
     lifted = after_kick(lever, half)[0] + after_kick(lever, 2.0 * math.pi - half)[0]
@@ -188,7 +191,7 @@ def begin_impact(
     head[VALUE, P], head[VALUE, S] = kick * math.cos(angle), kick * math.sin(angle)
     head[COUNT, CONTACTS] = 1
     head[CONTACT, FIRST], head[CONTACT, LAST], head[CONTACT, BROKEN] = angle - half, angle + half, angle + half
-    laid = lay(law, p, lever, tables, orbit, orbit, level)
+    laid = lay(oscillator, tables, orbit, orbit, level)
     for i in range(int(head[COUNT, ELEMENTS]) + 1):
         one = orbit.elements[i]
         for j in range(NODES):

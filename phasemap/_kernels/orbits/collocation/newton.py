@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import needed, reach_of
 from phasemap._kernels.orbits.collocation.closing import accept, along, close
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
@@ -64,10 +64,9 @@ DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the p
 
 
 @kernel
-def begin(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int
-) -> bool:
+def begin(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int) -> bool:
     """Set a harmonic orbit, guess = (z0, mean deflection, A, P, S)."""
+    p = oscillator.p
     z0, mean, amplitude = guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A]
     head = orbit.head
     head[VALUE, Z0], head[VALUE, A], head[VALUE, P], head[VALUE, S] = z0, amplitude, guess[col.G_P], guess[col.G_S]
@@ -86,7 +85,7 @@ def begin(
         head[CONTACT, LAST] = math.acos(c)
         breaks = c + p[col.RELEASE] / amplitude
         head[CONTACT, BROKEN] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
-    ok = lay(law, p, lever, tables, orbit, orbit, level)
+    ok = lay(oscillator, tables, orbit, orbit, level)
     for e in range(int(head[COUNT, ELEMENTS]) + 1):
         one = orbit.elements[e]
         one[W] = mean
@@ -108,8 +107,9 @@ def contact_size(head: np.ndarray, reach: float) -> float:
 
 
 @kernel
-def stillness(law: Law, p: np.ndarray, lever: np.ndarray, level: int) -> float:
+def stillness(oscillator: Oscillator, level: int) -> float:
     """How much of a contact the elements may lie beside it: a millionth, unless the force itself jumps there."""
+    law, p, lever = oscillator
     pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[col.LONGRANGE] != 0.0 else 0.0)
     if p[col.RELEASE] != 0.0 or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.BASE]:
         return 0.0
@@ -142,9 +142,7 @@ def take(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, 
 
 @kernel(shared=True)
 def newton(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
+    oscillator: Oscillator,
     tables: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
@@ -158,9 +156,10 @@ def newton(
 
     `tolerance` [m] is for the last change: the error left is its square over the size of the contact.
     """
-    reach, still = reach_of(law, p), stillness(law, p, lever, level)
+    law, p, lever = oscillator
+    reach, still = reach_of(law, p), stillness(oscillator, level)
     for step in range(most):
-        linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(law, p, lever, tables, orbit, no_drift())
+        linear = orbit.head[COUNT, LINEAR] == 1.0 or linearise(oscillator, tables, orbit, no_drift())
         if not linear or not close(lever, orbit, hold, target):
             return col.NOT_CONVERGED, step, orbit, spare
         status, change = take(tables, lever, orbit, tolerance, hold == HOLD_ARC)
@@ -168,7 +167,7 @@ def newton(
             return status, step + (status == col.GOOD), orbit, spare
         if change < still * contact_size(orbit.head, reach):
             continue  # the elements fit as they lie
-        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+        if not find_contacts(p, tables, orbit) or not lay(oscillator, tables, spare, orbit, level):
             return col.TOO_MANY_CONTACTS, step, orbit, spare
         carry_over(tables, orbit, spare)
         orbit, spare = spare, orbit
@@ -187,8 +186,9 @@ def floquet(transfer: np.ndarray) -> float:
 
 
 @kernel(shared=True, vectors=True)
-def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
+def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
+    law, p, lever = oscillator
     omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
@@ -234,17 +234,18 @@ def observe(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbi
 
 
 @kernel
-def report(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+def report(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
-    observe(law, p, lever, tables, orbit, row)
+    lever = oscillator.lever
+    observe(oscillator, tables, orbit, row)
     if along(lever, orbit, 0.0, 1.0):
         row[col.SLOPE] = 1.0 / orbit.head[SYSTEM + RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
 
 
 @kernel
-def finish(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+def finish(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
     """Linearise about a converged orbit and fill its row; returns a status."""
-    if not linearise(law, p, lever, tables, orbit, no_drift()):
+    if not linearise(oscillator, tables, orbit, no_drift()):
         return col.NOT_CONVERGED
-    return report(law, p, lever, tables, orbit, row)
+    return report(oscillator, tables, orbit, row)

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.contacts import interpolate
 from phasemap._kernels.orbits.collocation.system import (
     COS,
@@ -37,8 +37,9 @@ from phasemap._kernels.quadrature import NODES, T_END1
 
 
 @kernel
-def complete(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
+def complete(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill what `observe` leaves of a full row, shape (FULL,), at a linearised orbit."""
+    law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
     head = orbit.head
     amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
@@ -82,15 +83,16 @@ def complete(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orb
     m = head[TRANSFER]
     row[col.TRACE] = m[0] + m[3]
     row[col.PRODUCT] = m[0] * m[3] - m[1] * m[2]
-    z, v, _, side = state_at(law, p, lever, tables, orbit, row[col.PHASE] - 0.5 * math.pi)
+    z, v, _, side = state_at(oscillator, tables, orbit, row[col.PHASE] - 0.5 * math.pi)
     row[col.START_Z], row[col.START_V], row[col.START_HELD] = z, v, 0.0 if side == OUTSIDE else 1.0
 
 
 @kernel
 def state_at(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, theta: float
+    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, theta: float
 ) -> tuple[float, float, float, float]:
     """z [m], dz/dtau [m], the surface's force [N] and the side at an angle of the first harmonic."""
+    law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
     elements, count = orbit.elements, int(orbit.head[COUNT, ELEMENTS])
     begin = elements[0, PLACE, EDGE]
@@ -107,9 +109,7 @@ def state_at(
 
 
 @kernel
-def time_trace(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, phase: float, trace: np.ndarray
-) -> None:
+def time_trace(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, phase: float, trace: np.ndarray) -> None:
     """Fill trace, shape (2, n), with z [m] and force [N] at n equal steps of one period from drive phase 0 on.
 
     `phase` [rad] is that of the orbit: the first harmonic lags by pi/2 less the phase.
@@ -117,4 +117,4 @@ def time_trace(
     count = trace.shape[1]
     for i in range(count):
         angle = 2.0 * math.pi * i / count + phase - 0.5 * math.pi
-        trace[0, i], _, trace[1, i], _ = state_at(law, p, lever, tables, orbit, angle)
+        trace[0, i], _, trace[1, i], _ = state_at(oscillator, tables, orbit, angle)

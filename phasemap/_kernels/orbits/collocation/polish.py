@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
@@ -20,10 +20,11 @@ CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
 
 
 @kernel
-def tolerance_of(law: Law, p: np.ndarray, lever: np.ndarray) -> float:
+def tolerance_of(oscillator: Oscillator) -> float:
     """Last change [m] of an orbit that is converged."""
+    lever = oscillator.lever
     free = free_amplitude(lever)
-    return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(law, p, lever, free))
+    return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(oscillator, free))
 
 
 @kernel
@@ -36,21 +37,22 @@ def judge(row: np.ndarray) -> int:
 
 @kernel
 def polish(
-    law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
+    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
 ) -> tuple[int, Orbit, Orbit]:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
-    status = report(law, p, lever, tables, orbit, row)
-    level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(law, p, lever)
+    p = oscillator.p
+    status = report(oscillator, tables, orbit, row)
+    level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(oscillator)
     while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
         level += 1
-        if not find_contacts(p, tables, orbit) or not lay(law, p, lever, tables, spare, orbit, level):
+        if not find_contacts(p, tables, orbit) or not lay(oscillator, tables, spare, orbit, level):
             break
         carry_over(tables, orbit, spare)
         orbit, spare = spare, orbit
         fine, _, orbit, spare = newton(
-            law, p, lever, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
+            oscillator, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
         )
         if fine != col.GOOD:
             break
-        status = report(law, p, lever, tables, orbit, row)
+        status = report(oscillator, tables, orbit, row)
     return status, orbit, spare

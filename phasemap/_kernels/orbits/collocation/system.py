@@ -27,6 +27,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate_columns
 from phasemap._kernels.law import (
     Law,
+    Oscillator,
     contact_force,
     contact_slope,
     damping,
@@ -145,16 +146,10 @@ def _pushed(
 
 @kernel
 def _element(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    tables: np.ndarray,
-    one: np.ndarray,
-    value: np.ndarray,
-    drift: np.ndarray,
-    m: np.ndarray,
+    oscillator: Oscillator, tables: np.ndarray, one: np.ndarray, value: np.ndarray, drift: np.ndarray, m: np.ndarray
 ) -> bool:
     """Fill the LOCAL rows of an element, theory, Eq. (collocation-4); m is scratch, shape (WIDTH, NODES)."""
+    law, p, lever = oscillator
     omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
     viscous = 2.0 * lever[ALPHA0]
     z0, amplitude = value[Z0], value[A]
@@ -199,12 +194,13 @@ def border_between(p: np.ndarray, before: float, after: float) -> float:
 
 
 @kernel
-def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np.ndarray, amplitude: float) -> float:
+def jump_rate(oscillator: Oscillator, before: float, one: np.ndarray, amplitude: float) -> float:
     """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
 
     A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long: theory,
     Eq. (collocation-5).
     """
+    law, p, lever = oscillator
     omega, after = lever[OMEGA], one[PLACE, SIDE]
     border = border_between(p, before, after)
     slope = one[PLACE, EDGE_U] - amplitude * math.sin(one[PLACE, EDGE])
@@ -219,8 +215,9 @@ def jump_rate(law: Law, p: np.ndarray, lever: np.ndarray, before: float, one: np
 
 
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
-def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
+def linearise(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills OPEN and the monodromy matrix."""
+    p, lever = oscillator.p, oscillator.lever
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     elements, head = orbit.elements, orbit.head
     count = int(head[COUNT, ELEMENTS])
@@ -233,12 +230,12 @@ def linearise(law: Law, p: np.ndarray, lever: np.ndarray, tables: np.ndarray, or
     m = np.zeros((WIDTH, NODES))
     for e in range(count):
         one = elements[e]
-        if not _element(law, p, lever, tables, one, head[VALUE], drift, m):
+        if not _element(oscillator, tables, one, head[VALUE], drift, m):
             return False
         at_w, at_u = one[CHAIN], one[CHAIN + 1]
         before = elements[e - 1 if e > 0 else count - 1, PLACE, SIDE]
         if one[PLACE, SIDE] != before:
-            rate = jump_rate(law, p, lever, before, one, amplitude)
+            rate = jump_rate(oscillator, before, one, amplitude)
             if rate != 0.0:
                 c, s = math.cos(one[PLACE, EDGE]), math.sin(one[PLACE, EDGE])
                 border = border_between(p, before, one[PLACE, SIDE])

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, substitute
-from phasemap._kernels.law import Law, longrange_slope
+from phasemap._kernels.law import Oscillator, longrange_slope
 from phasemap._kernels.orbits.response.newton import Bench, copy_motion, drive_of, fill
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
@@ -35,8 +35,9 @@ ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the con
 
 
 @kernel
-def _touches_once(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: Nodes, state: PassState) -> bool:
+def _touches_once(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
     """Whether the tip touches at the nodes in contact and at no other."""
+    p, lever = oscillator.p, oscillator.lever
     amplitude, e, deepest = state.amplitude, state.centre, 0.0
     if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
         grade(f, amplitude, e, 1e-3 * amplitude, f.theta[EXIT])
@@ -77,17 +78,18 @@ def _rises(lever: np.ndarray, bench: Bench) -> bool:
 
 
 @kernel
-def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
+def _stable(oscillator: Oscillator, bench: Bench) -> bool:
     """Whether both multipliers are surely within one: theory, Eq. (stability-4).
 
     Through the contact two motions are solved for as the orbit was; outside, the long-range stiffness kicks.
     """
+    law, p, lever = oscillator
     f, state, m, one, two = bench.nodes, bench.state, bench.system, bench.right, bench.per_e
     omega, alpha0, n = lever[OMEGA], lever[ALPHA0], N * parts_of(f)
     a, nu, amplitude = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega, state.amplitude
     x1, y1, x2, y2, decay = 1.0, 0.0, 0.0, 1.0, -4.0 * math.pi * a
     copy_motion(f, bench.motions)
-    fill(law, p, lever, f, state, bench.motions[:2], False, m)
+    fill(oscillator, f, state, bench.motions[:2], False, m)
     for j in range(n):
         i, kappa, gamma = node(j), m[j, n], m[j, n + 1]
         c, s = f.turn_cos[i] / f.growth[i], f.turn_sin[i] / f.growth[i]
@@ -125,8 +127,9 @@ def _stable(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
 
 
 @kernel
-def firm(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, bench: Bench) -> bool:
+def firm(oscillator: Oscillator, reach: float, bench: Bench) -> bool:
     """Whether an orbit that was FOUND touches where it was taken to, is stable, and far from the end of its branch."""
-    if not (_rises(lever, bench) and _stable(law, p, lever, bench)):
+    lever = oscillator.lever
+    if not (_rises(lever, bench) and _stable(oscillator, bench)):
         return False
-    return _touches_once(law, p, lever, reach, bench.nodes, bench.state)
+    return _touches_once(oscillator, reach, bench.nodes, bench.state)

@@ -21,7 +21,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
-from phasemap._kernels.law import Law, contact_slope, damping, damping_slope
+from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
 from phasemap._kernels.lever import needed
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
@@ -94,10 +94,9 @@ def copy_motion(f: Nodes, to: np.ndarray) -> None:
 
 
 @kernel
-def stiffness(
-    law: Law, p: np.ndarray, lever: np.ndarray, d: float, turn: float
-) -> tuple[float, float]:  # fmt: skip
+def stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
     """(kappa, gamma): change of g with depth d and with d', in contact."""
+    law, p, lever = oscillator
     kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
     if p[DAMPING] != 0.0:
         gamma = 2.0 * lever[OMEGA] * damping(law, d, p)
@@ -107,14 +106,12 @@ def stiffness(
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, state: PassState, motion: np.ndarray,
-    periodic: bool, m: np.ndarray,
-) -> None:  # fmt: skip
+def fill(oscillator: Oscillator, f: Nodes, state: PassState, motion: np.ndarray, periodic: bool, m: np.ndarray) -> None:
     """Fill the left side of the system for dg at the nodes in contact, and behind it kappa and gamma.
 
     `motion` is (w, w') at the nodes. If not `periodic`, a force is felt only after it, and by all of the motion.
     """
+    lever = oscillator.lever
     amplitude, e, n = state.amplitude, state.centre, N * parts_of(f)
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
@@ -125,7 +122,7 @@ def fill(
     for j in range(n):
         i = node(j)
         d = max(amplitude * f.cos[i] + motion[0, i] - e, 0.0)
-        kappa[j], gamma[j] = stiffness(law, p, lever, d, motion[1, i] - amplitude * f.sin[i])
+        kappa[j], gamma[j] = stiffness(oscillator, d, motion[1, i] - amplitude * f.sin[i])
         m[j, n], m[j, n + 1] = kappa[j], gamma[j]
         shrink = share / f.growth[i]
         back_re[j], back_im[j] = shrink * f.turn_cos[i], shrink * f.turn_sin[i]
@@ -178,20 +175,19 @@ def _mix(f: Nodes, old: np.ndarray, new: np.ndarray, share: float, amplitude: fl
 
 
 @kernel
-def _step(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, bench: Bench, h: float, anew: bool
-) -> float:  # fmt: skip
+def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bool) -> float:
     """One step from a motion whose force is known, to the nodes where the contact then is; its share, 0 without one.
 
     If not `anew`, with the stiffness of the step before.
     """
+    p, lever = oscillator.p, oscillator.lever
     f, state, m, order, right, per_e = bench.nodes, bench.state, bench.system, bench.order, bench.right, bench.per_e
     amplitude, e, longrange, n = state.amplitude, state.centre, p[LONGRANGE] != 0.0, N * parts_of(f)
     old, new, middle = bench.motions[:2], bench.motions[2:], middle_of(f)
     copy_motion(f, old)
     respond(f, lever, state.mean, state.push, state.drag, True, longrange)
     if anew:
-        fill(law, p, lever, f, state, old, True, m)
+        fill(oscillator, f, state, old, True, m)
         if not factor(m, n, order):
             return 0.0
         for j in range(n):
@@ -230,25 +226,24 @@ def _step(
 
 
 @kernel
-def newton(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, limits: np.ndarray, bench: Bench
-) -> int:  # fmt: skip
+def newton(oscillator: Oscillator, reach: float, limits: np.ndarray, bench: Bench) -> int:
     """Repeat steps from a motion that touches until its estimated errors are below the limits: FOUND, LOST or COARSE.
 
     The error left is taken from the last two changes, as that of passes is.
     """
+    p, lever = oscillator.p, oscillator.lever
     f, state, longrange, middle = bench.nodes, bench.state, p[LONGRANGE] != 0.0, middle_of(bench.nodes)
-    h = evaluate(law, p, lever, f, state, True)
+    h = evaluate(oscillator, f, state, True)
     phase, height, left_before, anew = state.phase, state.tip_offset, math.inf, True
     first_pass(state)
     state.last_w = f.w[middle]
     if state.passes > 0:
         state.phase, state.tip_offset = phase, height
     for _ in range(MOST_STEPS):
-        share = _step(law, p, lever, reach, bench, h, anew)
+        share = _step(oscillator, reach, bench, h, anew)
         if not share > 0.0:
             return LOST
-        h = evaluate(law, p, lever, f, state, True)
+        h = evaluate(oscillator, f, state, True)
         state.passes += 1
         nodes, ratio_before = unresolved(lever, f, True, longrange), state.last_ratio
         ratio = after_pass(lever, state, h, f.w[middle], nodes)

@@ -22,7 +22,7 @@ import numpy as np
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_force, damping, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, damping, longrange_force
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
@@ -191,9 +191,10 @@ def _running(f: Nodes, first: int) -> tuple[float, float]:
 
 @kernel(fastmath=ANY_ORDER)
 def force(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, touching: bool
+    oscillator: Oscillator, f: Nodes, amplitude: float, e: float, touching: bool
 ) -> tuple[float, float, float, float, float, float]:
     """Fill g at the nodes; mean, P, S of g, the work of its conservative part, that of damping, and the virial sum."""
+    law, p, lever = oscillator
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     damped = p[DAMPING] != 0.0

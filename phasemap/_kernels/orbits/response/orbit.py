@@ -8,7 +8,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import Maximum, at_crossing, near_resonance
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of, sticky
 from phasemap._kernels.orbits.response.firm import firm
 from phasemap._kernels.orbits.response.newton import Bench, cut, newton
@@ -81,60 +81,47 @@ def grazes(p: np.ndarray, reach: float, guess: np.ndarray) -> bool:
 
 
 @kernel
-def refine(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    reach: float,
-    guess: np.ndarray,
-    limits: np.ndarray,
-    room: Room,
-) -> bool:  # fmt: skip
+def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
+    p, lever = oscillator.p, oscillator.lever
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if e < -SHALLOWEST * amplitude:
         _begin(guess, e, room.state)
-        return press(law, p, lever, limits, room.pressed, room.state) and belongs(lever, guess, room.state)
-    if _pass_from(law, p, lever, reach, guess, e, limits, room):
+        return press(oscillator, limits, room.pressed, room.state) and belongs(lever, guess, room.state)
+    if _pass_from(oscillator, reach, guess, e, limits, room):
         return True
     if not grazes(p, reach, guess):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
-    return _pass_from(law, p, lever, reach, guess, e, limits, room)
+    return _pass_from(oscillator, reach, guess, e, limits, room)
 
 
 @kernel
 def _pass_from(
-    law: Law,
-    p: np.ndarray,
-    lever: np.ndarray,
-    reach: float,
-    guess: np.ndarray,
-    e: float,
-    limits: np.ndarray,
-    room: Room,
-) -> bool:  # fmt: skip
+    oscillator: Oscillator, reach: float, guess: np.ndarray, e: float, limits: np.ndarray, room: Room
+) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.
 
     Beside resonance, where contacts are long, they go on at nodes that cut them in two.
     """
+    p, lever = oscillator.p, oscillator.lever
     f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
     _begin(guess, e, state)
-    if not start(law, p, lever, reach, f, state):
+    if not start(oscillator, reach, f, state):
         return False
     state.parts = 1
-    found = converge(law, p, lever, f, state, False, limits[0], limits[1])
+    found = converge(oscillator, f, state, False, limits[0], limits[1])
     if found == COARSE and f.theta[EXIT] > f.theta[ENTRY] and beside_resonance(lever):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
-        if not at_crossing(law, p, lever, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
+        if not at_crossing(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
         room.finer.cut = 1
         cut(lever, f, room.finer, longrange)
         f, state.parts = room.finer, 2
-        evaluate(law, p, lever, f, state, True)
-        found = converge(law, p, lever, f, state, False, limits[0], limits[1])
-    return found == FOUND and belongs(lever, guess, state) and sound(law, p, lever, reach, f, state, 0.0, 0.0)
+        evaluate(oscillator, f, state, True)
+        found = converge(oscillator, f, state, False, limits[0], limits[1])
+    return found == FOUND and belongs(lever, guess, state) and sound(oscillator, reach, f, state, 0.0, 0.0)
 
 
 @kernel
@@ -152,38 +139,38 @@ def belongs(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
 
 
 @kernel
-def refine_stiff(
-    law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray, limits: np.ndarray, short: Bench, long: Bench
-) -> int:  # fmt: skip
+def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, short: Bench, long: Bench) -> int:
     """Exact orbit near the averaged one of `guess` by Newton's method; the parts of its contact, 0 without one.
 
     That its harmonics lift the tip does not bring it to another branch.
     """
+    law, p, lever = oscillator
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
     _begin(guess, e, bench.state)
     if guess[col.G_P] < 0.0:
         return 0  # where the force outside of contact counts as much, `firm` does not know how the branch goes on
-    if sticky(law, p, lever, amplitude):
+    if sticky(oscillator, amplitude):
         return 0  # nor is that force little enough to follow a step behind
-    if not e < amplitude or not start(law, p, lever, reach, bench.nodes, bench.state):
+    if not e < amplitude or not start(oscillator, reach, bench.nodes, bench.state):
         return 0
-    found = newton(law, p, lever, reach, limits, bench)
+    found = newton(oscillator, reach, limits, bench)
     if found == COARSE:
         cut(lever, short.nodes, long.nodes, p[LONGRANGE] != 0.0)
         assign(long.state, short.state)
         bench, parts = long, 2
-        found = newton(law, p, lever, reach, limits, bench)
+        found = newton(oscillator, reach, limits, bench)
     f, state = bench.nodes, bench.state
     if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
         return 0
     near = abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, amplitude)
     near = near or abs(state.centre - f.w[middle_of(f)] - e) < FAR_OFF * amplitude
-    return parts if near and firm(law, p, lever, reach, bench) else 0
+    return parts if near and firm(oscillator, reach, bench) else 0
 
 
 @kernel
-def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: Room) -> bool:
+def steep(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
+    law, p = oscillator.law, oscillator.p
     f, here, there = solved(room), room.state, room.other
     if here.parts == 0:
         return False
@@ -191,11 +178,11 @@ def steep(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, room: 
     move = STEP * here.amplitude
     there.amplitude += move
     there.centre += move
-    if converge(law, p, lever, f, there, False, limits[0], min(limits[1], 1e-2 * move)) != FOUND:
+    if converge(oscillator, f, there, False, limits[0], min(limits[1], 1e-2 * move)) != FOUND:
         return False
     if not there.tip_offset - here.tip_offset > LEAST_ALONG * move:
         return False
     # Back to where the nodes were.
     reach = reach_of(law, p)
-    found = converge(law, p, lever, f, here, False, limits[0], limits[1])
-    return found == FOUND and sound(law, p, lever, reach, f, here, 0.0, 0.0)
+    found = converge(oscillator, f, here, False, limits[0], limits[1])
+    return found == FOUND and sound(oscillator, reach, f, here, 0.0, 0.0)

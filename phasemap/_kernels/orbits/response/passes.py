@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mismatch, phase_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.mixing import keep, mix, new_past
@@ -81,10 +81,11 @@ class PassState:
 
 
 @kernel(fastmath=ANY_ORDER)
-def evaluate(law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, state: PassState, touching: bool) -> float:
+def evaluate(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
+    lever = oscillator.lever
     amplitude = state.amplitude
-    mean, push, drag, work, loss, virial = force(law, p, lever, f, amplitude, state.centre, touching)
+    mean, push, drag, work, loss, virial = force(oscillator, f, amplitude, state.centre, touching)
     state.mean, state.push, state.drag = mean, push, drag
     state.work, state.loss, state.virial = work, loss, virial
     return mismatch(lever, amplitude, push, drag)
@@ -144,8 +145,9 @@ def state_errors(
 
 
 @kernel
-def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: Nodes, state: PassState) -> bool:
+def start(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
     """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
+    p, lever = oscillator.p, oscillator.lever
     amplitude, e = state.amplitude, state.centre
     c = e / amplitude
     if c < DEEPEST or (c >= 1.0 and p[LONGRANGE] == 0.0):
@@ -155,23 +157,22 @@ def start(law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: Nodes, st
         grade(f, amplitude, e, reach, edge)
     lay(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
     still(f)
-    evaluate(law, p, lever, f, state, c < 1.0)
+    evaluate(oscillator, f, state, c < 1.0)
     return True
 
 
 @kernel
-def balance(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, state: PassState, touching: bool, lift: float
-) -> float:  # fmt: skip
+def balance(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, lift: float) -> float:
     """Move e to where the drive is the one given, w as it is; returns the mismatch left. Without a `lift`, e stays.
 
     The tip that w lifts by so much [m] is first lowered by as much, which leaves its depth and nearly its force.
     """
+    p, lever = oscillator.p, oscillator.lever
     amplitude, longrange, hold = state.amplitude, p[LONGRANGE] != 0.0, math.isnan(lift)
     if not hold:
         state.centre += lift
     relay(f, lever, amplitude, state.centre, touching, longrange)
-    h = evaluate(law, p, lever, f, state, touching)
+    h = evaluate(oscillator, f, state, touching)
     if hold:
         return h
     for _ in range(MOST_MOVES):
@@ -181,7 +182,7 @@ def balance(
         move = -h / state.slope
         state.centre += move
         relay(f, lever, amplitude, state.centre, touching, longrange)
-        h = evaluate(law, p, lever, f, state, touching)
+        h = evaluate(oscillator, f, state, touching)
         learn(state, move, h, before)
     return h
 
@@ -239,14 +240,14 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
 
 @kernel(shared=True)
 def converge(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, state: PassState, hold: bool,
-    limit_phase: float, limit_height: float,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, f: Nodes, state: PassState, hold: bool, limit_phase: float, limit_height: float
+) -> int:
     """Repeat passes until estimated errors are below the limits: FOUND, LOST or COARSE; with `hold`, drive is found.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes in contact contract slowly, so that all but the first are mixed.
     """
+    p, lever = oscillator.p, oscillator.lever
     longrange = p[LONGRANGE] != 0.0
     touching = f.theta[EXIT] > f.theta[ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest, beside = middle_of(f) if touching else OUT, touching and beside_resonance(lever)
@@ -265,9 +266,9 @@ def converge(
         if beside and passes > 0:
             state.centre += mix(f, 0.0 if hold else lift - h / state.slope, passes - 1, past)
             relay(f, lever, state.amplitude, state.centre, touching, longrange)
-            h = evaluate(law, p, lever, f, state, touching)
+            h = evaluate(oscillator, f, state, touching)
         else:
-            h = balance(law, p, lever, f, state, touching, math.nan if hold else lift)
+            h = balance(oscillator, f, state, touching, math.nan if hold else lift)
         state.passes += 1
         nodes = unresolved(lever, f, touching, longrange)
         ratio = after_pass(lever, state, h, f.w[nearest], nodes)

@@ -17,7 +17,7 @@ import numpy as np
 
 from phasemap._kernels.columns import ALPHA0, DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_force, contact_slope, damping
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping
 from phasemap._kernels.lever import mismatch
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.passes import (
@@ -88,8 +88,9 @@ def _respond(f: EvenNodes) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _force(law: Law, p: np.ndarray, lever: np.ndarray, f: EvenNodes, state: PassState) -> float:
+def _force(oscillator: Oscillator, f: EvenNodes, state: PassState) -> float:
     """Fill g at the nodes, and the state from it; returns the mismatch of the drive."""
+    law, p, lever = oscillator
     amplitude, e, omega, inverse_k = state.amplitude, state.centre, lever[OMEGA], 1.0 / lever[STIFFNESS]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     damped = p[DAMPING] != 0.0
@@ -123,8 +124,9 @@ def _unresolved(f: EvenNodes) -> float:
 
 
 @kernel
-def _steady(law: Law, p: np.ndarray, lever: np.ndarray, f: EvenNodes, state: PassState) -> bool:
+def _steady(oscillator: Oscillator, f: EvenNodes, state: PassState) -> bool:
     """Whether period doubling is far: theory, Eq. (stability-6), the whole period in contact."""
+    law, p, lever = oscillator
     omega, alpha0, width = lever[OMEGA], lever[ALPHA0], 2.0 * math.pi / M
     nu2 = (1.0 - alpha0 * alpha0) / (omega * omega)
     x1, y1, x2, y2, decay = 1.0, 0.0, 0.0, 1.0, 4.0 * math.pi * alpha0 / omega
@@ -152,24 +154,25 @@ def _finish(f: EvenNodes, state: PassState) -> float:
 
 
 @kernel
-def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, f: EvenNodes, state: PassState) -> bool:
+def press(oscillator: Oscillator, limits: np.ndarray, f: EvenNodes, state: PassState) -> bool:
     """Exact orbit near the harmonic one of `state` if the tip stays in contact on it; as `converge` and `sound`.
 
     `f` is a scratch array, zero at first, which keeps the lever's table.
     """
+    lever = oscillator.lever
     amplitude = state.amplitude
     _tabulate(lever, f)
     for j in range(M):
         f.w[j], f.u[j] = 0.0, 0.0
-    _force(law, p, lever, f, state)
+    _force(oscillator, f, state)
     first_pass(state)
     for _ in range(MOST_PASSES):
         _respond(f)
-        h = first = _force(law, p, lever, f, state)
+        h = first = _force(oscillator, f, state)
         for _ in range(MOST_MOVES):
             h_before, move = h, -h / state.slope
             state.centre += move
-            h = _force(law, p, lever, f, state)
+            h = _force(oscillator, f, state)
             if abs(h) < ENOUGH * abs(first):
                 break
             if 0.3 < (h - h_before) / move / state.slope < 3.0:
@@ -182,5 +185,5 @@ def press(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, f: Eve
         if ratio >= 0.0 and small and abs(closure(lever, state)) < CLOSED:
             stays = _finish(f, state) - state.centre > (SHALLOWEST - 1.0) * amplitude
             clear = state.slope * (amplitude - state.centre) < -LEAST_SLOPE
-            return stays and clear and _steady(law, p, lever, f, state)
+            return stays and clear and _steady(oscillator, f, state)
     return False

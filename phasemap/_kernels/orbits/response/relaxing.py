@@ -21,7 +21,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, longrange_force
 from phasemap._kernels.orbits.response.nodes import (
     EARLY_S,
     EARLY_W,
@@ -187,9 +187,7 @@ def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: np.ndarray) -> None
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay_relaxing(
-    p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray
-) -> None:  # fmt: skip
+def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> None:
     """Move the nodes to where the contact begins, turns and ends now, and w with them."""
     theta, i, j = f.theta, TOUCH + N - 1, LATE
     before = f.re
@@ -223,10 +221,9 @@ def _added(sums: Sums, f: Nodes, i: int, weight: float, amplitude: float) -> Sum
 
 
 @kernel(fastmath=ANY_ORDER)
-def relaxing_force(
-    law: Law, p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray
-) -> Sums:  # fmt: skip
+def relaxing_force(oscillator: Oscillator, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> Sums:
     """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
+    law, p, lever = oscillator
     inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
     pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k
     for j in range(N):

@@ -10,7 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
@@ -80,19 +80,21 @@ class Bench(NamedTuple):
 
 
 @kernel
-def evaluate_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> float:
+def evaluate_relaxing(oscillator: Oscillator, bench: Bench) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
+    p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     follow(p, lever, f, state.amplitude, state.centre, m)
     look_back(p, lever, f, m)
-    mean, push, drag, work, virial = relaxing_force(law, p, lever, f, state.amplitude, state.centre, m)
+    mean, push, drag, work, virial = relaxing_force(oscillator, f, state.amplitude, state.centre, m)
     state.mean, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
     return mismatch(lever, state.amplitude, push, drag)
 
 
 @kernel
-def start_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
+def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
     """Lay the harmonic orbit with the amplitude and e of the state; False if it is out of this method's range."""
+    law, p, lever = oscillator
     f, m, state = bench
     amplitude, e, time, kappa = state.amplitude, state.centre, lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
     if not DEEPEST < e / amplitude < 1.0:
@@ -116,17 +118,18 @@ def start_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> 
         m[PLACE, N + j] = 1.0 - X[j]
     for _ in range(MOST_LOOKS):
         look_back(p, lever, f, m)
-    evaluate_relaxing(law, p, lever, bench)
+    evaluate_relaxing(oscillator, bench)
     return True
 
 
 @kernel
-def balance_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench, lift: float) -> float:
+def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float:
     """As `passes.balance`."""
+    p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     state.centre += lift
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-    h = evaluate_relaxing(law, p, lever, bench)
+    h = evaluate_relaxing(oscillator, bench)
     for _ in range(MOST_MOVES):
         if abs(h) < ENOUGH * abs(lift * state.slope) and state.push_slope != 0.0:
             break
@@ -134,7 +137,7 @@ def balance_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench, l
         move = -h / state.slope
         state.centre += move
         relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-        h = evaluate_relaxing(law, p, lever, bench)
+        h = evaluate_relaxing(oscillator, bench)
         learn(state, move, h, before)
     return h
 
@@ -156,8 +159,9 @@ def unfollowed(p: np.ndarray, f: Nodes, m: np.ndarray) -> float:
 
 
 @kernel
-def converge_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.ndarray, bench: Bench) -> int:
+def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) -> int:
     """Repeat passes from a harmonic orbit that touches until estimated errors are below the limits: FOUND or LOST."""
+    p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     slow, longrange = 0, p[LONGRANGE] != 0.0
     first_pass(state)
@@ -166,7 +170,7 @@ def converge_relaxing(law: Law, p: np.ndarray, lever: np.ndarray, limits: np.nda
     for passes in range(MOST_PASSES):
         before = f.w[LATE]
         respond(f, lever, state.mean, state.push, state.drag, True, longrange)
-        h = balance_relaxing(law, p, lever, bench, f.w[LATE] - before)
+        h = balance_relaxing(oscillator, bench, f.w[LATE] - before)
         state.passes += 1
         nodes = unresolved(lever, f, True, longrange) + unfollowed(p, f, m)
         ratio = after_pass(lever, state, h, f.w[LATE], nodes)
@@ -221,22 +225,23 @@ def missing(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> f
 
 
 @kernel
-def damped(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
+def damped(oscillator: Oscillator, bench: Bench) -> bool:
     """Whether what disturbs amplitude and phase dies down, by the slow flow of averaging: theory, Eq. (memory-12).
 
     What a tap takes may fall with the amplitude, by more than what air takes rises. Leaves the state as it was, and the
     nodes at a larger amplitude.
     """
+    p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     loss, mean, push, drag, virial = state.loss, state.mean, state.push, state.drag, state.virial
     amplitude, e, step = state.amplitude, state.centre, FARTHER * m[DEPTH, N - 1]
     state.amplitude += step
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-    evaluate_relaxing(law, p, lever, bench)
+    evaluate_relaxing(oscillator, bench)
     respond(f, lever, state.mean, state.push, state.drag, True, p[LONGRANGE] != 0.0)
     state.centre = e - mean + state.mean
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-    evaluate_relaxing(law, p, lever, bench)
+    evaluate_relaxing(oscillator, bench)
     more = (state.loss - loss) / step
     state.amplitude, state.centre = amplitude, e
     state.loss, state.mean, state.push, state.drag, state.virial = loss, mean, push, drag, virial
@@ -244,24 +249,23 @@ def damped(law: Law, p: np.ndarray, lever: np.ndarray, bench: Bench) -> bool:
 
 
 @kernel
-def refine_relaxing(
-    law: Law, p: np.ndarray, lever: np.ndarray, guess: np.ndarray, limits: np.ndarray, bench: Bench
-) -> bool:
+def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, bench: Bench) -> bool:
     """Exact orbit near the averaged one of `guess`, if passes find it within `limits` and it is sound.
 
     One that does not touch has nothing to remember.
     """
+    law, p, lever = oscillator
     f, m, state = bench
     reach, e = reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN]
     clear(state)
     f.cut, state.parts = 1, 2
     state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
     if e >= state.amplitude:
-        if not start(law, p, lever, reach, f, state):
+        if not start(oscillator, reach, f, state):
             return False
-        found = converge(law, p, lever, f, state, False, limits[0], limits[1])
-        return found == FOUND and belongs(lever, guess, state) and sound(law, p, lever, reach, f, state, 0.0, 0.0)
-    if not start_relaxing(law, p, lever, bench) or converge_relaxing(law, p, lever, limits, bench) != FOUND:
+        found = converge(oscillator, f, state, False, limits[0], limits[1])
+        return found == FOUND and belongs(lever, guess, state) and sound(oscillator, reach, f, state, 0.0, 0.0)
+    if not start_relaxing(oscillator, bench) or converge_relaxing(oscillator, limits, bench) != FOUND:
         return False
     dent, recovery = dent_of(p, lever, m)
     if not (taps_once(bench, dent, recovery) and belongs(lever, guess, state)):
@@ -270,4 +274,4 @@ def refine_relaxing(
     i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
     state.apex = apex_between(amplitude, f.theta[i], f.w[i], f.u[i], f.theta[j], f.w[j], f.u[j])[0]
     state.apex = max(state.apex, amplitude * f.cos[i] + f.w[i], amplitude * f.cos[j] + f.w[j])
-    return sound(law, p, lever, reach, f, state, dent, recovery) and damped(law, p, lever, bench)
+    return sound(oscillator, reach, f, state, dent, recovery) and damped(oscillator, bench)

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import BASE, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.kept import FAINT
 from phasemap._kernels.orbits.response.apex import apex_between
@@ -80,14 +80,15 @@ def _apex(f: Nodes, amplitude: float, touching: bool) -> float:
 
 
 @kernel
-def retrace(law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, f: Nodes, state: PassState) -> bool:
+def retrace(oscillator: Oscillator, row: np.ndarray, f: Nodes, state: PassState) -> bool:
     """Fill the nodes with the orbit of a result row of the tip, without necks; False if it is beyond a few passes."""
+    law, p, lever = oscillator
     amplitude, e, longrange = row[col.AMPLITUDE], row[col.TIP_OFFSET] - row[col.MEAN], p[LONGRANGE] != 0.0
     state.amplitude, state.centre = amplitude, amplitude - row[col.INDENTATION]
     for j in range(ALL):
         f.g[j] = 0.0
     reach, depth = reach_of(law, p), row[col.INDENTATION]
-    if not (lever[BASE] < FAINT * amplitude and math.isfinite(e) and start(law, p, lever, reach, f, state)):
+    if not (lever[BASE] < FAINT * amplitude and math.isfinite(e) and start(oscillator, reach, f, state)):
         return False
     near = AS_DEEP * (depth if depth > 0.0 else reach - depth)
     state.centre, touching = e, f.theta[EXIT] > f.theta[ENTRY]
@@ -99,7 +100,7 @@ def retrace(law: Law, p: np.ndarray, lever: np.ndarray, row: np.ndarray, f: Node
         relay(f, lever, amplitude, e, touching, longrange)
         if touching and not f.theta[EXIT] > f.theta[ENTRY]:
             return False
-        evaluate(law, p, lever, f, state, touching)
+        evaluate(oscillator, f, state, touching)
         if not abs(_apex(f, amplitude, touching) - e - depth) < near:
             continue
         if max(abs(state.mean - mean), abs(state.push - push)) < ALIKE * _strength(f):

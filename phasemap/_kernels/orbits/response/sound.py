@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, contact_slope, damping, longrange_slope
+from phasemap._kernels.law import Oscillator, contact_slope, damping, longrange_slope
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -50,10 +48,7 @@ def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) ->
 
 
 @kernel(fastmath=ANY_ORDER)
-def sound(
-    law: Law, p: np.ndarray, lever: np.ndarray, reach: float, f: Nodes, state: PassState, dent: float,
-    recovery: float,
-) -> bool:  # fmt: skip
+def sound(oscillator: Oscillator, reach: float, f: Nodes, state: PassState, dent: float, recovery: float) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
     A `dent` [m] that the contact leaves comes back with the rate `recovery` over the angle.
@@ -63,6 +58,7 @@ def sound(
     determinant, which all damping makes smaller; the trace leaves out that of the contact, which would bring it nearer
     to zero.
     """
+    law, p, lever = oscillator
     amplitude, e = state.amplitude, state.centre
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
     touching, longrange = f.theta[EXIT] > f.theta[ENTRY], p[LONGRANGE] != 0.0

@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.disk_cache import DiskCache
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, Oscillator
 
 LEAST = 0.03  # of a dent that a period must leave if the next one is to see it
 
@@ -43,8 +43,9 @@ def recovery_of(p: Any, lever: np.ndarray) -> float:
 
 
 @kernel
-def lingering(law: Law, p: Any, lever: np.ndarray) -> float:
+def lingering(oscillator: Oscillator) -> float:
     """Share of a dent that a period of the drive leaves; 0 where that is less than 3 %."""
+    law, p, lever = oscillator
     if law.memory == 0 or not remembers(p):
         return 0.0
     share = math.exp(-recovery_of(p, lever) * 2 * math.pi / lever[col.OMEGA])
@@ -62,7 +63,9 @@ def address() -> int:
     def march(f0, f1, f2, f3, f4, f5, f6, p, lever, z0, eta, y, size, acc, sums):  # type: ignore[no-untyped-def]
         row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
         law = Law(f0, f1, f2, f3, f4, f5, f6)
-        return remember_period(law, row, carray(lever, (5,)), z0, eta, carray(y, (size,)), carray(acc, (sums,)))
+        return remember_period(
+            Oscillator(law, row, carray(lever, (5,))), z0, eta, carray(y, (size,)), carray(acc, (sums,))
+        )
 
     code = CFunc(march, (_SIGNATURE.args, _SIGNATURE.return_type), {}, {"error_model": "numpy"})
     code._cache = DiskCache(march)
@@ -106,7 +109,7 @@ def _by_python(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np
     """The same where numba's compiler is off."""
     from phasemap._kernels.orbits.time.remembering import remember_period
 
-    return int(remember_period(law, p, lever, z0, eta, y, acc))
+    return int(remember_period(Oscillator(law, p, lever), z0, eta, y, acc))
 
 
 if numba.config.DISABLE_JIT:

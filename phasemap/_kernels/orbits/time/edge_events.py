@@ -38,8 +38,8 @@ TURNED, BROKEN = 1e-5, 1e-12  # of a step: how far from the turn of the contact;
 
 @kernel
 def to_turn(
-    law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray,
-) -> float:  # fmt: skip
+    law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray
+) -> float:
     """Shorten a step to the turn of the contact, q' = 0, and return its size.
 
     At first q' is the quadratic with its values at both ends and its mean; then by secants between two sides.
@@ -73,8 +73,8 @@ def to_turn(
 
 @kernel
 def to_edge(
-    law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray,
-) -> float:  # fmt: skip
+    law: Law, p: Any, c: Numbers, m: np.ndarray, mode: float, start: Numbers, u: np.ndarray, h: float, end: np.ndarray
+) -> float:
     """Shorten a step to the first touch, d at the dent's, the last, q = 0, or a turn of before, and return its size.
 
     Newton's method in brackets begins where the cubic through both ends has its root.

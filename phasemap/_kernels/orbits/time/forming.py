@@ -11,27 +11,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.period_map import Tolerance, linearise, pass_from, way_to_rest
 from phasemap._kernels.orbits.time.tip import AMPLITUDE, FORMED, MARCHED, NOW, Z0, Tip, V, Z, amplitude_of, carry
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    pass
 
 ENOUGH = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
 FRESH, ASTRAY = 0.05, 0.3  # of the amplitude, ways for which derivatives serve; and a step that leads elsewhere
 
 
 @kernel
-def form_dents(
-    law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, most: int, tip: Tip
-) -> bool:
+def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most: int, tip: Tip) -> bool:
     """Let time pass at the amplitude `target` until dents are at rest; False if that may take more than `most` periods.
 
     The tip goes on ahead as the map of one period says, whose derivatives are taken anew now and then.
     """
+    lever = oscillator.lever
     eta, y_limit, z0_limit = tolerance
-    u, linear, y, share = tip.u, tip.linear, np.empty(len(tip.u)), lingering(law, p, lever)
+    u, linear, y, share = tip.u, tip.linear, np.empty(len(tip.u)), lingering(oscillator)
     if share == 0 or ENOUGH > -math.log(share) * most:
         return False
     tip.periods[FORMED] = 1
@@ -39,7 +39,7 @@ def form_dents(
     z = v = move = 0.0
     while tip.periods[MARCHED] < most:
         if way > FRESH * target:
-            if not linearise(law, p, lever, eta, tip):
+            if not linearise(oscillator, eta, tip):
                 return False
             z, v, move = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, True)
             way = 0.0
@@ -48,7 +48,7 @@ def form_dents(
             return False
         way += step
         u[Z], u[V], u[Z0] = u[Z] + z, u[V] + v, u[Z0] + move
-        if not pass_from(law, p, lever, eta, tip, u[Z], u[V], u[Z0], y):
+        if not pass_from(oscillator, eta, tip, u[Z], u[V], u[Z0], y):
             return False
         carry(y, u)
         z, v, move = way_to_rest(linear, y[Z] - u[Z], y[V] - u[V], amplitude_of(lever, tip.acc) - target, True)

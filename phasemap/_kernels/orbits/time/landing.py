@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import COS, GIVEN, MEAN, SIN
 
@@ -19,7 +19,7 @@ IN_A_ROW = 3  # periods so close
 
 @kernel
 def land_on(
-    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most: int
+    oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most: int
 ) -> tuple[int, int]:
     """Which of the orbits a tip settles on; -1 if none within `most` periods. Also the periods that it took.
 
@@ -35,7 +35,7 @@ def land_on(
     acc = np.zeros(GIVEN)
     streak, last = 0, -1
     for period in range(most):
-        if march_period(law, p, lever, z0, ETA, y, acc) < 0:
+        if march_period(oscillator, z0, ETA, y, acc) < 0:
             return -1, period
         near, best = -1, math.inf
         for i in range(len(targets)):
@@ -50,18 +50,17 @@ def land_on(
 
 
 @kernel
-def land_free(
-    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, y: np.ndarray, close: float, most: int, row: np.ndarray
-) -> bool:
+def land_free(oscillator: Oscillator, z0: float, y: np.ndarray, close: float, most: int, row: np.ndarray) -> bool:
     """Fill a result row with the motion on which a tip settles that is let go in state y; False if it does not.
 
     It has settled when the lock-in's outputs change by less than `close` [m] from one ring-down time to the next.
     """
+    lever = oscillator.lever
     acc = np.zeros(GIVEN)
     ring, streak = int(1.0 / (2.0 * math.pi * lever[col.ALPHA0])) + 1, 0
     cosine, sine = math.inf, math.inf
     for period in range(most):
-        if march_period(law, p, lever, z0, ETA, y, acc) < 0:
+        if march_period(oscillator, z0, ETA, y, acc) < 0:
             return False
         if period % ring != ring - 1:
             continue

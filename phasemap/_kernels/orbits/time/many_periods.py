@@ -15,11 +15,11 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import MARCHED, Z0, Tip, V, Z
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 FEWEST = 6  # periods in a step: fewer are marched one by one
@@ -29,47 +29,44 @@ BY_Z, BY_V, NEXT, FLOW = 0, 1, 2, 3
 
 
 @kernel
-def _change(
-    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray
-) -> Numbers:
+def _change(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray) -> Numbers:
     """Change of (z, z') in a period from there at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = z, v, z0
     tip.periods[MARCHED] += 1
-    if march_period(law, p, lever, z0, eta, y, tip.acc) < 0:
+    if march_period(oscillator, z0, eta, y, tip.acc) < 0:
         return math.nan, math.nan
     return y[Z] - z, y[V] - v
 
 
 @kernel
-def begin_flow(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, pace: float, tip: Tip, flow: np.ndarray) -> bool:
+def begin_flow(oscillator: Oscillator, eta: float, pace: float, tip: Tip, flow: np.ndarray) -> bool:
     """March the period to come, in which z0 falls by `pace` [m], which `flow` then knows."""
     u = tip.u
-    flow[BY_Z], flow[BY_V] = _change(law, p, lever, eta, tip, u[Z], u[V], u[Z0] - pace, np.empty(len(u)))
+    flow[BY_Z], flow[BY_V] = _change(oscillator, eta, tip, u[Z], u[V], u[Z0] - pace, np.empty(len(u)))
     flow[NEXT] = FEWEST
     return math.isfinite(flow[BY_Z] + flow[BY_V])
 
 
 @kernel
-def pass_many(
-    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, pace: float, allowed: float, tip: Tip, flow: np.ndarray
-) -> int:
+def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, tip: Tip, flow: np.ndarray) -> int:
     """Carry a tip, which falls by `pace` [m] a period, over as many periods as an error `allowed` [m] lets it.
 
     Returns how many; 0 if the march fails. tip.acc is what the period to come gives.
 
     The formulae for an integral are those of Bogacki and Shampine (orders 3 and 2), with weights for a sum.
     """
+    lever = oscillator.lever
     u, y, omega, n = tip.u, np.empty(len(tip.u)), lever[col.OMEGA], int(flow[NEXT])
     z, v, z0, k1z, k1v = u[Z], u[V], u[Z0] - pace, flow[BY_Z], flow[BY_V]
     while n >= FEWEST:
         x = 1.0 / n
         b2, b3 = (1.0 - x) * (1.0 + 4.0 * x) / 3.0, 4.0 / 9.0 * (1.0 - x) * (1.0 - 2.0 * x)
         b1, half, more = 1.0 - b2 - b3, 0.5 * n, 0.75 * n
-        k2z, k2v = _change(law, p, lever, eta, tip, z + half * k1z, v + half * k1v, z0 - half * pace, y)
-        k3z, k3v = _change(law, p, lever, eta, tip, z + more * k2z, v + more * k2v, z0 - more * pace, y)
+        k2z, k2v = _change(oscillator, eta, tip, z + half * k1z, v + half * k1v, z0 - half * pace, y)
+        k3z, k3v = _change(oscillator, eta, tip, z + more * k2z, v + more * k2v, z0 - more * pace, y)
         end_z, end_v = z + n * (b1 * k1z + b2 * k2z + b3 * k3z), v + n * (b1 * k1v + b2 * k2v + b3 * k3v)
-        k4z, k4v = _change(law, p, lever, eta, tip, end_z, end_v, z0 - n * pace, y)
+        k4z, k4v = _change(oscillator, eta, tip, end_z, end_v, z0 - n * pace, y)
         off_z = -5 / 72 * k1z + 1 / 12 * k2z + 1 / 9 * k3z - 1 / 8 * k4z
         off_v = -5 / 72 * k1v + 1 / 12 * k2v + 1 / 9 * k3v - 1 / 8 * k4v
         error = n * math.hypot(off_z, off_v / omega) / allowed
@@ -82,6 +79,6 @@ def pass_many(
             return n
         n = int(share * n)
     u[Z], u[V], u[Z0] = z + k1z, v + k1v, z0
-    flow[BY_Z], flow[BY_V] = _change(law, p, lever, eta, tip, u[Z], u[V], z0 - pace, y)
+    flow[BY_Z], flow[BY_V] = _change(oscillator, eta, tip, u[Z], u[V], z0 - pace, y)
     flow[NEXT] = n + 1.0
     return 1 if math.isfinite(flow[BY_Z] + flow[BY_V]) else 0

@@ -26,7 +26,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
 from phasemap._kernels.orbits.time.elements import BEGIN, INNER, MODE, OUTER
@@ -182,24 +182,21 @@ def _to_instant(
 
 
 @kernel
-def march_period(
-    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
-) -> int:
+def march_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
     """March for a period of the drive, as the surface is: see `march_elastic`.
 
     Where the law may remember, `y` goes on with what `elements` names, the drive phase at which the period begins too.
     """
+    law, p, lever = oscillator
     if law.memory != 0:
         if remembers(p):
             return by_memory(law, p, lever, z0, eta, y, acc)
         y[MODE] = y[INNER] = y[OUTER] = 0.0  # over another material
-    return march_elastic(law, p, lever, z0, eta, y, acc)
+    return march_elastic(oscillator, z0, eta, y, acc)
 
 
 @kernel(shared=True)
-def march_elastic(
-    law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray
-) -> int:
+def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
     """March for a period of the drive over a surface without memory, from drive phase 0 on or as y says.
 
     Parameters
@@ -220,6 +217,7 @@ def march_elastic(
         Steps taken, or minus a status.
     """
     # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
+    law, p, lever = oscillator
     row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
     omega, compliance = lever[col.OMEGA], 1 / lever[col.STIFFNESS]
     edge_force = edge_slope = 0.0

@@ -13,13 +13,14 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, skip
 from phasemap._kernels.orbits.time.tip import MARCHED, MEAN, PATTERN, Z0, Tip, V, Z
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    pass
 
 LONGEST = 32  # periods after which a motion may repeat itself
 LOOKED_AT = 3 * LONGEST  # periods that are compared with one another
@@ -32,39 +33,42 @@ SAME = 1e-3  # of the free amplitude, below which a fraction of n may do
 
 
 @kernel
-def apart(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, count: int, tip: Tip) -> float:
+def apart(oscillator: Oscillator, eta: float, count: int, tip: Tip) -> float:
     """How far [m] the tip, which stays where it is, would be after so many periods."""
+    lever = oscillator.lever
     y = tip.u.copy()
     tip.periods[MARCHED] += count
     for _ in range(count):
-        if march_period(law, p, lever, tip.u[Z0], eta, y, tip.acc) < 0:
+        if march_period(oscillator, tip.u[Z0], eta, y, tip.acc) < 0:
             return math.inf
     return math.hypot(y[Z] - tip.u[Z], (y[V] - tip.u[V]) / lever[col.OMEGA])
 
 
 @kernel
-def shorten(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+def shorten(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
     """Put a tip that is at rest on a pattern to rest on the shortest one that it repeats; as `skip`."""
+    lever = oscillator.lever
     count = tip.periods[PATTERN]
     for n in range(1, count):
-        if count % n == 0 and apart(law, p, lever, tolerance.eta, n, tip) < SAME * free_amplitude(lever):
+        if count % n == 0 and apart(oscillator, tolerance.eta, n, tip) < SAME * free_amplitude(lever):
             tip.periods[PATTERN] = n
-            if skip(law, p, lever, tolerance, target, tip):
+            if skip(oscillator, tolerance, target, tip):
                 return True
     tip.periods[PATTERN] = count
-    return skip(law, p, lever, tolerance, target, tip)
+    return skip(oscillator, tolerance, target, tip)
 
 
 @kernel
-def find_pattern(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+def find_pattern(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
     """Let some periods pass, and skip the transient to the pattern to which the motion decays, if it does; as `skip`.
 
     Of the n for which all states n periods apart are nearest to each other the least counts.
     """
+    lever = oscillator.lever
     u, way, size = tip.u, np.empty((LOOKED_AT, 2)), free_amplitude(lever)
     for i in range(LOOKED_AT):
         way[i, Z], way[i, V] = u[Z], u[V] / lever[col.OMEGA]
-        if not pass_period(law, p, lever, tolerance.eta, tip):
+        if not pass_period(oscillator, tolerance.eta, tip):
             return False
         size = max(size, math.hypot(way[i, Z] - tip.acc[MEAN], way[i, V]))
     most, least, tried = np.zeros(LONGEST + 1), math.inf, 0
@@ -77,7 +81,7 @@ def find_pattern(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Toleranc
         if near and tried < TRIED:
             tried += 1 if n > 1 else 0
             tip.periods[PATTERN] = n
-            if skip(law, p, lever, tolerance, target, tip):
-                return shorten(law, p, lever, tolerance, target, tip)
+            if skip(oscillator, tolerance, target, tip):
+                return shorten(oscillator, tolerance, target, tip)
     tip.periods[PATTERN] = 1
     return False

@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_force
+from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.elements import OUTER
 from phasemap._kernels.orbits.time.march import march_period
@@ -45,7 +45,6 @@ from phasemap._kernels.orbits.time.tip import (
 )
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 PATIENCE = 40.0  # ring-down times in which a motion has to settle, if it does
@@ -66,23 +65,23 @@ class Tolerance(NamedTuple):
 
 
 @kernel
-def pass_period(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
+def pass_period(oscillator: Oscillator, eta: float, tip: Tip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods[MARCHED] += 1
-    return march_period(law, p, lever, tip.u[Z0], eta, tip.u, tip.acc) >= 0
+    return march_period(oscillator, tip.u[Z0], eta, tip.u, tip.acc) >= 0
 
 
 @kernel
-def pass_pattern(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: float, tip: Tip, y: np.ndarray) -> bool:
+def pass_pattern(oscillator: Oscillator, z0: float, eta: float, tip: Tip, y: np.ndarray) -> bool:
     """March y, over the periods after which the motion is taken to repeat itself; tip.acc is their mean."""
     acc, count = tip.acc, tip.periods[PATTERN]
     tip.periods[MARCHED] += count
-    done = march_period(law, p, lever, z0, eta, y, acc) >= 0
+    done = march_period(oscillator, z0, eta, y, acc) >= 0
     if count == 1 or not done:
         return done
     total = acc.copy()
     for _ in range(count - 1):
-        if march_period(law, p, lever, z0, eta, y, acc) < 0:
+        if march_period(oscillator, z0, eta, y, acc) < 0:
             return False
         for j in range(len(total)):
             total[j] = max(total[j], acc[j]) if j == DEEPEST else total[j] + acc[j]
@@ -92,9 +91,7 @@ def pass_pattern(law: Law, p: np.ndarray, lever: np.ndarray, z0: float, eta: flo
 
 
 @kernel
-def pass_from(
-    law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray
-) -> bool:
+def pass_from(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray) -> bool:
     """March a period from (z, v) at z0 in y, and say whether it ends, as it began, in contact or out of it.
 
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
@@ -102,12 +99,12 @@ def pass_from(
     """
     u = tip.u
     carry(u, y)
-    lasts = lingering(law, p, lever) > 0
+    lasts = lingering(oscillator) > 0
     for again in range(2):
         if again and not (lasts and y[OUTER] > 0):
             break
         y[Z], y[V], y[TOUCHES] = z, v, u[TOUCHES]
-        if not pass_pattern(law, p, lever, z0, eta, tip, y) or y[TOUCHES] != u[TOUCHES]:
+        if not pass_pattern(oscillator, z0, eta, tip, y) or y[TOUCHES] != u[TOUCHES]:
             return False
     return True
 
@@ -120,15 +117,16 @@ def apart(lever: np.ndarray, tip: Tip) -> float:
 
 
 @kernel
-def linearise(law: Law, p: np.ndarray, lever: np.ndarray, eta: float, tip: Tip) -> bool:
+def linearise(oscillator: Oscillator, eta: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
+    lever = oscillator.lever
     u, acc, linear = tip.u, tip.acc, tip.linear
     size = apart(lever, tip)
     y = np.empty(len(u))
     for by in range(4):
         z = u[Z] + (size if by == BY_Z else 0.0)
         v = u[V] + (size if by == BY_V else 0.0)
-        if not pass_from(law, p, lever, eta, tip, z, v, u[Z0] + (size if by == BY_Z0 else 0.0), y):
+        if not pass_from(oscillator, eta, tip, z, v, u[Z0] + (size if by == BY_Z0 else 0.0), y):
             return False
         linear[by, Z], linear[by, V], linear[by, AMPLITUDE] = y[Z] - z, y[V] - v, amplitude_of(lever, acc)
         if by != NOW:
@@ -173,22 +171,22 @@ def way_to_rest(linear: np.ndarray, r0: float, r1: float, error: float, hold: bo
 
 @kernel
 def _creep(
-    law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip, ahead: Numbers,
-    y: np.ndarray,
-) -> float:  # fmt: skip
+    oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip, ahead: Numbers, y: np.ndarray
+) -> float:
     """Go on `ahead` by the same derivatives: twice, or until dents that last are at rest (theory, Eq. (memory-10)).
 
     Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
     is that over the share of them that a pass of two periods takes.
     """
+    lever = oscillator.lever
     eta, y_limit, z0_limit = tolerance
-    u, share, (z, v, move) = tip.u, lingering(law, p, lever), ahead
+    u, share, (z, v, move) = tip.u, lingering(oscillator), ahead
     most = 2 + int(min(-0.5 * math.log(CREPT) / -math.log(share), LONGEST)) if share > 0 else 2
     farthest = max(ASTRAY * (math.hypot(u[Z], u[V]) + lever[col.BASE]), GROWS * max(math.hypot(z, v), abs(move)))
     left = math.inf
     for i in range(most):
         u[Z], u[V], u[Z0] = u[Z] + z, u[V] + v, u[Z0] + move
-        if not pass_from(law, p, lever, eta, tip, u[Z], u[V], u[Z0], y):
+        if not pass_from(oscillator, eta, tip, u[Z], u[V], u[Z0], y):
             return math.inf
         carry(y, u)
         error = amplitude_of(lever, tip.acc) - target
@@ -202,7 +200,7 @@ def _creep(
 
 
 @kernel(shared=True)
-def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
 
     The decay is measured, not assumed: neighbours must approach (Floquet multipliers inside the unit circle and, where
@@ -211,12 +209,13 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
 
     Returns whether the tip is at rest.
     """
+    lever = oscillator.lever
     eta, y_limit, z0_limit = tolerance
     hold = target > 0.0
     u, acc, linear = tip.u, tip.acc, tip.linear
     trial, y = np.empty(4), np.empty(len(u))
     for _ in range(20):
-        if not linearise(law, p, lever, eta, tip):
+        if not linearise(oscillator, eta, tip):
             return False
         if not multiplier_of(linear) < 1 or (hold and not slope_of(linear) > 0):
             return False
@@ -226,7 +225,7 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
         moved, left = False, way
         while way > 1 or not moved:
             trial[Z], trial[V], trial[TOUCHES], trial[Z0] = u[Z] + z, u[V] + v, u[TOUCHES], u[Z0] + move
-            if not pass_from(law, p, lever, eta, tip, trial[Z], trial[V], trial[Z0], y):
+            if not pass_from(oscillator, eta, tip, trial[Z], trial[V], trial[Z0], y):
                 return False
             error = amplitude_of(lever, acc) - target
             z, v, move = way_to_rest(linear, y[Z] - trial[Z], y[V] - trial[V], error, hold)
@@ -238,16 +237,16 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
             carry(y, u)
             way, moved = left, True
         if moved and way <= 1 and near:  # so near that the derivatives are those at the end
-            left = _creep(law, p, lever, tolerance, target, tip, (z, v, move), y)
-            return left <= 1 or (lingering(law, p, lever) == 0 and left < math.inf)
+            left = _creep(oscillator, tolerance, target, tip, (z, v, move), y)
+            return left <= 1 or (lingering(oscillator) == 0 and left < math.inf)
         if moved:
             continue
         # Where dents last, what is left of the way may be theirs.
-        if not (left <= way and lingering(law, p, lever) > 0):
+        if not (left <= way and lingering(oscillator) > 0):
             return False
         before = u.copy()
         ahead = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, hold)
-        left = _creep(law, p, lever, tolerance, target, tip, ahead, y)
+        left = _creep(oscillator, tolerance, target, tip, ahead, y)
         if not (left <= 1 or left <= 0.25 * way):
             copy(before, u)
             return False
@@ -255,28 +254,28 @@ def skip(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, targe
 
 
 @kernel
-def rest(law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, most: int, tip: Tip) -> bool:
+def rest(oscillator: Oscillator, tolerance: Tolerance, most: int, tip: Tip) -> bool:
     """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
+    lever = oscillator.lever
     end = tip.periods[MARCHED] + most
     wait = max(3, int(0.5 * ringing(lever)))  # half the lever's decay time
     while tip.periods[MARCHED] < end:
-        if skip(law, p, lever, tolerance, 0.0, tip):
+        if skip(oscillator, tolerance, 0.0, tip):
             return True
         if not multiplier_of(tip.linear) < 1:
             # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
             tip.u[Z] *= 1 + 1e-6
             tip.u[V] *= 1 + 1e-6
         for _ in range(min(wait, end - tip.periods[MARCHED])):
-            if not pass_period(law, p, lever, tolerance.eta, tip):
+            if not pass_period(oscillator, tolerance.eta, tip):
                 return False
     return False
 
 
 @kernel
 def hold_periodic(
-    law: Law, p: np.ndarray, lever: np.ndarray, tolerance: Tolerance, amplitude: float, most: int, tip: Tip,
-    row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, tolerance: Tolerance, amplitude: float, most: int, tip: Tip, row: np.ndarray
+) -> int:
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
     Steps of the tip offset get longer as long as the amplitude goes with it as predicted: a tip that sticks is freed.
@@ -284,14 +283,15 @@ def hold_periodic(
     Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
+    law, p, lever = oscillator
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
     farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = STRIDE * amplitude, max(STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
     jumps, before = 0, np.empty(4)
     patience = int(PATIENCE * ring_down(lever))
-    while not skip(law, p, lever, tolerance, amplitude, tip):
-        if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
+    while not skip(oscillator, tolerance, amplitude, tip):
+        if not rest(oscillator, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
             return col.NOT_SETTLED
         error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
@@ -313,7 +313,7 @@ def hold_periodic(
             tip.u[Z], tip.u[V] = tip.u[Z] - z * move, tip.u[V] - v * move
         tip.u[Z0] -= move
         if abs(move) > STRIDE * amplitude:
-            if not rest(law, p, lever, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
+            if not rest(oscillator, tolerance, min(patience, most - tip.periods[MARCHED]), tip):
                 return col.NOT_SETTLED
             if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > EXPECTED * amplitude:
                 for j in range(4):

@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.orbits.time.edge import (
@@ -146,8 +146,9 @@ def give(lever: np.ndarray, sums: np.ndarray, highest: float, acc: np.ndarray) -
 
 
 @kernel
-def remember_period(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
+def remember_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
     """As `march.march_period`, over a surface that remembers; y has what `elements` names from entry 4 on."""
+    law, p, lever = oscillator
     omega, compliance, alpha0, base = lever[col.OMEGA], 1 / lever[col.STIFFNESS], lever[col.ALPHA0], lever[col.BASE]
     edge_force = edge_slope = 0.0
     if p[col.LONGRANGE] != 0.0:
