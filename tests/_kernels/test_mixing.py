@@ -3,7 +3,7 @@
 import numpy as np
 
 from phasemap._kernels.orbits.response.mixing import DEPTH, keep, mix, new_past
-from phasemap._kernels.orbits.response.nodes import ALL, FIELDS, TOUCH, N
+from phasemap._kernels.orbits.response.nodes import ALL, TOUCH, N, Nodes
 
 
 def test_mixed_passes_end_where_errors_have_no_more_shapes_than_are_kept_though_plain_ones_diverge() -> None:
@@ -12,15 +12,15 @@ def test_mixed_passes_end_where_errors_have_no_more_shapes_than_are_kept_though_
     # shapes: 1e-6 of the error at first is allowed. Without mixing it would be some 20 times as large after six passes.
     rng = np.random.default_rng(3)
     shapes, factors = np.linalg.qr(rng.normal(size=(ALL + 1, DEPTH)))[0], np.array([-1.7, -0.9, 0.5, 1.4])
-    end, f = rng.normal(size=ALL + 1), np.zeros((FIELDS, ALL))
+    end, f = rng.normal(size=ALL + 1), Nodes()
     at = end + shapes @ rng.normal(size=DEPTH)
     off = np.linalg.norm((at - end)[:-1][TOUCH : TOUCH + N] - (at - end)[-1])
     past = new_past(f, True)
     for passes in range(DEPTH + 2):
-        f.w = at[:-1]
+        f.w[:ALL] = at[:-1]
         keep(f, past)
         after = end + shapes @ (factors * (shapes.T @ (at - end)))
-        f.w = after[:-1]
-        at = np.append(f.w, at[-1] + mix(f, after[-1] - at[-1], passes, past))
-        at[:-1] = f.w
+        f.w[:ALL] = after[:-1]
+        at = np.append(f.w[:ALL], at[-1] + mix(f, after[-1] - at[-1], passes, past))
+        at[:-1] = f.w[:ALL]
     assert np.linalg.norm((at - end)[:-1][TOUCH : TOUCH + N] - (at - end)[-1]) < 1e-6 * off

@@ -1,0 +1,69 @@
+"""Records: named numbers that kernels pass down by address, from Python or from their own stack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.records import MOST_BYTES, assign, clear, column, record
+
+
+@record
+class Pair:
+    """Two numbers."""
+
+    length: float
+    count: int
+
+
+@record
+class Whole:
+    """A record in a record, and a column."""
+
+    one: Pair
+    other: Pair
+    row: np.ndarray = column(4)
+
+
+@kernel
+def fill(whole: Whole, value: float) -> float:
+    """Fill all fields; returns a number of the column."""
+    whole.one.length, whole.one.count = value, 3
+    for j in range(len(whole.row)):
+        whole.row[j] = value * j
+    assign(whole.other, whole.one)
+    whole.other.length += 1.0
+    tail = whole.row[2:]
+    tail[1] += 0.5
+    return float(tail[1])
+
+
+@kernel
+def on_the_stack(value: float) -> tuple[float, float, float, int, float]:
+    """Make a record, have it filled, and clear a part of it."""
+    whole = Whole()
+    empty = whole.one.length + whole.row[3]
+    found = fill(whole, value)
+    clear(whole.one)
+    return empty, found, whole.one.length + whole.other.length, whole.other.count, whole.row[3]
+
+
+def test_a_record_on_the_stack_is_empty_at_first_and_changed_by_what_it_is_passed_to() -> None:
+    assert on_the_stack(2.0) == (0.0, 6.5, 3.0, 3, 6.5)
+    assert on_the_stack(4.0) == (0.0, 12.5, 5.0, 3, 12.5)
+
+
+def test_a_record_that_python_makes_is_changed_in_place() -> None:
+    whole = Whole()
+    assert fill(whole, 2.0) == 6.5
+    assert (whole.one.length, whole.other.length, whole.other.count) == (2.0, 3.0, 3)
+    np.testing.assert_array_equal(whole.row, [0.0, 2.0, 4.0, 6.5])
+
+
+def test_a_record_that_is_too_large_for_a_stack_is_refused() -> None:
+    with pytest.raises(TypeError, match="more than a stack"):
+
+        @record
+        class Large:
+            row: np.ndarray = column(MOST_BYTES)
