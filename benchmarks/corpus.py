@@ -187,7 +187,8 @@ def law_tasks() -> Iterator[Task]:
     yield plain | {"maps": relaxing | {"relaxation_time": np.full(40, 1e-7)}}
     for scope, frequency in ((AIR, None), (AIR, 299e3), (LIQUID, None)):
         drive = scope["drive"] | {"excitation": "base", "frequency": frequency}
-        yield plain | {"scope": scope | {"drive": drive}, "maps": maps if scope is AIR else maps | {"adhesion": np.full(40, 1e-3)}}
+        adhesion = maps["adhesion"] if scope is AIR else np.full(40, 1e-3)
+        yield plain | {"scope": scope | {"drive": drive}, "maps": maps | {"adhesion": adhesion}}
     variables = ["mode2_phase", "mode2_frequency_shift"]
     yield plain | {"scope": AIR | {"drive": AIR["drive"] | {"second": SECOND}}, "variables": variables[1:]}
     for solver in ("averaging", "march"):
