@@ -14,7 +14,6 @@ MOST_ARGUMENTS, MOST_LINES = 9, 400
 TABLEAU = "one term for each stage of the method of order 8"
 MEMORY = "the whole state of a surface that remembers goes from stage to stage in registers"
 MANY_ARGUMENTS = {
-    "_kernels/orbits/collocation/newton.py newton": "the equation (law, p, lever, tables), two orbits, what is held",
     "_kernels/orbits/time/by_memory.py march": "called by its address, with numbers and arrays only",
     "_kernels/orbits/time/edge.py slopes": MEMORY,
     "_kernels/orbits/time/edge_events.py to_instant": MEMORY,
