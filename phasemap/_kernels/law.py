@@ -27,7 +27,7 @@ from phasemap._kernels.frozen import frozen
 
 Formula = Callable[[float, Any], float]
 
-_SIGNATURE = types.float64(types.float64, types.CPointer(types.float64))
+_FORMULA_SIGNATURE = types.float64(types.float64, types.CPointer(types.float64))
 _COMPILED: dict[Any, CFunc] = {}  # by digest
 
 
@@ -84,7 +84,8 @@ def _address(formula: Formula) -> int:
         copy = frozen(formula)
         code = _COMPILED.get(copy.digest)
         if code is None:
-            code = CFunc(copy.function, (_SIGNATURE.args, _SIGNATURE.return_type), {}, {"error_model": "numpy"})
+            signature = _FORMULA_SIGNATURE.args, _FORMULA_SIGNATURE.return_type
+            code = CFunc(copy.function, signature, {}, {"error_model": "numpy"})
             if copy.lasts:
                 code._cache = DiskCache(formula, digest=copy.digest)
             code.compile()

@@ -12,7 +12,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
-MUCH = 0.4  # of the amplitude, by which adhesion bends a lever, or P
+MUCH_BENT = 0.4  # of the amplitude, by which adhesion bends a lever, or P
 
 
 @kernel(light=True)
@@ -46,7 +46,7 @@ def scale_of(oscillator: Oscillator, free: float) -> float:
 
 
 @kernel(light=True)
-def needed(lever: np.ndarray, amplitude: float, push: float, drag: float) -> tuple[float, float]:
+def drive_needed(lever: np.ndarray, amplitude: float, push: float, drag: float) -> tuple[float, float]:
     """Drive [m] that a motion of this amplitude needs against P and S: its part in phase, and that ahead of it."""
     omega = lever[OMEGA]
     return push + amplitude * (1.0 - omega * omega), 2.0 * lever[ALPHA0] * omega * amplitude - drag
@@ -55,14 +55,14 @@ def needed(lever: np.ndarray, amplitude: float, push: float, drag: float) -> tup
 @kernel
 def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
     """Drive needed over drive given, squared, less one: zero on an orbit. See theory, Eq. (averaging-4)."""
-    x, y = needed(lever, amplitude, push, drag)
+    x, y = drive_needed(lever, amplitude, push, drag)
     return (x * x + y * y) / (lever[BASE] * lever[BASE]) - 1.0
 
 
 @kernel(light=True)
 def phase_of(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
     """Phase [rad] of an orbit with this amplitude, P and S: theory, Eq. (averaging-5)."""
-    x, y = needed(lever, amplitude, push, drag)
+    x, y = drive_needed(lever, amplitude, push, drag)
     return math.atan2(x, y)
 
 
@@ -75,7 +75,7 @@ def reach_of(law: Law, p: np.ndarray) -> float:
 
 
 @kernel
-def pulled(oscillator: Oscillator) -> float:
+def bend_by_adhesion(oscillator: Oscillator) -> float:
     """How far [m] adhesion at first contact bends the lever."""
     law, p, lever = oscillator
     return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
@@ -88,21 +88,21 @@ def low_q(lever: np.ndarray) -> bool:
 
 
 @kernel
-def sticky(oscillator: Oscillator, amplitude: float) -> bool:
+def is_sticky(oscillator: Oscillator, amplitude: float) -> bool:
     """Whether adhesion bends a lever of low Q by much of its amplitude."""
     lever = oscillator.lever
-    return bool(low_q(lever) and pulled(oscillator) > MUCH * amplitude)
+    return bool(low_q(lever) and bend_by_adhesion(oscillator) > MUCH_BENT * amplitude)
 
 
 @kernel
-def thrown(oscillator: Oscillator, amplitude: float, push: float) -> bool:
+def is_thrown_back(oscillator: Oscillator, amplitude: float, push: float) -> bool:
     """Whether a contact with this P throws a lever of low Q back, whose orbit is then far from harmonic."""
     lever = oscillator.lever
-    return bool(push > 0.0 and (sticky(oscillator, amplitude) or (low_q(lever) and push > MUCH * amplitude)))
+    return bool(push > 0.0 and (is_sticky(oscillator, amplitude) or (low_q(lever) and push > MUCH_BENT * amplitude)))
 
 
 @kernel
-def lowest(oscillator: Oscillator) -> float:
+def lowest_tip_offset(oscillator: Oscillator) -> float:
     """Tip offset [m] below which the lever is pressed in farther than any instrument would."""
     lever = oscillator.lever
-    return -(30.0 * free_amplitude(lever) + 20.0 * pulled(oscillator) + 1e-7)
+    return -(30.0 * free_amplitude(lever) + 20.0 * bend_by_adhesion(oscillator) + 1e-7)

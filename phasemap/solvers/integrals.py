@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.orbits.kept import COUNT, KEEPING
+from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
 from phasemap._kernels.wide import WIDE
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
@@ -90,7 +90,7 @@ def widened(
     kept = NONE
     if rows.shape[-1] == KEEPING:
         # What was solved in another way since is not at these nodes.
-        rows[used != col.CORRECTED, COUNT] = np.nan
+        rows[used != col.CORRECTED, KEPT_COUNT] = np.nan
         kept, rows = rows, rows[:, : col.COLUMNS]
     if not set(OF_ADHESION).isdisjoint(names):
         rows = with_adhesion(rows, work, used, bare(), virial="adhesion_virial" in names, kept=kept)

@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.leap import FARTHEST, lands, strong
+from phasemap._kernels.engagement.leap import FARTHEST_FOLD, lands, strong
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     DETUNED,
@@ -24,7 +24,6 @@ from phasemap._kernels.engagement.resonance import (
     STEEPEST,
     UNCLEAR,
     Maximum,
-    approach,
     at_crossing,
     at_gap,
     leaps,
@@ -32,28 +31,32 @@ from phasemap._kernels.engagement.resonance import (
     narrowest,
     near_resonance,
     on_side,
+    side_reached_from_far,
     strongest,
 )
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, lowest, mismatch, reach_of, scale_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, crossing, far_start, slope_of
+from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, mismatch, reach_of, scale_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, crossing, far_start, mismatch_slope
 
-LARGEST_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
-SMALLEST_STEP = 1e-6
+LARGEST_CURVE_STEP = 0.6  # in (zeta, WEIGHT ln A), with b = epsilon sinh(zeta)
+SMALLEST_CURVE_STEP = 1e-6
 TINY = 1e-6
-WEIGHT = 4.0
-MOST_STEPS = 400
+AMPLITUDE_WEIGHT = 4.0
+MOST_CURVE_STEPS = 400
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
 MARGIN = 0.06  # a fold within this fraction of the setpoint makes the averaged decision doubtful
-SURE, DOUBTFUL, OPEN, LEAP = 0, 1, 2, 3
+SURE = 0  # what averaging says of the branch
+DOUBTFUL = 1
+UNDECIDED = 2
+LEAP = 3
 
 
 @kernel
 def log_mismatch(oscillator: Oscillator, reach: float, epsilon: float, zeta: float, eta: float) -> float:
     """Logarithm of drive needed over drive given, squared, in the coordinates in which the curve is followed."""
     lever = oscillator.lever
-    amplitude = math.exp(eta / WEIGHT)
+    amplitude = math.exp(eta / AMPLITUDE_WEIGHT)
     c = 1.0 + epsilon * math.sinh(zeta) / amplitude
     push, drag, _ = harmonics(oscillator, reach, amplitude, c)
     return math.log(1.0 + mismatch(lever, amplitude, push, drag))
@@ -67,18 +70,18 @@ def caution(lever: np.ndarray) -> float:
 
 @kernel
 def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> tuple[int, int]:
-    """`engage` along the whole curve of averaged orbits."""
+    """`engage_by_averaging` along the whole curve of averaged orbits."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
     reach = reach_of(law, p)
     epsilon = scale_of(oscillator, free)
     start = far_start(oscillator, reach, free, amplitude)
-    zeta, eta = math.asinh((start - 1.0) * free / epsilon), WEIGHT * math.log(free)
+    zeta, eta = math.asinh((start - 1.0) * free / epsilon), AMPLITUDE_WEIGHT * math.log(free)
     step, t_zeta, t_eta = 0.3, -1.0, 0.0
     h = log_mismatch(oscillator, reach, epsilon, zeta, eta)
-    a, c, z, lowest, found = free, start, start * free, 1e300, math.nan
+    a, c, z, lowest_tip_offset, found = free, start, start * free, 1e300, math.nan
     rising, surety, margin = False, SURE, MARGIN * caution(lever)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_CURVE_STEPS):
         slope_zeta = (log_mismatch(oscillator, reach, epsilon, zeta + TINY, eta) - h) / TINY
         slope_eta = (log_mismatch(oscillator, reach, epsilon, zeta, eta + TINY) - h) / TINY
         slope = math.hypot(slope_zeta, slope_eta)
@@ -106,13 +109,13 @@ def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -
             if abs(h) < 1e-3 * step * slope and abs(s) < 0.5 * step:
                 break
             step *= 0.4
-            if step < SMALLEST_STEP:
+            if step < SMALLEST_CURVE_STEP:
                 return col.NO_AVERAGED_ORBIT, DOUBTFUL
         zeta, eta = at_zeta + s * n_zeta, at_eta + s * n_eta
-        step = min(step * (1.6 if abs(s) < 0.1 * step else 1.0 if abs(s) < 0.25 * step else 0.6), LARGEST_STEP)
+        step = min(step * (1.6 if abs(s) < 0.1 * step else 1.0 if abs(s) < 0.25 * step else 0.6), LARGEST_CURVE_STEP)
 
         a_before, c_before, z_before = a, c, z
-        a = math.exp(eta / WEIGHT)
+        a = math.exp(eta / AMPLITUDE_WEIGHT)
         c = 1.0 + epsilon * math.sinh(zeta) / a
         z = a * c + harmonics(oscillator, reach, a, c)[2]
         if a > a_before and not rising and abs(a_before - amplitude) < margin * amplitude:
@@ -122,24 +125,24 @@ def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -
             found = crossing(oscillator, reach, amplitude, c, c_before)
             if math.isnan(found):
                 return col.NO_AVERAGED_ORBIT, DOUBTFUL
-            if amplitude * found + harmonics(oscillator, reach, amplitude, found)[2] >= lowest:
+            if amplitude * found + harmonics(oscillator, reach, amplitude, found)[2] >= lowest_tip_offset:
                 surety = DOUBTFUL
-        elif a > amplitude >= a_before and z >= lowest:
+        elif a > amplitude >= a_before and z >= lowest_tip_offset:
             found = math.nan  # the tip lands before that crossing
-        if not math.isnan(found) and z < lowest and (a < amplitude * (1.0 - margin) or rising):
+        if not math.isnan(found) and z < lowest_tip_offset and (a < amplitude * (1.0 - margin) or rising):
             break
-        lowest = min(lowest, z)
+        lowest_tip_offset = min(lowest_tip_offset, z)
         if a < 0.3 * amplitude and c < -1.5:
             break
     if math.isnan(found):
         return col.NO_STABLE_ORBIT, DOUBTFUL
     push, drag, mean = harmonics(oscillator, reach, amplitude, found)
-    put(guess, amplitude, found, push, drag, mean)
+    put_harmonic_orbit(guess, amplitude, found, push, drag, mean)
     return col.GOOD, surety
 
 
 @kernel(shared=True)
-def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> tuple[int, int]:
+def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> tuple[int, int]:
     """Find the averaged orbit that holds `amplitude` after engaging from far.
 
     Fills guess = (z0, mean deflection, A, P, S, dh/dz0) and returns a status code and how sure the decision is; OPEN
@@ -153,7 +156,7 @@ def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Max
     if near:
         if bent:
             return col.GOOD, LEAP
-        side = approach(oscillator, reach, amplitude, free, caution(lever), top)
+        side = side_reached_from_far(oscillator, reach, amplitude, free, caution(lever), top)
         doubtful = side == UNCLEAR and p[col.LONGRANGE] != 0.0
         if (doubtful or (rises and side != REPULSIVE)) and only_one(oscillator, reach, amplitude, guess):
             return col.GOOD, SURE
@@ -168,7 +171,7 @@ def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Max
         if doubtful and narrowest(lever) <= 1.0:
             if rises and engage_traced(oscillator, amplitude, guess) != (col.GOOD, SURE):
                 guess[col.G_P] = math.nan
-            return col.GOOD, OPEN
+            return col.GOOD, UNDECIDED
         if side != UNCLEAR and settle_side(oscillator, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
         if rises and side == REPULSIVE and only_one(oscillator, reach, amplitude, guess):
@@ -177,7 +180,7 @@ def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Max
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
     status, surety = engage_traced(oscillator, amplitude, guess)
     if status == col.GOOD:
-        guess[col.G_SLOPE] = slope_of(oscillator, guess)
+        guess[col.G_SLOPE] = mismatch_slope(oscillator, guess)
         if rises and not near and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
             return col.GOOD, LEAP
     return status, surety
@@ -193,7 +196,7 @@ def only_one(oscillator: Oscillator, reach: float, amplitude: float, guess: np.n
     """
     lever = oscillator.lever
     plain = least_mismatch(lever, amplitude, caution(lever)) * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    gap, deepest, highest = FARTHEST * reach, lowest(oscillator), -math.inf
+    gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:
         h, _ = at_gap(oscillator, reach, amplitude, gap)
         if h < min(highest, plain) and highest > -plain:
@@ -216,14 +219,15 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 
 @kernel
 def question(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
-    """Say OPEN and fill `top` where the side may be decided exactly although averaging is no guide, as at low Q."""
+    """Return UNDECIDED and fill `top` where exact orbits may decide, though averaging is no guide, as at low Q."""
     law, p, lever = oscillator
     if not near_resonance(lever):
         return DOUBTFUL
     if p[col.LONGRANGE] == 0.0:
-        return OPEN if approach(oscillator, 0.0, amplitude, free_amplitude(lever), 1.0, top) != UNCLEAR else DOUBTFUL
+        side = side_reached_from_far(oscillator, 0.0, amplitude, free_amplitude(lever), 1.0, top)
+        return UNDECIDED if side != UNCLEAR else DOUBTFUL
     strongest(oscillator, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
-    return OPEN
+    return UNDECIDED
 
 
 @kernel

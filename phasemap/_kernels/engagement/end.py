@@ -31,11 +31,13 @@ TIGHT = 0.015  # mismatch at the exact maximum that decides
 MOST_SHIFTS = 3  # of three points, to where orbits are found
 FAR_BELOW = -0.15  # the same where one point and the averaged maximum are enough
 CLOSEST = 1e-4  # the same through the lens, nearer than which only the curve of exact orbits tells
-KNOWN = 0.1 * CLOSEST  # phase [rad] to which orbits are known of which this is the maximum
-LENS, INSIDE = 0.05, 0.4  # steps from the strongest pull, over its depth and the reach, and over its depth at most
+END_PHASE = 0.1 * CLOSEST  # phase [rad] to which orbits are known of which this is the maximum
+LENS = 0.05  # steps from the strongest pull, over its depth and the reach
+MOST_LENS_STEP = 0.4  # such a step over its depth
 SURE_OF_IT = 0.3  # of the mismatch at the maximum, by which the parabola through three points may miss it
 SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
-MOST_STEPS, ENOUGH = 6, 0.02  # to the orbit beside the end, and mismatch left there, over that at the maximum
+MOST_STEPS_TO_END = 6  # to the orbit beside the end
+END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
 
 
 @kernel
@@ -46,7 +48,7 @@ def held(oscillator: Oscillator, reach: float, amplitude: float, gap: float, f: 
     state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach
     if not start(oscillator, reach, f, state):
         return math.nan
-    if converge(oscillator, f, state, True, KNOWN, math.inf) != FOUND:
+    if converge(oscillator, f, state, True, END_PHASE, math.inf) != FOUND:
         return math.nan
     return pull(lever, amplitude, state.push, state.drag)
 
@@ -63,7 +65,7 @@ def decide_exactly(
     lever = oscillator.lever
     lifted = held(oscillator, reach, amplitude, 0.0, f, state)
     middle = top.gap + (min(f.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
-    step = min(0.3 * (reach + abs(middle)), INSIDE * abs(top.gap))
+    step = min(0.3 * (reach + abs(middle)), MOST_LENS_STEP * abs(top.gap))
     h0 = held(oscillator, reach, amplitude, middle, f, state)
     if top.mismatch < FAR_BELOW and h0 < FAR_BELOW:
         return REPULSIVE
@@ -96,7 +98,8 @@ def highest_at(oscillator: Oscillator, reach: float, amplitude: float, room: Roo
     middle, f, state = room.fit.gap, room.nodes, room.state
     h0 = held(oscillator, reach, amplitude, middle, f, state)
     depth = f.w[TOUCH + N // 2] - middle
-    step = min(LENS * (reach + abs(middle)), INSIDE * depth)  # within the contact: where it begins there is a kink
+    # Within the contact: where it begins there is a kink.
+    step = min(LENS * (reach + abs(middle)), MOST_LENS_STEP * depth)
     h1 = held(oscillator, reach, amplitude, middle + step, f, state)
     h2 = held(oscillator, reach, amplitude, middle - step, f, state)
     bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
@@ -105,7 +108,7 @@ def highest_at(oscillator: Oscillator, reach: float, amplitude: float, room: Roo
     at = middle - rise / bend
     h = held(oscillator, reach, amplitude, at, f, state)
     room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
-    return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + KNOWN else math.nan
+    return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + END_PHASE else math.nan
 
 
 @kernel
@@ -141,13 +144,13 @@ def beside_end(oscillator: Oscillator, reach: float, amplitude: float, guess: np
     """
     at, highest, fall = room.fit.gap, room.fit.mismatch, 0.5 * room.fit.curvature
     state = room.state
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_STEPS_TO_END):
         if not (highest > 0.0 and fall < 0.0):
             return False
         x = math.sqrt(-highest / fall)
         h = held(oscillator, reach, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
-        if abs(h) < ENOUGH * highest and state.push < 0.0:
+        if abs(h) < END_MISMATCH * highest and state.push < 0.0:
             guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean, -state.mean, amplitude
             guess[G_P], guess[G_S], guess[G_SLOPE] = state.push, state.drag, 2.0 * fall * x
             return True

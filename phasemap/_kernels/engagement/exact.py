@@ -31,13 +31,13 @@ from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     FARTHEST_AT_ALL,
     Maximum,
-    approach,
     leaps,
     near_resonance,
+    side_reached_from_far,
 )
 from phasemap._kernels.engagement.rest import LINGERING, land, lets_go, loosened, pressed_in
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, pulled, reach_of
+from phasemap._kernels.lever import bend_by_adhesion, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
@@ -268,7 +268,7 @@ def engage(
         return col.NOT_CONVERGED, orbit, spare, found
     status, left, orbit, spare, found = lower(path, amplitude, tolerance, lingering, point, orbit, spare, saved, found)
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
-    grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and pulled(Oscillator(law, p, lever)) > 0.0)
+    grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and bend_by_adhesion(Oscillator(law, p, lever)) > 0.0)
     if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
         done, orbit, spare, found = engage_landed(path, amplitude, left, level, tolerance, orbit, spare, saved, found)
         return status if done == col.NOT_CONVERGED else done, orbit, spare, found
@@ -303,7 +303,7 @@ def engage_near(
         return col.NOT_CONVERGED, orbit, spare, found
     for share in (0.3, 0.7):
         higher = worst + share * (free - worst)
-        side = approach(Oscillator(law, p, lever), force_reach, higher, free, caution(lever), top)
+        side = side_reached_from_far(Oscillator(law, p, lever), force_reach, higher, free, caution(lever), top)
         certain = side == ATTRACTIVE and settle_side(Oscillator(law, p, lever), force_reach, higher, side, top, guess)
         if certain:
             break

@@ -20,7 +20,7 @@ from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side, strongest
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, needed, reach_of
+from phasemap._kernels.lever import drive_needed, free_amplitude, reach_of
 from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, rest
 from phasemap._kernels.orbits.time.tip import COS, Z0, Tip, V, Z, amplitude_of, ring_down
 
@@ -51,7 +51,7 @@ def skip_to(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, tip:
     if not (tip.acc[COS] > 0.0 and above) or presses(p, tip) or not repelled_at(oscillator, amplitude, guess):
         return False
     before = u.copy()
-    x, y = needed(lever, amplitude, guess[col.G_P], guess[col.G_S])
+    x, y = drive_needed(lever, amplitude, guess[col.G_P], guess[col.G_S])
     whole = math.hypot(x, y)
     u[Z], u[V] = guess[col.G_MEAN] + amplitude * x / whole, lever[col.OMEGA] * amplitude * y / whole
     u[Z0] = guess[col.G_Z0]

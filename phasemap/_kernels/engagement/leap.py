@@ -31,9 +31,11 @@ from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 
 STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged
-FARTHEST, NEARER = 30.0, 0.75  # in reaches, gap from which a fold is sought, and steps of its distance from -1.5
-CLEAR, LIKELY = 1.0, -0.25  # in reaches, height of the fold over any repulsive orbit: no doubt, and none if all fall so
-HALVINGS = 8
+FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
+NEARER = 0.75  # steps of its distance from -1.5
+CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
+LIKELY = -0.25  # the same where all variants fall alike
+FOLD_HALVINGS = 8
 VARIANTS = np.array(
     [
         [1.0, 0.1, 0.75],
@@ -48,11 +50,12 @@ VARIANTS = np.array(
 """Damping and drive over what they are, depth below the fold in reaches, share of P by which harmonics lift the tip.
 
 Those that change the damping come last: they have a fold of their own."""
-SMOOTH, FOUND, FAR = 0, 1, 2
+NO_FOLD, FOUND, FOLD_TOO_FAR = 0, 1, 2
 """How the search for a fold ends: there is none; it is found; it is farther than where the search begins."""
-TOLERANCE = 0.02  # in reaches, local error of a step
-LEFT, REST = 0.5, 0.1  # in reaches, way from the fold; and of the fastest rate, at which the motion counts as at rest
-MOST_STEPS = 1000
+FALL_TOLERANCE = 0.02  # in reaches, local error of a step
+WAY_FROM_FOLD = 0.5  # in reaches, where a fall begins
+REST = 0.1  # of the fastest rate, at which the motion counts as at rest
+MOST_FALL_STEPS = 1000
 # Entries of a fold: amplitude, gap, mean deflection, in-phase force [m].
 AMP, GAP, MEAN, PUSH, FOLD = 0, 1, 2, 3, 4
 
@@ -82,24 +85,24 @@ def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at
 @kernel
 def fold(oscillator: Oscillator, reach: float, free: float, at: np.ndarray) -> int:
     """Fill `at` with the orbit of least tip offset to which a tip from far comes; FOUND, SMOOTH or FAR."""
-    gap, amplitude = FARTHEST * reach, free
+    gap, amplitude = FARTHEST_FOLD * reach, free
     x0 = x1 = z0 = z1 = math.inf
     while risen(oscillator, reach, gap, amplitude, at):
         amplitude = at[AMP]
         z = amplitude + gap + at[MEAN]
         if z > z1:
             if not math.isfinite(z0):
-                return FAR
+                return FOLD_TOO_FAR
             # The bottom of a parabola through three points.
             rise = (z1 - z0) / (x1 - x0)
             bend = ((z - z1) / (gap - x1) - rise) / (gap - x0)
             gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
-            return FOUND if risen(oscillator, reach, gap, amplitude, at) else FAR
+            return FOUND if risen(oscillator, reach, gap, amplitude, at) else FOLD_TOO_FAR
         x0, z0, x1, z1 = x1, z1, gap, z
         gap = NEARER * (gap + 1.5 * reach) - 1.5 * reach
         if gap < -1.4 * reach:
             break
-    return SMOOTH
+    return NO_FOLD
 
 
 @kernel
@@ -119,7 +122,7 @@ def _rate(
 
 
 @kernel
-def fall(oscillator: Oscillator, reach: float, at: np.ndarray, below: float, lift: float) -> int:
+def fall_from_fold(oscillator: Oscillator, reach: float, at: np.ndarray, below: float, lift: float) -> int:
     """Side on which a tip comes to rest that left the fold; UNCLEAR if it does not.
 
     The steps are the pair of orders 3 and 2 of Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321.
@@ -132,16 +135,16 @@ def fall(oscillator: Oscillator, reach: float, at: np.ndarray, below: float, lif
     begun = lever[col.BASE] * at[AMP] / complex(at[PUSH] + at[AMP] * stiff, 2.0 * alpha0 * omega * at[AMP])
     a, h, fastest = begun, 0.02 / alpha0, 0.0
     k1, push, mean = _rate(oscillator, reach, z0, lift, a, mean)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_FALL_STEPS):
         k2, _, _ = _rate(oscillator, reach, z0, lift, a + 0.5 * h * k1, mean)
         k3, _, middle = _rate(oscillator, reach, z0, lift, a + 0.75 * h * k2, mean)
         end = a + h * (2 / 9 * k1 + 1 / 3 * k2 + 4 / 9 * k3)
         k4, push, last = _rate(oscillator, reach, z0, lift, end, middle)
-        error = abs(h * (-5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4)) / (TOLERANCE * reach)
+        error = abs(h * (-5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4)) / (FALL_TOLERANCE * reach)
         if error <= 1.0:
             a, k1, mean = end, k4, last
             fastest = max(fastest, abs(k1))
-            if abs(k1) < REST * fastest and abs(a - begun) > LEFT * reach:
+            if abs(k1) < REST * fastest and abs(a - begun) > WAY_FROM_FOLD * reach:
                 return REPULSIVE if push + abs(a) * stiff > 0.0 else ATTRACTIVE
         h *= min(4.0, max(0.2, 0.9 * max(error, 1e-6) ** (-1.0 / 3.0)))
     return UNCLEAR
@@ -164,7 +167,7 @@ def highest_repelled(oscillator: Oscillator, reach: float) -> float:
         if inner > 1.9 * amplitude:
             return -math.inf
         push, _, _ = harmonics(oscillator, reach, amplitude, 1.0 - inner / amplitude)
-    for _ in range(HALVINGS):
+    for _ in range(FOLD_HALVINGS):
         middle = 0.5 * (outer + inner)
         push, _, more = harmonics(oscillator, reach, amplitude, 1.0 - middle / amplitude)
         if push + pull > 0.0:
@@ -188,7 +191,7 @@ def lands(oscillator: Oscillator, reach: float, free: float) -> int:
     at, other = np.zeros(FOLD), lever.copy()
     status = fold(oscillator, reach, free, at)
     if status != FOUND:
-        return ATTRACTIVE if status == SMOOTH else UNCLEAR
+        return ATTRACTIVE if status == NO_FOLD else UNCLEAR
     height = at[AMP] + at[GAP] + at[MEAN] - highest_repelled(oscillator, reach)
     if height > CLEAR * reach:
         return ATTRACTIVE
@@ -198,7 +201,7 @@ def lands(oscillator: Oscillator, reach: float, free: float) -> int:
         other[col.BASE] = VARIANTS[i, 0] * lever[col.BASE]
         if VARIANTS[i, 0] != 1.0 and fold(Oscillator(law, p, other), reach, free_amplitude(other), at) != FOUND:
             return UNCLEAR
-        end = fall(Oscillator(law, p, other), reach, at, VARIANTS[i, 1], VARIANTS[i, 2])
+        end = fall_from_fold(Oscillator(law, p, other), reach, at, VARIANTS[i, 1], VARIANTS[i, 2])
         if i == 0:
             landed = end
         more = landed == REPULSIVE and VARIANTS[i, 0] > 1.0

@@ -38,17 +38,19 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import free_amplitude, lowest, mismatch
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
+from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, mismatch
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.response.passes import beside_resonance
 from phasemap._kernels.records import clear, record
 
-ATTRACTIVE, REPULSIVE, UNCLEAR = -1, 1, 0
-PLAIN = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
+ATTRACTIVE = -1
+REPULSIVE = 1
+UNCLEAR = 0
+CLEAR_MISMATCH = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
-CLOSE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
-LEAST = -0.999999  # mismatch, where its logarithm is taken
+CROSSING_TOLERANCE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
+LEAST_MISMATCH = -0.999999  # mismatch, where its logarithm is taken
 WEAK = 2 / 3  # of the attraction (2), so much of it averaged at low Q, or less, leaves no doubt
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
@@ -180,7 +182,7 @@ def _between(
         x = (a * f_b - b * f_a) / (f_b - f_a)
         h, push = at_gap(oscillator, reach, amplitude, math.exp(x) - shift if logarithmic else x)
         f = sided(lever, amplitude, side, h, push)
-        if abs(f) < CLOSE:
+        if abs(f) < CROSSING_TOLERANCE:
             return math.exp(x) - shift if logarithmic else x
         a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
     return math.nan
@@ -201,7 +203,7 @@ def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float)
 
 
 @kernel
-def outer(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
+def attractive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the attractive crossing, outside of a point with more than enough attraction; NaN if it is not found."""
     near, h_near = top.gap, top.mismatch
     shift = reach + max(-near, 0.0)
@@ -217,7 +219,7 @@ def outer(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) 
 
 
 @kernel
-def deepest(oscillator: Oscillator) -> float:
+def deepest_tip_offset(oscillator: Oscillator) -> float:
     """Tip offset [m] down to which a repulsive orbit is looked for.
 
     Above resonance a soft contact makes up for the lever's detuning only where the tip is pressed in far.
@@ -225,17 +227,17 @@ def deepest(oscillator: Oscillator) -> float:
     lever = oscillator.lever
     if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
         return -FARTHEST_AT_ALL
-    return lowest(oscillator)
+    return lowest_tip_offset(oscillator)
 
 
 @kernel
-def inner(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
+def repulsive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     lever = oscillator.lever
     stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
     peak, want = top.gap, lever[col.BASE] - stiff - top.push
-    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST))))
-    gap, last = top.behind, deepest(oscillator)
+    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
+    gap, last = top.behind, deepest_tip_offset(oscillator)
     for _ in range(60):
         h, push = at_gap(oscillator, reach, amplitude, gap)
         if h > 0.0 and push > 0.0:
@@ -257,7 +259,7 @@ def least_mismatch(lever: np.ndarray, amplitude: float, margin: float) -> float:
     x, y = detuning(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
-    return (PLAIN * q * (q + r * x) + 0.03) * margin
+    return (CLEAR_MISMATCH * q * (q + r * x) + 0.03) * margin
 
 
 @kernel
@@ -298,7 +300,9 @@ def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float
 
 
 @kernel
-def approach(oscillator: Oscillator, reach: float, amplitude: float, free: float, margin: float, top: Maximum) -> int:
+def side_reached_from_far(
+    oscillator: Oscillator, reach: float, amplitude: float, free: float, margin: float, top: Maximum
+) -> int:
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
     p, lever = oscillator.p, oscillator.lever
     worst = narrowest(lever) * free
@@ -320,7 +324,7 @@ def at_crossing(oscillator: Oscillator, reach: float, amplitude: float, gap: flo
     slope = (at_gap(oscillator, reach, amplitude, gap + small)[0] - h) / small
     larger = amplitude * 1.00001
     push_a, drag_a, _ = harmonics(oscillator, reach, larger, c)
-    put(guess, amplitude, c, push, drag, mean)
+    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
     guess[col.G_SLOPE] = slope
     return c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
 
@@ -329,11 +333,11 @@ def at_crossing(oscillator: Oscillator, reach: float, amplitude: float, gap: flo
 def on_side(oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with this side's averaged orbit, if it is far from a fold and from being pressed in."""
     if side == ATTRACTIVE:
-        gap = outer(oscillator, reach, amplitude, top)
+        gap = attractive_gap(oscillator, reach, amplitude, top)
     else:
-        gap = inner(oscillator, reach, amplitude, top)
+        gap = repulsive_gap(oscillator, reach, amplitude, top)
     if math.isnan(gap):
         return False
     along = at_crossing(oscillator, reach, amplitude, gap, guess)
-    inside = guess[col.G_Z0] > deepest(oscillator)
+    inside = guess[col.G_Z0] > deepest_tip_offset(oscillator)
     return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

@@ -12,18 +12,26 @@ import numpy as np
 
 from phasemap._kernels.columns import G_P, G_Z0, GOOD, LONGRANGE, NOT_CONVERGED, OMEGA, PENDING, RELEASE, STIFF
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, OPEN, SURE, question, settle_side, worst_amplitude
-from phasemap._kernels.engagement.averaged import engage as engage_averaged
+from phasemap._kernels.engagement.averaged import (
+    DOUBTFUL,
+    LEAP,
+    SURE,
+    UNDECIDED,
+    question,
+    settle_side,
+    worst_amplitude,
+)
+from phasemap._kernels.engagement.averaged import engage_by_averaging as engage_averaged
 from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_exactly, highest_at
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, Maximum, leaps, narrowest, weak
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, reach_of
-from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, steep
+from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
 
 
 @kernel
-def engage(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
+def engage_by_response(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
     """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
     p, lever = oscillator.p, oscillator.lever
     if p[RELEASE] != 0.0:
@@ -50,7 +58,7 @@ def cheap_orbit(
         if refine(oscillator, reach, guess, limits, room):
             return GOOD
         return PENDING if grazes(p, reach, guess) else STIFF  # Newton's method takes the contact as given, too
-    if surety != OPEN:
+    if surety != UNDECIDED:
         return PENDING
     side, worst = REPULSIVE, amplitude
     if p[LONGRANGE] != 0.0:
@@ -75,7 +83,7 @@ def cheap_orbit(
         return NOT_CONVERGED
     while True:
         if known and refine(oscillator, reach, guess, limits, room):
-            if side == REPULSIVE or steep(oscillator, limits, room):
+            if side == REPULSIVE or slope_is_clear(oscillator, limits, room):
                 break
         if side == REPULSIVE or outside:
             return STIFF

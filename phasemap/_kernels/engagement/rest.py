@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_slope
-from phasemap._kernels.lever import lowest, pulled
+from phasemap._kernels.lever import bend_by_adhesion, lowest_tip_offset
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
 from phasemap._kernels.orbits.collocation.system import (
@@ -40,7 +40,7 @@ def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
     """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
     if orbit.head[COUNT, CONTACTS] != PERMANENT:
         return False
-    return orbit.head[VALUE, Z0] < lowest(oscillator)
+    return orbit.head[VALUE, Z0] < lowest_tip_offset(oscillator)
 
 
 @kernel
@@ -48,7 +48,7 @@ def static_depth(oscillator: Oscillator, z0: float) -> float:
     """Deepest depth [m] at which the lever rests in contact, theory, Eq. (engagement-5); NaN if it does at none."""
     law, p, lever = oscillator
     inverse_k = 1.0 / lever[col.STIFFNESS]
-    high = 2.0 * (abs(z0) + pulled(oscillator)) + 1e-12
+    high = 2.0 * (abs(z0) + bend_by_adhesion(oscillator)) + 1e-12
     while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:
         high *= 2.0
     low = high
@@ -73,7 +73,7 @@ def lets_go(oscillator: Oscillator) -> bool:
     """Whether a tip that loses contact is gone: adhesion ends there, or falls more steeply than the lever is stiff."""
     law, p, lever = oscillator
     if p[col.LONGRANGE] == 0.0:
-        return pulled(oscillator) > 0.0
+        return bend_by_adhesion(oscillator) > 0.0
     return lever[col.STIFFNESS] + longrange_slope(law, 0.0, p) < 0.0
 
 

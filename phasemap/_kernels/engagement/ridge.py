@@ -31,8 +31,8 @@ from phasemap._kernels.engagement.resonance import (
     weak,
 )
 from phasemap._kernels.law import Law, Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, needed, reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
+from phasemap._kernels.lever import drive_needed, free_amplitude, low_q, reach_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.period_map import apart, linearise, pass_from, relaxed, slope_of, way_to_rest
@@ -40,14 +40,19 @@ from phasemap._kernels.orbits.time.tip import AMPLITUDE, BY_Z0, COS, DEEPEST, NO
 
 TIGHT, CLOSEST = 0.015, 1e-4  # h at the saddle that decides: as first predicted, and once it is known
 TRUSTED = 0.5  # of how far a prediction of it is off, and of what it adds, that the next may be
-MOST_LOOKS, MOST_LIFTS = 8, 3  # in all, and until the tip is as deep as averaging says
+MOST_RIDGE_POINTS = 8  # that are evaluated
+MOST_LIFTS = 3  # of these, until the tip is as deep as averaging says
 LIFTED = 0.3  # of that depth, that may be missed
-MOST_NEWTON, FIRST = 6, 0.1  # and first step, below which derivatives are those at its end
-KNOWN, LOST = 1e-5, 1e3  # of the drive and of the length on which forces change: errors left, and a step astray
-NEAR = 0.02  # of that length, from where the last step leads to an orbit
-SMOOTH = 0.5  # of a step, that the next one may be by the same derivatives
-SPREAD, INSIDE, WIDE = 0.04, 0.4, 0.3  # steps of averaged curvatures, over A, over the depth, over the reach and it
-LONGEST, FARTHEST = 1.0, 0.15  # steps, over the length on which forces change and over the amplitude
+MOST_NEWTON, FIRST_RIDGE_STEP = 6, 0.1  # and first step, below which derivatives are those at its end
+RIDGE_DRIVE_LEFT = 1e-5  # of the drive and of the length on which forces change: errors left
+STEP_ASTRAY = 1e3  # of that length, a step that leads nowhere
+NEAR_ORBIT = 0.02  # of that length, from where the last step leads to an orbit
+SAME_DERIVATIVES = 0.5  # of a step, that the next one may be by the same derivatives
+SPREAD = 0.04  # steps of averaged curvatures, over A
+DEPTH_STEP = 0.4  # the same over the depth
+REACH_STEP = 0.3  # the same over reach and depth
+LONGEST_RIDGE_STEP = 1.0  # over the length on which forces change
+LARGEST_AMPLITUDE_STEP = 0.15  # over the amplitude
 # Entries of a place on the ridge: b [m] and A [m], h, its slopes by b and by A at fixed b, and its second derivatives.
 B, A, H, H_B, H_A, H_BB, H_BA, H_AA, PLACE = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
@@ -78,12 +83,12 @@ def begin_on(oscillator: Oscillator, amplitude: float, gap: float, row: np.ndarr
     law, p, lever = oscillator
     reach, guess, place, driven = reach_of(law, p), np.zeros(col.GUESS), np.zeros(PLACE), lever.copy()
     push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
-    put(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
-    x, y = needed(lever, amplitude, push, drag)
+    put_harmonic_orbit(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
+    x, y = drive_needed(lever, amplitude, push, drag)
     driven[col.BASE] = math.hypot(x, y)
     averaged_row(lever, guess, row)
     place[B], place[A] = guess[col.G_Z0] - amplitude, amplitude
-    step, more = min(WIDE * (reach + abs(gap)), INSIDE * abs(gap)), SPREAD * amplitude
+    step, more = min(REACH_STEP * (reach + abs(gap)), DEPTH_STEP * abs(gap)), SPREAD * amplitude
     h = pull_at(oscillator, reach, amplitude, gap)[0]
     near = pull_at(oscillator, reach, amplitude, gap - step)[0]
     far = pull_at(oscillator, reach, amplitude, gap + step)[0]
@@ -126,15 +131,15 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
         if not derive(law, p, eta, ridge):
             return False
         z, v, more = way_to_rest(by, by[NOW, Z], by[NOW, V], by[NOW, AMPLITUDE] - place[A], True)
-        before = FIRST
+        before = FIRST_RIDGE_STEP
         while True:
             way = math.hypot(z, v) / scale + abs(more) / driven[col.BASE]
             u[Z], u[V], driven[col.BASE] = u[Z] + z, u[V] + v, driven[col.BASE] + more
-            if not (way < LOST and driven[col.BASE] > 0.0):
+            if not (way < STEP_ASTRAY and driven[col.BASE] > 0.0):
                 return False
-            if way * way < KNOWN * before:
+            if way * way < RIDGE_DRIVE_LEFT * before:
                 return True
-            if way > SMOOTH * before:
+            if way > SAME_DERIVATIVES * before:
                 break
             if not pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y):
                 return False
@@ -146,7 +151,7 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
 
 
 @kernel
-def look(oscillator: Oscillator, eta: float, scale: float, ridge: Ridge) -> bool:
+def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridge) -> bool:
     """Find h and its slopes at a place; False where no motion is found, or none that the lever is attracted in."""
     law, p, lever = oscillator
     place, driven, tip, by = ridge
@@ -206,7 +211,7 @@ def bend(place: np.ndarray, before: np.ndarray, scale: float) -> None:
 
 
 @kernel
-def side_of(oscillator: Oscillator, amplitude: float, eta: float, top: Maximum, ridge: Ridge) -> int:
+def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Maximum, ridge: Ridge) -> int:
     """Side on which the tip comes to `amplitude`; `top` is averaging's maximum, on which the ridge begins.
 
     A first look decides with a margin as wide as it misses what averaging predicts; later ones as they predict each
@@ -215,8 +220,8 @@ def side_of(oscillator: Oscillator, amplitude: float, eta: float, top: Maximum, 
     law, p = oscillator.law, oscillator.p
     place, scale, predicted = ridge.place, reach_of(law, p) + abs(top.gap), math.nan
     before = place.copy()
-    for i in range(MOST_LOOKS):
-        if not look(oscillator, eta, scale, ridge):
+    for i in range(MOST_RIDGE_POINTS):
+        if not evaluate_ridge(oscillator, eta, scale, ridge):
             return UNCLEAR
         lifted = -top.gap - ridge.tip.acc[DEEPEST]
         if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top.gap):
@@ -231,7 +236,8 @@ def side_of(oscillator: Oscillator, amplitude: float, eta: float, top: Maximum, 
         if abs(highest) > missed + (TIGHT if first or lingering(oscillator) > 0.0 else CLOSEST):
             return ATTRACTIVE if highest > 0.0 else REPULSIVE
         predicted = highest
-        share = 1.0 / max(1.0, abs(of_b) / (LONGEST * scale), abs(of_a) / (FARTHEST * place[A]))
+        farthest = LONGEST_RIDGE_STEP * scale, LARGEST_AMPLITUDE_STEP * place[A]
+        share = 1.0 / max(1.0, abs(of_b) / farthest[0], abs(of_a) / farthest[1])
         if not share > 0.0:
             return UNCLEAR
         copy(place, before)
@@ -250,11 +256,11 @@ def go_outside(oscillator: Oscillator, amplitude: float, eta: float, scale: floa
         return False
     go(ridge, of_b + math.sqrt(-2.0 * h / place[H_BB]), of_a)
     for _ in range(MOST_NEWTON):
-        if not look(oscillator, eta, scale, ridge) or not place[H_B] < 0.0:
+        if not evaluate_ridge(oscillator, eta, scale, ridge) or not place[H_B] < 0.0:
             return False
         way = -place[H] / place[H_B]
         go(ridge, way, 0.0)
-        if abs(way) < NEAR * scale:
+        if abs(way) < NEAR_ORBIT * scale:
             return True
     return False
 
@@ -275,7 +281,7 @@ def settle_open(
     ridge, rough = begin_on(oscillator, worst, top.gap, row), COARSE * eta
     side = REPULSIVE
     if not (low_q(lever) and weak(lever, worst, top.mismatch)):
-        side = side_of(oscillator, amplitude, rough, top, ridge)
+        side = side_by_ridge(oscillator, amplitude, rough, top, ridge)
     if side == UNCLEAR:
         return False
     tip = ridge.tip

@@ -22,10 +22,10 @@ from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.quadrature import gauss
 
-N, ROUND = 20, 48
-X, WEIGHTS = gauss(N)
-_COS2, _SIN2 = np.cos(0.5 * np.pi * X) ** 2, np.sin(0.5 * np.pi * X) ** 2
-_TOUCH_W = WEIGHTS * np.pi * np.cos(0.5 * np.pi * X)
+HARMONIC_NODES, NODES_ALL_ROUND = 20, 48
+HARMONIC_X, HARMONIC_WEIGHTS = gauss(HARMONIC_NODES)
+_COS2, _SIN2 = np.cos(0.5 * np.pi * HARMONIC_X) ** 2, np.sin(0.5 * np.pi * HARMONIC_X) ** 2
+_HARMONIC_TOUCH_W = HARMONIC_WEIGHTS * np.pi * np.cos(0.5 * np.pi * HARMONIC_X)
 # Rows of the nodes: cos and sin of theta, depth [m], its change with theta [m], weight [rad], whether in contact.
 COS, SIN, DEPTH, RATE, WEIGHT, TOUCHES, ROWS = 0, 1, 2, 3, 4, 5, 6
 
@@ -44,40 +44,40 @@ def _outside(reach: float, amplitude: float, c: float, begin: float, side: float
     if delta < 1e-4 * begin:
         delta = 0.5 * ratio / begin
     there = (1.0 - begin * begin) / (1.0 + begin * begin)
-    for i in range(N):
-        u = begin + delta * X[i] / (1.0 - X[i])
+    for i in range(HARMONIC_NODES):
+        u = begin + delta * HARMONIC_X[i] / (1.0 - HARMONIC_X[i])
         below = 1.0 / (1.0 + u * u)
-        weight = 2.0 * delta * WEIGHTS[i] / (1.0 - X[i]) ** 2 * below
+        weight = 2.0 * delta * HARMONIC_WEIGHTS[i] / (1.0 - HARMONIC_X[i]) ** 2 * below
         # cos(begin) - cos(theta) without cancellation
         more = 2.0 * (u - begin) * (u + begin) * below / (1.0 + begin * begin)
         depth = -amplitude * (c - there + more)
         _put(at, first + i, amplitude, 2.0 * below - 1.0, side * 2.0 * u * below, depth, weight, 0.0)
-    return first + N
+    return first + HARMONIC_NODES
 
 
 @kernel
 def _contact(amplitude: float, c: float, at: np.ndarray) -> int:
     """Nodes in contact, |theta| < theta0, |c| < 1."""
     m2 = 0.5 * (1.0 - c)
-    for i in range(N):
+    for i in range(HARMONIC_NODES):
         y = (1.0 - c) * _COS2[i]
-        weight = math.sqrt(m2) * _TOUCH_W[i] / math.sqrt(1.0 - m2 * _SIN2[i])
+        weight = math.sqrt(m2) * _HARMONIC_TOUCH_W[i] / math.sqrt(1.0 - m2 * _SIN2[i])
         sine = math.sqrt(max(1.0 - (c + y) ** 2, 0.0))
         _put(at, i, amplitude, c + y, sine, amplitude * y, weight, 1.0)
-        _put(at, N + i, amplitude, c + y, -sine, amplitude * y, weight, 1.0)
-    return 2 * N
+        _put(at, HARMONIC_NODES + i, amplitude, c + y, -sine, amplitude * y, weight, 1.0)
+    return 2 * HARMONIC_NODES
 
 
 @kernel
 def _neck(amplitude: float, c: float, release: float, first: int, at: np.ndarray) -> int:
     """Nodes in the neck, on the way out from d = 0 to d = `release` < 0."""
     begin, end = math.acos(c), math.acos(c + release / amplitude)
-    for i in range(N):
-        back = (end - begin) * X[i] * X[i]
-        theta, weight = end - back, 2.0 * (end - begin) * X[i] * WEIGHTS[i]
+    for i in range(HARMONIC_NODES):
+        back = (end - begin) * HARMONIC_X[i] * HARMONIC_X[i]
+        theta, weight = end - back, 2.0 * (end - begin) * HARMONIC_X[i] * HARMONIC_WEIGHTS[i]
         depth = release + 2.0 * amplitude * math.sin(0.5 * back) * math.sin(end - 0.5 * back)
         _put(at, first + i, amplitude, math.cos(theta), math.sin(theta), depth, weight, 1.0)
-    return first + N
+    return first + HARMONIC_NODES
 
 
 @kernel
@@ -88,11 +88,11 @@ def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, whole: boo
     """
     c, release = 1.0 - depth / amplitude, p[col.RELEASE]
     if c <= -1.0 or (release < 0.0 and c < 1.0 and amplitude * (c + 1.0) <= -release):
-        for i in range(ROUND):  # always in contact
-            theta = 2.0 * math.pi * (i + 0.5) / ROUND
+        for i in range(NODES_ALL_ROUND):  # always in contact
+            theta = 2.0 * math.pi * (i + 0.5) / NODES_ALL_ROUND
             x = math.cos(theta)
-            _put(at, i, amplitude, x, math.sin(theta), amplitude * (x - c), 2.0 * math.pi / ROUND, 1.0)
-        return ROUND
+            _put(at, i, amplitude, x, math.sin(theta), amplitude * (x - c), 2.0 * math.pi / NODES_ALL_ROUND, 1.0)
+        return NODES_ALL_ROUND
     reach, count, begin = reach_of(law, p), 0, 0.0
     last = c
     if c < 1.0:

@@ -13,17 +13,19 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT
 from phasemap._kernels.orbits.response import nodes as response
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, TOUCH, WEIGHTS, N, Nodes
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, GAUSS_WEIGHTS, TOUCH, N, Nodes
 
-MOST = 3 * N  # nodes
-FAINT = 0.01  # of the amplitude: the largest drive
+MOST_KEPT_NODES = 3 * N  # nodes
+FAINT_DRIVE = 0.01  # of the amplitude: the largest drive
 # Columns of the row: how many nodes there are, |dd/dtheta| [m] where contact begins and ends, and the nodes
-COUNT, BEGINS, ENDS, NODES = range(col.COLUMNS, col.COLUMNS + 4)
-KEEPING = NODES + ROWS * MOST
+KEPT_COUNT, KEPT_BEGINS, KEPT_ENDS, KEPT_NODES = range(col.COLUMNS, col.COLUMNS + 4)
+KEEPING = KEPT_NODES + ROWS * MOST_KEPT_NODES
 
 
 @kernel(fastmath=ANY_ORDER)
-def carry(f: Nodes, amplitude: float, e: float, longrange: bool, at: np.ndarray) -> tuple[int, float, float]:
+def nodes_from_response(
+    f: Nodes, amplitude: float, e: float, longrange: bool, at: np.ndarray
+) -> tuple[int, float, float]:
     """Fill nodes from those of the response, those in contact first; returns what `solved.nodes_of` does."""
     touching = f.theta[EXIT] > f.theta[ENTRY]
     count = 0
@@ -36,7 +38,7 @@ def carry(f: Nodes, amplitude: float, e: float, longrange: bool, at: np.ndarray)
             at[COS, k], at[SIN, k] = f.cos[i], f.sin[i]
             at[DEPTH, k] = amplitude * f.cos[i] + f.w[i] - e
             at[RATE, k] = f.u[i] - amplitude * f.sin[i]
-            at[WEIGHT, k], at[TOUCHES, k] = WEIGHTS[j] * f.weight[i], 1.0 if part == 0 else 0.0
+            at[WEIGHT, k], at[TOUCHES, k] = GAUSS_WEIGHTS[j] * f.weight[i], 1.0 if part == 0 else 0.0
         count += N
     if not touching:
         return count, 0.0, 0.0
@@ -47,10 +49,10 @@ def carry(f: Nodes, amplitude: float, e: float, longrange: bool, at: np.ndarray)
 @kernel
 def nodes_in(row: np.ndarray) -> np.ndarray:
     """The nodes behind a row, shape (ROWS, MOST)."""
-    return row[NODES:KEEPING].reshape((ROWS, MOST))
+    return row[KEPT_NODES:KEEPING].reshape((ROWS, MOST_KEPT_NODES))
 
 
 @kernel
-def keep(f: Nodes, amplitude: float, e: float, longrange: bool, row: np.ndarray) -> None:
+def keep_nodes(f: Nodes, amplitude: float, e: float, longrange: bool, row: np.ndarray) -> None:
     """Put the nodes of the response behind a row."""
-    row[COUNT], row[BEGINS], row[ENDS] = carry(f, amplitude, e, longrange, nodes_in(row))
+    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = nodes_from_response(f, amplitude, e, longrange, nodes_in(row))

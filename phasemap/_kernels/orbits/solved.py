@@ -11,11 +11,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.around import RATE, ROWS, TOUCHES, harmonic
-from phasemap._kernels.orbits.kept import carry
+from phasemap._kernels.orbits.kept import nodes_from_response
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.response.retraced import retrace
-from phasemap._kernels.orbits.tap import MOST, tap
+from phasemap._kernels.orbits.tap import MOST_TAP_NODES, tap
 
 
 class Path(NamedTuple):
@@ -29,7 +29,7 @@ class Path(NamedTuple):
 @kernel
 def new_path(nodes: Nodes, state: PassState) -> Path:
     """Room for an orbit, with these nodes and this state for passes of the response."""
-    return Path(np.zeros((ROWS, MOST)), nodes, state)
+    return Path(np.zeros((ROWS, MOST_TAP_NODES)), nodes, state)
 
 
 @kernel
@@ -65,4 +65,4 @@ def all_nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, path: 
     if averaged or p[col.RELEASE] < 0.0 or not retrace(oscillator, row, path.nodes, path.state):
         return nodes_of(oscillator, row, averaged, True, path.at)
     e = row[col.TIP_OFFSET] - row[col.MEAN]
-    return carry(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)
+    return nodes_from_response(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)

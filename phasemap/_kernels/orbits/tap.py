@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 STEPS = 5  # of a way in contact up to a quarter of its oscillation, of order 4; more with damping
-ROUND = 32  # of half a period pressed in
-FLIGHT = 0.5  # the first step outside, over that in which the distance to the pole grows e-fold
+PRESSED_STEPS = 32  # of half a period pressed in
+FIRST_FLIGHT_STEP = 0.5  # the first step outside, over that in which the distance to the pole grows e-fold
 MOST_FLIGHT, MOST_DRIVEN = 0.8, 0.6  # any step there; where the drive is not faint, as in liquid
-GROWS = 1.2  # from step to step there, for the force has its slope near the pole
-NECK = 0.2  # a step in the neck, over that in which it is left behind
-MOST_STEPS = 80
-MOST = 5 * (2 * MOST_STEPS + 1)
-TURNS = 8
-ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
-CLOSE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
-FAINT = 0.01  # of the amplitude: a drive so small does not care when the tap is
+FLIGHT_GROWTH = 1.2  # from step to step there, for the force has its slope near the pole
+NECK_STEP = 0.2  # a step in the neck, over that in which it is left behind
+MOST_TAP_STEPS = 80
+MOST_TAP_NODES = 5 * (2 * MOST_TAP_STEPS + 1)
+MOST_TAP_TURNS = 8
+DRIVE_ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
+HARMONIC_ALIKE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
+FAINT_DRIVE = 0.01  # of the amplitude: a drive so small does not care when the tap is
 MOST_MOVE = 0.5  # [rad] that the tap moves from turn to turn
 
 
@@ -115,11 +115,11 @@ def _way(
     """
     p, lever = oscillator.p, oscillator.lever
     timed, j, half = end > 0.0, first, math.copysign(math.pi / lever[col.OMEGA], h)
-    free, longest = 0.0 < end < math.inf, MOST_FLIGHT if lever[col.BASE] < FAINT * held[0] else MOST_DRIVEN
+    free, longest = 0.0 < end < math.inf, MOST_FLIGHT if lever[col.BASE] < FAINT_DRIVE * held[0] else MOST_DRIVEN
     least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if free else math.inf
     share, r = lever[col.OMEGA] / 6.0, _rates(oscillator, held, end, y)
     _put(lever, end, y, 0.0, at, j)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_TAP_STEPS):
         last = abs(half - y[2]) <= abs(h) * r[2] if timed else y[0] <= -h * r[0]
         size = h if not last else (half - y[2]) / r[2] if timed else -y[0] / r[0]
         second = _rates(oscillator, held, end, _moved(y, 0.5 * size, r))
@@ -138,7 +138,7 @@ def _way(
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
         if free:
-            h = math.copysign(min(GROWS * abs(h), longest), h)
+            h = math.copysign(min(FLIGHT_GROWTH * abs(h), longest), h)
         if last:
             return y, j + 1
         if not (least < y[0] < most and (timed or y[1] * h < 0.0)):
@@ -163,15 +163,16 @@ def _out(
         y, count = _way(oscillator, held, 0.0, y, h, at, first)
         if side > 0.0 and release < 0.0 and count > 0:
             y, edge = (math.sqrt(-release), y[1], y[2]), release
-            y, count = _way(oscillator, held, release, y, NECK * y[0] / abs(y[1]), at, count)
+            y, count = _way(oscillator, held, release, y, NECK_STEP * y[0] / abs(y[1]), at, count)
         y = (edge, y[1], y[2])
     if count == 0 and deepest > 0.0:
-        h = side * math.pi / (ROUND * lever[col.OMEGA])
+        h = side * math.pi / (PRESSED_STEPS * lever[col.OMEGA])
         return _way(oscillator, held, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
     if not whole:
         return count
     reach = reach_of(law, p)
-    return _way(oscillator, held, reach if reach > 0.0 else row[col.AMPLITUDE], y, side * FLIGHT, at, count)[1]
+    length = reach if reach > 0.0 else row[col.AMPLITUDE]
+    return _way(oscillator, held, length, y, side * FIRST_FLIGHT_STEP, at, count)[1]
 
 
 @kernel
@@ -204,21 +205,21 @@ def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: np.ndarray) ->
     If not `whole`, those in contact will do, and where the drive is small their angles against the drive are not told.
     """
     lever = oscillator.lever
-    if not whole and row[col.INDENTATION] > 0.0 and lever[col.BASE] < FAINT * row[col.AMPLITUDE]:
+    if not whole and row[col.INDENTATION] > 0.0 and lever[col.BASE] < FAINT_DRIVE * row[col.AMPLITUDE]:
         count, _, _ = _followed(oscillator, row, 0.0, False, at)
         if count > 0:
             return count
     for start in (0.0, 0.5, -0.5, 1.0, -1.0):
         late, last, last_off = start, 0.0, 0.0
-        for turn in range(TURNS):
+        for turn in range(MOST_TAP_TURNS):
             count, found, size = _followed(oscillator, row, late, True, at)
             if count == 0:
                 break
             # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
             off = found - late
             move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
-            if lever[col.BASE] * abs(off) < ALIKE * row[col.AMPLITUDE]:
-                if abs(size - 1.0) > CLOSE:
+            if lever[col.BASE] * abs(off) < DRIVE_ALIKE * row[col.AMPLITUDE]:
+                if abs(size - 1.0) > HARMONIC_ALIKE:
                     break
                 c, s = math.cos(late + move), math.sin(late + move)
                 for j in range(count):

@@ -9,10 +9,10 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, contact_slope, longrange_force, parameters
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, TOUCHES, WEIGHT, WEIGHTS, X, moves
-from phasemap._kernels.orbits.kept import COUNT, ENDS, nodes_in
+from phasemap._kernels.orbits.around import COS, DEPTH, HARMONIC_WEIGHTS, HARMONIC_X, RATE, ROWS, TOUCHES, WEIGHT, moves
+from phasemap._kernels.orbits.kept import KEPT_COUNT, KEPT_ENDS, nodes_in
 from phasemap._kernels.orbits.solved import nodes_of
-from phasemap._kernels.orbits.tap import MOST
+from phasemap._kernels.orbits.tap import MOST_TAP_NODES
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 
@@ -20,10 +20,10 @@ from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 def _neck(law: Law, p: np.ndarray) -> float:
     """Energy [J] that a neck takes which is drawn out to its release: none without one."""
     taken = 0.0
-    for i in range(len(X)):
-        d = p[col.RELEASE] * (1.0 - X[i] * X[i])
+    for i in range(len(HARMONIC_X)):
+        d = p[col.RELEASE] * (1.0 - HARMONIC_X[i] * HARMONIC_X[i])
         pull = longrange_force(law, d, p) - contact_force(law, d, p)
-        taken -= WEIGHTS[i] * 2.0 * p[col.RELEASE] * X[i] * pull
+        taken -= HARMONIC_WEIGHTS[i] * 2.0 * p[col.RELEASE] * HARMONIC_X[i] * pull
     return taken
 
 
@@ -38,7 +38,7 @@ def adhesion_rows(
     only. The virial is filled in only if orbits are followed as a `whole`. `kept` are rows with nodes of their orbits
     where COUNT is above 0, shape (n, KEEPING) or (0, 0).
     """
-    room = np.zeros((ROWS, MOST))
+    room = np.zeros((ROWS, MOST_TAP_NODES))
     for i in range(len(rows)):
         row = out[i]
         if not moves(row):
@@ -47,8 +47,8 @@ def adhesion_rows(
         virial, storage = 0.0, 0.0
         follow = whole or p[col.RELEASE] < 0.0
         at = room
-        if len(kept) > 0 and kept[i, COUNT] > 0.0:
-            at, count, release = nodes_in(kept[i]), int(kept[i, COUNT]), kept[i, ENDS]
+        if len(kept) > 0 and kept[i, KEPT_COUNT] > 0.0:
+            at, count, release = nodes_in(kept[i]), int(kept[i, KEPT_COUNT]), kept[i, KEPT_ENDS]
         else:
             count, _, release = nodes_of(Oscillator(law, p, lever), row, averaged[i], follow, at)
         if count == 0:

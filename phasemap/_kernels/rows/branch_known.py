@@ -9,7 +9,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import Room, refine
 from phasemap._kernels.rows.derivatives import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
 
@@ -49,7 +49,7 @@ def exact_block(
                     break
                 places[i, j] = c
                 push, drag, mean = harmonics(Oscillator(law, p, lever), reach, amplitude, c)
-                put(guess, amplitude, c, push, drag, mean)
+                put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
                 guess[col.G_SLOPE] = slope / amplitude
                 if not refine(Oscillator(law, p, lever), reach, guess, limits, room):
                     break

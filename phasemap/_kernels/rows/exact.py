@@ -18,7 +18,7 @@ from phasemap._kernels.engagement.exact import engage as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import Maximum
-from phasemap._kernels.engagement.response import engage
+from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.engagement.rest import LINGERING
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import low_q
@@ -118,7 +118,7 @@ def exact_rows(
         for j in range(len(guess)):
             guess[j] = row[j]
         if math.isnan(guess[0]):
-            surety = engage(Oscillator(law, p, lever), amplitude, guess, top)
+            surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, top)
         row[:] = math.nan
         status[i], orbits = exact_orbit(Oscillator(law, p, lever), tables, amplitude, surety, guess, orbits, row)
         solver[i] = col.ORBIT

@@ -15,15 +15,15 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, Maximum, near_resonance, on_side, strongest
-from phasemap._kernels.engagement.response import cheap_orbit, engage
+from phasemap._kernels.engagement.response import cheap_orbit, engage_by_response
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
-from phasemap._kernels.orbits.kept import COUNT, FAINT, keep
+from phasemap._kernels.orbits.kept import FAINT_DRIVE, KEPT_COUNT, keep_nodes
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, farthest, solved
-from phasemap._kernels.orbits.response.passes import PassState, report
+from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
 from phasemap._kernels.rows.answers import Answers
 
 
@@ -49,7 +49,7 @@ def choose(
     """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""
     if average and averaging_suffices(lever, guess, state, limits, row):
         return col.AVERAGING
-    report(lever, nodes, state, row)
+    fill_row_from_passes(lever, nodes, state, row)
     return col.CORRECTED
 
 
@@ -75,7 +75,7 @@ def cheap_rows(
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage(Oscillator(law, p, lever), amplitude, guess, room.top)
+        surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, room.top)
         status[i] = cheap_orbit(Oscillator(law, p, lever), amplitude, surety, limits, guess, room)
         if status[i] != col.GOOD:
             waiting += 1
@@ -84,9 +84,9 @@ def cheap_rows(
         else:
             solver[i] = choose(lever, guess, solved(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
-                out[i, COUNT] = 0.0
-                if room.state.parts == 1.0 and lever[col.BASE] < FAINT * amplitude:
-                    keep(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, out[i])
+                out[i, KEPT_COUNT] = 0.0
+                if room.state.parts == 1.0 and lever[col.BASE] < FAINT_DRIVE * amplitude:
+                    keep_nodes(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, out[i])
     return waiting
 
 
@@ -100,7 +100,7 @@ def averaging_rows(
     for i in range(first, last):
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        if engage(Oscillator(law, parameters(rows[i]), lever), amplitudes[i], guess, top) == SURE:
+        if engage_by_response(Oscillator(law, parameters(rows[i]), lever), amplitudes[i], guess, top) == SURE:
             status[i] = col.GOOD
             averaged_row(lever, guess, out[i])
         else:

@@ -19,11 +19,11 @@ from phasemap._kernels.law import (
     parameters,
 )
 from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, moves
-from phasemap._kernels.orbits.kept import BEGINS, COUNT, ENDS, nodes_in
+from phasemap._kernels.orbits.kept import KEPT_BEGINS, KEPT_COUNT, KEPT_ENDS, nodes_in
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.solved import all_nodes_of, new_path
-from phasemap._kernels.orbits.tap import MOST
+from phasemap._kernels.orbits.tap import MOST_TAP_NODES
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
 
 TURNS = 20  # harmonics of the force's slope that are looked at
@@ -180,7 +180,7 @@ def force_rows(
         new_path(Nodes(), PassState()),
         np.zeros((2, TURNS)),
         np.zeros((2, col.HARMONICS)),
-        np.zeros((5, MOST)),
+        np.zeros((5, MOST_TAP_NODES)),
     )
     bimodal = second[col.STIFFNESS] > 0.0
     yields = _yields(lever, second) if bimodal else np.zeros((2, 1 + TURNS))
@@ -189,8 +189,9 @@ def force_rows(
         if not moves(row):
             continue
         at = path.at
-        if len(kept) > 0 and kept[i, COUNT] > 0.0:
-            at, count, entry, release = nodes_in(kept[i]), int(kept[i, COUNT]), kept[i, BEGINS], kept[i, ENDS]
+        if len(kept) > 0 and kept[i, KEPT_COUNT] > 0.0:
+            at, count = nodes_in(kept[i]), int(kept[i, KEPT_COUNT])
+            entry, release = kept[i, KEPT_BEGINS], kept[i, KEPT_ENDS]
         else:
             count, entry, release = all_nodes_of(Oscillator(law, p, lever), row, averaged[i], path)
         if count == 0:

@@ -8,12 +8,12 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import OPEN, SURE
+from phasemap._kernels.engagement.averaged import SURE, UNDECIDED
 from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side
-from phasemap._kernels.engagement.response import engage
+from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.engagement.ridge import settle_open
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
@@ -98,8 +98,8 @@ def remembering_rows(
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(Oscillator(law, p, lever), amplitude, eta, most, out[i])
             continue
-        surety = engage(Oscillator(law, p, lever), amplitude, guess, top)
-        if surety == OPEN and settle_open(Oscillator(law, p, lever), amplitude, eta, near, top, guess, out[i]):
+        surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, top)
+        if surety == UNDECIDED and settle_open(Oscillator(law, p, lever), amplitude, eta, near, top, guess, out[i]):
             status[i] = col.GOOD
         elif surety == SURE:
             for finer in (1.0, FINER):

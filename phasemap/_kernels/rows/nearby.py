@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed
 from phasemap._kernels.continuation.step import relay
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import thrown
+from phasemap._kernels.lever import is_thrown_back
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin, newton
 from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
@@ -53,7 +53,7 @@ def nearby_rows(
         guess[col.G_P] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
         guess[col.G_S] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
         tolerance = tolerance_of(Oscillator(law, p, lever))
-        done, throws = col.NOT_CONVERGED, thrown(Oscillator(law, p, lever), amplitude, guess[col.G_P])
+        done, throws = col.NOT_CONVERGED, is_thrown_back(Oscillator(law, p, lever), amplitude, guess[col.G_P])
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue

@@ -18,8 +18,8 @@ from phasemap._kernels.engagement.averaged import caution
 from phasemap._kernels.engagement.end import CLOSEST, decide_exactly, held, highest_at
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
+    CLEAR_MISMATCH,
     DETUNED,
-    PLAIN,
     REPULSIVE,
     UNCLEAR,
     Maximum,
@@ -29,8 +29,8 @@ from phasemap._kernels.engagement.resonance import (
 )
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
-from phasemap._kernels.orbits.response.orbit import Room, refine, solved, steep
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.response.orbit import Room, refine, slope_is_clear, solved
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
 
@@ -68,7 +68,7 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
     if side == ATTRACTIVE:
         wanted = 1.0 - (amplitude / free) ** 2
         detuned = 1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
-        plain = min((PLAIN * wanted + 0.03) * caution(lever) * detuned, HALF_PULL * wanted)
+        plain = min((CLEAR_MISMATCH * wanted + 0.03) * caution(lever) * detuned, HALF_PULL * wanted)
         if top.mismatch <= -plain:
             return col.NO_STABLE_ORBIT
         if top.mismatch < plain:
@@ -100,7 +100,7 @@ def beside(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum,
     """Fill `guess` with a harmonic orbit outside of the strongest pull."""
     c = 1.0 + (top.gap + BESIDE * (reach + abs(top.gap))) / amplitude
     push, drag, mean = harmonics(oscillator, reach, amplitude, c)
-    put(guess, amplitude, c, push, drag, mean)
+    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
 
 
 @kernel
@@ -188,7 +188,7 @@ def other_rows(
             done = averaged_on(Oscillator(law, p, lever), amplitudes[i], side_of(slot), guess, room)
             if done == col.GOOD:
                 exact = refine(Oscillator(law, p, lever), reach, guess, limits, room)
-                if not exact or not steep(Oscillator(law, p, lever), limits, room):
+                if not exact or not slope_is_clear(Oscillator(law, p, lever), limits, room):
                     done = col.PENDING
             if done == col.GOOD:
                 solver[slot, i] = choose(lever, guess, solved(room), room.state, True, allowed, row)

@@ -10,11 +10,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
 from phasemap._kernels.engagement.resonance import Maximum
-from phasemap._kernels.engagement.response import engage
+from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.passes import PassState, report
-from phasemap._kernels.orbits.response.relaxing import END, MEMORY
+from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
+from phasemap._kernels.orbits.response.relaxing import END_NODE, MEMORY
 from phasemap._kernels.orbits.response.relaxing_orbit import Bench, refine_relaxing
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.marched import has_one_orbit, only_orbit
@@ -29,7 +29,7 @@ def relaxing_rows(
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
-    guess, top, bench = np.zeros(col.GUESS), Maximum(), Bench(Nodes(), np.zeros((MEMORY, END + 1)), PassState())
+    guess, top, bench = np.zeros(col.GUESS), Maximum(), Bench(Nodes(), np.zeros((MEMORY, END_NODE + 1)), PassState())
     for i in range(len(rows)):
         p = parameters(rows[i])
         status[i], out[i] = col.PENDING, math.nan
@@ -38,7 +38,7 @@ def relaxing_rows(
         if has_one_orbit(p, lever):
             sure = only_orbit(Oscillator(law, p, lever), amplitudes[i], top, guess)
         else:
-            sure = engage(Oscillator(law, p, lever), amplitudes[i], guess, top) == SURE
+            sure = engage_by_response(Oscillator(law, p, lever), amplitudes[i], guess, top) == SURE
         if sure and refine_relaxing(Oscillator(law, p, lever), guess, limits, bench):
-            report(lever, bench.nodes, bench.state, out[i])
+            fill_row_from_passes(lever, bench.nodes, bench.state, out[i])
             status[i], solver[i] = col.GOOD, col.CORRECTED

@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels.columns import BASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import mismatch, needed, reach_of
+from phasemap._kernels.lever import drive_needed, mismatch, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.rows.derivatives import CLOSE, LONGEST, MOST_STEPS, OFFSET, PHASE, Found, depth_of
 
@@ -100,7 +100,7 @@ def _find(
         if not _look_up(table, image, c, parts):
             return BEYOND, c
         push, drag = _sum(parts, 0, PUSH, x), _sum(parts, 0, DRAG, x)
-        ahead, behind = needed(lever, amplitude, push, drag)
+        ahead, behind = drive_needed(lever, amplitude, push, drag)
         slope = 2.0 * (ahead * _sum(parts, 1, PUSH, x) - behind * _sum(parts, 1, DRAG, x)) / lever[BASE] ** 2
         if not slope < 0.0:
             return LOST, c
@@ -147,7 +147,7 @@ def tabulated_block(
                 good[i], beyond[i] = False, state == BEYOND
                 break
             places[i, j] = c
-            ahead, behind = needed(lever, amplitude, _sum(parts, 0, PUSH, here), _sum(parts, 0, DRAG, here))
+            ahead, behind = drive_needed(lever, amplitude, _sum(parts, 0, PUSH, here), _sum(parts, 0, DRAG, here))
             values[i, j, PHASE] = math.atan2(ahead, behind)
             values[i, j, OFFSET] = amplitude * c + _sum(parts, 0, MEAN, here)
             push_c, drag_c = _sum(parts, 1, PUSH, here), _sum(parts, 1, DRAG, here)

@@ -20,7 +20,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import attraction
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, slope_of
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
 from phasemap._kernels.orbits.response.orbit import Room, refine
 from phasemap._kernels.quadrature import gauss
 
@@ -106,7 +106,7 @@ def lifts(
         orbits = averaged_orbits(Oscillator(law, p, lever), amplitude)
         for j in range(len(orbits)):
             copy(orbits[j], guess)
-            guess[col.G_SLOPE] = slope_of(Oscillator(law, p, lever), guess)
+            guess[col.G_SLOPE] = mismatch_slope(Oscillator(law, p, lever), guess)
             if refine(Oscillator(law, p, lever), reach, guess, limits, room):
                 c, push = (guess[col.G_Z0] - guess[col.G_MEAN]) / amplitude, guess[col.G_P]
                 pull = pull_of(Oscillator(law, p, lever), reach, amplitude, c)

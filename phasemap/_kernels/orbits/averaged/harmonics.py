@@ -39,9 +39,9 @@ _NECK_X, _NECK_W = gauss(20)
 _X, _W = gauss(40)
 _DEEP_COS2, _DEEP_SIN2 = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 2
 _DEEP_W = _W * np.pi * np.cos(_X * np.pi / 2)
-_ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
+_ALL_ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
 
-DEEP = -0.6  # below this c the contact integrals need the finer nodes
+DEEP_CONTACT = -0.6  # below this c the contact integrals need the finer nodes
 
 
 @kernel
@@ -136,8 +136,8 @@ def _even(
         if knows_contact(law, p, c):
             mean, push, loss = contact_integrals(p, amplitude, c)
         elif c <= -1.0:
-            share = math.pi / len(_ROUND)
-            for x in _ROUND:
+            share = math.pi / len(_ALL_ROUND)
+            for x in _ALL_ROUND:
                 d = amplitude * (x - c)
                 f = contact_force(law, d, p)
                 mean += share * f
@@ -147,7 +147,7 @@ def _even(
         else:
             m2 = 0.5 * (1.0 - c)
             m = math.sqrt(m2)
-            deep = c < DEEP
+            deep = c < DEEP_CONTACT
             cos2, sin2, weights = (_DEEP_COS2, _DEEP_SIN2, _DEEP_W) if deep else (_COS2, _SIN2, _TOUCH_W)
             for i in range(len(cos2)):
                 y = (1.0 - c) * cos2[i]
@@ -186,7 +186,7 @@ def harmonics(oscillator: Oscillator, reach: float, amplitude: float, c: float) 
 
 
 @kernel
-def put(orbit: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float) -> None:
+def put_harmonic_orbit(orbit: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float) -> None:
     """Fill in a harmonic orbit whose tip first touches at cos(theta) = c."""
     orbit[col.G_Z0], orbit[col.G_MEAN], orbit[col.G_A] = amplitude * c + mean, mean, amplitude
     orbit[col.G_P], orbit[col.G_S] = push, drag

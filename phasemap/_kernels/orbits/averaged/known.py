@@ -16,9 +16,9 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.quadrature import gauss
 
-DEEPEST = -0.6  # least c: the nearer to m = 1, the shorter intervals would have to be
-INTERVALS, SHORT, TERMS = 8, 0.1, 14  # intervals of m and their length; 3e-12 is wrong in the last one
-LITTLE, SERIES = 0.1, 14  # |x| below which the attraction's integrals are series in x, and their terms
+LEAST_CONTACT_COSINE = -0.6  # least c: the nearer to m = 1, the shorter intervals would have to be
+INTERVALS, INTERVAL, INTERVAL_TERMS = 8, 0.1, 14  # intervals of m and their length; 3e-12 is wrong in the last one
+SMALL_ARGUMENT, SERIES_TERMS = 0.1, 14  # |x| below which the attraction's integrals are series in x, and their terms
 
 
 def _shapes(m: np.ndarray) -> np.ndarray:
@@ -33,8 +33,8 @@ def _shapes(m: np.ndarray) -> np.ndarray:
 
 def _polynomials() -> np.ndarray:
     """Coefficients on each interval, highest first, shape (INTERVALS, TERMS, 4)."""
-    nodes = np.cos((np.arange(TERMS) + 0.5) * np.pi / TERMS)
-    m = (np.arange(INTERVALS)[:, None] + 0.5 + 0.5 * nodes) * SHORT
+    nodes = np.cos((np.arange(INTERVAL_TERMS) + 0.5) * np.pi / INTERVAL_TERMS)
+    m = (np.arange(INTERVALS)[:, None] + 0.5 + 0.5 * nodes) * INTERVAL
     return np.ascontiguousarray(np.einsum("tn,fin->itf", np.linalg.inv(np.vander(nodes)), _shapes(m)))
 
 
@@ -45,17 +45,17 @@ _POLYNOMIALS = _polynomials()
 def knows_contact(law: Law, p: np.ndarray, c: float) -> bool:
     """Whether `contact_integrals` are those of this law, for a tip that first touches at cos(theta) = c."""
     damped = p[DAMPING] == 0.0 or (law.damping == 0 and p[EXPONENT] == 0.5)
-    return bool(law.contact_force == 0 and damped and c > DEEPEST)
+    return bool(law.contact_force == 0 and damped and c > LEAST_CONTACT_COSINE)
 
 
 @kernel
 def contact_integrals(p: np.ndarray, amplitude: float, c: float) -> tuple[float, float, float]:
     """Integrals of F, F cos and alpha_s sin^2 [N, N, 1] over the contact from theta = 0, c < 1."""
     m = 0.5 * (1.0 - c)
-    interval = int(m / SHORT)
-    u, a = 2.0 * (m / SHORT - interval) - 1.0, _POLYNOMIALS[interval]
+    interval = int(m / INTERVAL)
+    u, a = 2.0 * (m / INTERVAL - interval) - 1.0, _POLYNOMIALS[interval]
     even, cosine, loss, arc = 0.0, 0.0, 0.0, 0.0
-    for n in range(TERMS):
+    for n in range(INTERVAL_TERMS):
         even, cosine, loss, arc = u * even + a[n, 0], u * cosine + a[n, 1], u * loss + a[n, 2], u * arc + a[n, 3]
     root, pull = math.sqrt(amplitude), p[PULL] + p[BIAS]
     elastic = 2.0**2.5 * m * m * p[CONTACT] * amplitude * root
@@ -76,10 +76,10 @@ def attraction_integrals(p: np.ndarray, amplitude: float, c: float) -> tuple[flo
         return (less + 1.0) * share, share
     beta, start2 = less / more, (1.0 - c) / (1.0 + c)
     start, above = math.sqrt(start2), 2.0 * ratio / ((1.0 + c) * more)  # above = start^2 + beta
-    if abs(beta) < LITTLE * start2:
+    if abs(beta) < SMALL_ARGUMENT * start2:
         x, one, two = beta / start2, 0.0, 0.0
-        for k in range(SERIES):
-            n = SERIES - 1 - k
+        for k in range(SERIES_TERMS):
+            n = SERIES_TERMS - 1 - k
             one, two = 1.0 / (2 * n + 1) - x * one, (n + 1) / (2 * n + 3) - x * two
         one, two = one / start, two / (start * start2)
     else:

@@ -11,7 +11,7 @@ from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 
 
 @kernel
@@ -50,7 +50,7 @@ def far_start(oscillator: Oscillator, reach: float, free: float, amplitude: floa
 
 
 @kernel
-def slope_of(oscillator: Oscillator, guess: np.ndarray) -> float:
+def mismatch_slope(oscillator: Oscillator, guess: np.ndarray) -> float:
     """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
     law, p, lever = oscillator
     reach, amplitude, e = reach_of(law, p), guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
@@ -109,6 +109,6 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
         root = crossing(oscillator, reach, amplitude, at[i], at[i - 1])
         if not math.isnan(root) and found < len(rows):
             push, drag, mean = harmonics(oscillator, reach, amplitude, root)
-            put(rows[found], amplitude, root, push, drag, mean)
+            put_harmonic_orbit(rows[found], amplitude, root, push, drag, mean)
             found += 1
     return rows[:found]

@@ -10,7 +10,7 @@ from phasemap._kernels.arrays import copy_rows
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, ROW
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import eliminate
-from phasemap._kernels.lever import needed
+from phasemap._kernels.lever import drive_needed
 from phasemap._kernels.orbits.collocation.system import (
     BEND,
     CHAIN,
@@ -63,7 +63,7 @@ PLANE_Z, PLANE_A, THROUGH_Z, THROUGH_A = 0, 1, 2, 3
 def _drive(lever: np.ndarray, head: np.ndarray) -> float:
     """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
     base = lever[BASE]
-    x, y = needed(lever, head[VALUE, A], head[VALUE, P], head[VALUE, S])
+    x, y = drive_needed(lever, head[VALUE, A], head[VALUE, P], head[VALUE, S])
     return (x * x + y * y) / base - base
 
 
@@ -75,7 +75,7 @@ def _with_drive(lever: np.ndarray, head: np.ndarray, drift: np.ndarray) -> None:
     head[SYSTEM + 4 : SYSTEM + SEVEN] = 0.0
     row = head[SYSTEM + 4]
     amplitude, push, drag = head[VALUE, A], head[VALUE, P], head[VALUE, S]
-    x, y = needed(lever, amplitude, push, drag)
+    x, y = drive_needed(lever, amplitude, push, drag)
     row[RP] = 2 * x / base
     row[RS] = -2 * y / base
     row[RA] = (2 * x * (1 - omega**2) + 4 * y * alpha0 * omega) / base

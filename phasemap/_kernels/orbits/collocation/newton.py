@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import needed, reach_of
+from phasemap._kernels.lever import drive_needed, reach_of
 from phasemap._kernels.orbits.collocation.closing import accept, along, close
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
 from phasemap._kernels.orbits.collocation.elements import carry_over, lay
@@ -197,7 +197,7 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
     # Of the node before: the tip may be deepest between the last and the first.
     last = orbit.elements[int(head[COUNT, ELEMENTS]) - 1]
     theta0, w0, u0 = last[THETA, NODES - 1] - 2.0 * math.pi, last[W, NODES - 1], last[U, NODES - 1]
-    x, y = needed(lever, amplitude, head[VALUE, P], head[VALUE, S])
+    x, y = drive_needed(lever, amplitude, head[VALUE, P], head[VALUE, S])
     for e in range(int(head[COUNT, ELEMENTS])):
         one = orbit.elements[e]
         h, table = one[PLACE, SCALE], tables[int(one[PLACE, TABLE])]

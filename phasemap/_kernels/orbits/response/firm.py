@@ -10,25 +10,25 @@ from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, longrange_slope
-from phasemap._kernels.orbits.response.newton import Bench, copy_motion, drive_of, fill
+from phasemap._kernels.orbits.response.newton import Bench, copy_motion, drive_of, fill_system
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
     IN,
     OUT,
-    WEIGHTS,
     N,
     Nodes,
-    grade,
-    lay,
-    node,
+    contact_node,
+    grade_outer_nodes,
+    lay_nodes,
     parts_of,
     respond,
 )
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.response.sound import kicked, trace_of
 
-LEAST_ALONG = 0.1  # dz0/dA: less is too near to a fold
+LEAST_SLOPE_AT_NEWTON = 0.1  # dz0/dA: less is too near to a fold
 SURELY = 0.98  # of the trace at which a multiplier is minus one, or one
 CLEARLY = 0.5  # of (1 - lambda)^2 where both multipliers are alike: nearer to one they may not be
 ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
@@ -40,16 +40,16 @@ def _touches_once(oscillator: Oscillator, reach: float, f: Nodes, state: PassSta
     p, lever = oscillator.p, oscillator.lever
     amplitude, e, deepest = state.amplitude, state.centre, 0.0
     if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
-        grade(f, amplitude, e, 1e-3 * amplitude, f.theta[EXIT])
-        lay(f, lever, f.theta[ENTRY], f.theta[EXIT], True)
+        grade_outer_nodes(f, amplitude, e, 1e-3 * amplitude, f.theta[EXIT])
+        lay_nodes(f, lever, f.theta[ENTRY], f.theta[EXIT], True)
         for j in range(N):
             f.g[IN + j], f.g[OUT + j] = 0.0, 0.0
         respond(f, lever, state.mean, state.push, state.drag, True, True)
     for k in range(N * parts_of(f)):
-        deepest = max(deepest, amplitude * f.cos[node(k)] + f.w[node(k)] - e)
+        deepest = max(deepest, amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e)
     aside = ASIDE * max(deepest, reach)
     for k in range(N * parts_of(f)):
-        if amplitude * f.cos[node(k)] + f.w[node(k)] - e < -aside:
+        if amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e < -aside:
             return False
     for j in range(N):
         inward, outward = IN + j, OUT + j
@@ -65,16 +65,16 @@ def _rises(lever: np.ndarray, bench: Bench) -> bool:
     omega, amplitude, n = lever[OMEGA], state.amplitude, N * parts_of(f)
     s, y = 1.0 - omega * omega, 2.0 * lever[ALPHA0] * omega
     for j in range(n):
-        right[j] = m[j, n] * f.cos[node(j)] - m[j, n + 1] * f.sin[node(j)]
+        right[j] = m[j, n] * f.cos[contact_node(j)] - m[j, n + 1] * f.sin[contact_node(j)]
     substitute(m, n, bench.order, right)
     per_a = 2.0 * ((state.push + amplitude * s) * s + (y * amplitude - state.drag) * y) / lever[BASE] ** 2
     per_e, mean_a, mean_e = 0.0, 0.0, 0.0
     for j in range(n):
-        to_h, to_mean = drive_of(lever, f, state, j), WEIGHTS[j % N] * f.weight[node(j)] / (2 * math.pi)
+        to_h, to_mean = drive_of(lever, f, state, j), GAUSS_WEIGHTS[j % N] * f.weight[contact_node(j)] / (2 * math.pi)
         per_a, per_e = per_a + to_h * right[j], per_e - to_h * bench.per_e[j]
         mean_a, mean_e = mean_a + to_mean * right[j], mean_e - to_mean * bench.per_e[j]
     e_a = -per_a / per_e
-    return e_a - mean_a - mean_e * e_a > LEAST_ALONG
+    return e_a - mean_a - mean_e * e_a > LEAST_SLOPE_AT_NEWTON
 
 
 @kernel
@@ -89,12 +89,12 @@ def _stable(oscillator: Oscillator, bench: Bench) -> bool:
     a, nu, amplitude = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega, state.amplitude
     x1, y1, x2, y2, decay = 1.0, 0.0, 0.0, 1.0, -4.0 * math.pi * a
     copy_motion(f, bench.motions)
-    fill(oscillator, f, state, bench.motions[:2], False, m)
+    fill_system(oscillator, f, state, bench.motions[:2], False, m)
     for j in range(n):
-        i, kappa, gamma = node(j), m[j, n], m[j, n + 1]
+        i, kappa, gamma = contact_node(j), m[j, n], m[j, n + 1]
         c, s = f.turn_cos[i] / f.growth[i], f.turn_sin[i] / f.growth[i]
         one[j], two[j] = kappa * c + gamma * (a * c - nu * s), kappa * s + gamma * (a * s + nu * c)
-        decay += WEIGHTS[j % N] * f.weight[i] * gamma / (omega * omega)
+        decay += GAUSS_WEIGHTS[j % N] * f.weight[i] * gamma / (omega * omega)
     if not factor(m, n, bench.order):
         return False
     substitute(m, n, bench.order, one)
@@ -103,8 +103,8 @@ def _stable(oscillator: Oscillator, bench: Bench) -> bool:
         if side == 1:
             by_x1, by_y1, by_x2, by_y2 = 0.0, 0.0, 0.0, 0.0
             for j in range(n):
-                i = node(j)
-                kick = WEIGHTS[j % N] * f.weight[i] * f.growth[i] / (omega * omega * nu)
+                i = contact_node(j)
+                kick = GAUSS_WEIGHTS[j % N] * f.weight[i] * f.growth[i] / (omega * omega * nu)
                 c, s = kick * f.turn_cos[i], kick * f.turn_sin[i]
                 by_x1, by_y1 = by_x1 + s * one[j], by_y1 - c * one[j]
                 by_x2, by_y2 = by_x2 + s * two[j], by_y2 - c * two[j]
@@ -117,7 +117,8 @@ def _stable(oscillator: Oscillator, bench: Bench) -> bool:
         for k in range(N if p[LONGRANGE] != 0.0 else 0):
             i = IN + N - 1 - k if side == 0 else OUT + k  # in the order of time
             d = min(amplitude * f.cos[i] + f.w[i] - state.centre, 0.0)
-            kick = WEIGHTS[i % N] * f.weight[i] * longrange_slope(law, d, p) / (lever[STIFFNESS] * omega * omega * nu)
+            kick = GAUSS_WEIGHTS[i % N] * f.weight[i] * longrange_slope(law, d, p)
+            kick /= lever[STIFFNESS] * omega * omega * nu
             x1, y1 = kicked(f.turn_cos[i], f.turn_sin[i], kick, x1, y1)
             x2, y2 = kicked(f.turn_cos[i], f.turn_sin[i], kick, x2, y2)
     trace, determinant = trace_of(a, nu, x1, y1, x2, y2), math.exp(-decay)
@@ -127,7 +128,7 @@ def _stable(oscillator: Oscillator, bench: Bench) -> bool:
 
 
 @kernel
-def firm(oscillator: Oscillator, reach: float, bench: Bench) -> bool:
+def newton_orbit_is_kept(oscillator: Oscillator, reach: float, bench: Bench) -> bool:
     """Whether an orbit that was FOUND touches where it was taken to, is stable, and far from the end of its branch."""
     lever = oscillator.lever
     if not (_rises(lever, bench) and _stable(oscillator, bench)):

@@ -15,10 +15,10 @@ import numpy as np
 
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate
-from phasemap._kernels.orbits.response.nodes import N, Nodes, count_of, node, parts_of
+from phasemap._kernels.orbits.response.nodes import N, Nodes, contact_node, count_of, parts_of
 
-DEPTH = 4  # changes that are kept
-ALIKE = 1e-12  # of its square, that is added to each, so that changes of the same shape do no harm
+KEPT_CHANGES = 4  # changes that are kept
+REGULARISATION = 1e-12  # of its square, that is added to each, so that changes of the same shape do no harm
 # Rows of the scratch array, whose last column is for e: w and w' before the pass; what mixing last added to w and w';
 # what the last pass changed of the depth; and of each change Dx + Dr in w and in w', and Dr in the depth.
 BEFORE, MORE, MISSED, FIRST, CHANGES = 0, 2, 4, 5, 3
@@ -27,11 +27,11 @@ BEFORE, MORE, MISSED, FIRST, CHANGES = 0, 2, 4, 5, 3
 @kernel
 def new_past(f: Nodes, wanted: bool) -> np.ndarray:
     """Return an empty scratch array, or none at all."""
-    return np.empty((FIRST + CHANGES * DEPTH if wanted else 0, count_of(f) + 1))
+    return np.empty((FIRST + CHANGES * KEPT_CHANGES if wanted else 0, count_of(f) + 1))
 
 
 @kernel
-def keep(f: Nodes, past: np.ndarray) -> None:
+def keep_motion(f: Nodes, past: np.ndarray) -> None:
     """Keep the motion before a pass."""
     for j in range(count_of(f)):
         past[BEFORE, j], past[BEFORE + 1, j] = f.w[j], f.u[j]
@@ -44,30 +44,30 @@ def mix(f: Nodes, rise: float, passes: int, past: np.ndarray) -> float:
     `passes` says how many were mixed before.
     """
     width, last, n = count_of(f), count_of(f), N * parts_of(f)
-    newest, used = FIRST + CHANGES * ((passes - 1) % DEPTH), min(passes, DEPTH)
+    newest, used = FIRST + CHANGES * ((passes - 1) % KEPT_CHANGES), min(passes, KEPT_CHANGES)
     if passes > 0:
         for j in range(width):
             past[newest, j] = f.w[j] - past[BEFORE, j] + past[MORE, j]
             past[newest + 1, j] = f.u[j] - past[BEFORE + 1, j] + past[MORE + 1, j]
         past[newest, last] = rise + past[MORE, last]
     for k in range(n):
-        j = node(k)
+        j = contact_node(k)
         missed = f.w[j] - past[BEFORE, j] - rise
         if passes > 0:
             past[newest + 2, k] = missed - past[MISSED, k]
         past[MISSED, k] = missed
-    system = np.empty((DEPTH, DEPTH + 1))
+    system = np.empty((KEPT_CHANGES, KEPT_CHANGES + 1))
     for a in range(used):
         one = past[FIRST + CHANGES * a + 2]
         for b in range(a + 1):
             system[a, b] = system[b, a] = dot(one, past[FIRST + CHANGES * b + 2], n)
-        system[a, a] *= 1.0 + ALIKE
-        system[a, DEPTH] = dot(one, past[MISSED], n)
+        system[a, a] *= 1.0 + REGULARISATION
+        system[a, KEPT_CHANGES] = dot(one, past[MISSED], n)
     for j in range(width + 1):
         past[MORE, j], past[MORE + 1, j] = 0.0, 0.0
     if eliminate(system, used):
         for a in range(used):
-            share, row = system[a, DEPTH], FIRST + CHANGES * a
+            share, row = system[a, KEPT_CHANGES], FIRST + CHANGES * a
             for j in range(width + 1):
                 past[MORE, j] -= share * past[row, j]
                 past[MORE + 1, j] -= share * past[row + 1, j]

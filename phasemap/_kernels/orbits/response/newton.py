@@ -22,47 +22,47 @@ from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, S
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
-from phasemap._kernels.lever import needed
+from phasemap._kernels.lever import drive_needed
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
+    GAUSS_X,
     TOUCH,
     UPTO,
-    WEIGHTS,
     N,
     Nodes,
-    X,
+    contact_node,
     count_of,
     first_harmonic,
-    lay,
+    lay_nodes,
     middle_of,
-    node,
+    move_nodes,
     parts_of,
     periods_before,
-    relay,
     respond,
 )
 from phasemap._kernels.orbits.response.passes import (
-    CLOSED,
-    COARSE,
+    ENERGY_LEFT,
     FOUND,
-    LOST,
+    NO_ORBIT,
+    UNRESOLVED,
     PassState,
     after_pass,
     closure,
-    evaluate,
+    evaluate_nodes,
     first_pass,
     unresolved,
 )
 
-MOST_STEPS, MOST_HALVINGS = 16, 6
+MOST_RESPONSE_STEPS, MOST_STEP_HALVINGS = 16, 6
 REUSED = 0.1  # ratio of changes with which a step may do with the stiffness of the one before
-MUCH = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
-LONGEST = 0.5  # step, over the depth of the contact or
+SETTLED_PHASE = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
+LONGEST_RESPONSE_STEP = 0.5  # step, over the depth of the contact or
 AT_LEAST = 0.3  # of the reach
-NARROWER, WIDER = 0.4, 2.5  # contact after a step, over the one before
-_LEGENDRE = np.polynomial.legendre.legvander(np.concatenate([2 * X - 1, X - 1, X]), N - 1)
+NARROWEST_CONTACT, WIDEST_CONTACT = 0.4, 2.5  # contact after a step, over the one before
+_LEGENDRE = np.polynomial.legendre.legvander(np.concatenate([2 * GAUSS_X - 1, GAUSS_X - 1, GAUSS_X]), N - 1)
 INTO_PARTS = _LEGENDRE[N:] @ np.linalg.inv(_LEGENDRE[:N])  # from the nodes of a contact to those of its halves
 
 
@@ -106,7 +106,9 @@ def stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, flo
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill(oscillator: Oscillator, f: Nodes, state: PassState, motion: np.ndarray, periodic: bool, m: np.ndarray) -> None:
+def fill_system(
+    oscillator: Oscillator, f: Nodes, state: PassState, motion: np.ndarray, periodic: bool, m: np.ndarray
+) -> None:
     """Fill the left side of the system for dg at the nodes in contact, and behind it kappa and gamma.
 
     `motion` is (w, w') at the nodes. If not `periodic`, a force is felt only after it, and by all of the motion.
@@ -120,7 +122,7 @@ def fill(oscillator: Oscillator, f: Nodes, state: PassState, motion: np.ndarray,
     at = np.empty((8, n))
     cosine, sine, back_re, back_im, kappa, gamma, to_w, to_u = at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7]
     for j in range(n):
-        i = node(j)
+        i = contact_node(j)
         d = max(amplitude * f.cos[i] + motion[0, i] - e, 0.0)
         kappa[j], gamma[j] = stiffness(oscillator, d, motion[1, i] - amplitude * f.sin[i])
         m[j, n], m[j, n + 1] = kappa[j], gamma[j]
@@ -128,8 +130,8 @@ def fill(oscillator: Oscillator, f: Nodes, state: PassState, motion: np.ndarray,
         back_re[j], back_im[j] = shrink * f.turn_cos[i], shrink * f.turn_sin[i]
         cosine[j], sine[j] = f.cos[i], f.sin[i]
     for k in range(n):
-        i, part = node(k), k // N
-        size, here = f.weight[i] * f.growth[i], WEIGHTS[k % N]
+        i, part = contact_node(k), k // N
+        size, here = f.weight[i] * f.growth[i], GAUSS_WEIGHTS[k % N]
         q_re, q_im = size * f.turn_cos[i], -size * f.turn_sin[i]
         round_re, round_im, mean, h_re, h_im = 0.0, 0.0, 0.0, 0.0, 0.0
         if periodic:
@@ -154,8 +156,8 @@ def fill(oscillator: Oscillator, f: Nodes, state: PassState, motion: np.ndarray,
 @kernel
 def drive_of(lever: np.ndarray, f: Nodes, state: PassState, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
-    i, (x, y) = node(k), needed(lever, state.amplitude, state.push, state.drag)
-    share = 2.0 * WEIGHTS[k % N] * f.weight[i] / (math.pi * lever[BASE] * lever[BASE])
+    i, (x, y) = contact_node(k), drive_needed(lever, state.amplitude, state.push, state.drag)
+    share = 2.0 * GAUSS_WEIGHTS[k % N] * f.weight[i] / (math.pi * lever[BASE] * lever[BASE])
     return (x * f.cos[i] - y * f.sin[i]) * share
 
 
@@ -171,7 +173,7 @@ def _mix(f: Nodes, old: np.ndarray, new: np.ndarray, share: float, amplitude: fl
     entry = f.theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / down
     exit_ = f.theta[EXIT] - (amplitude * f.cos[EXIT] + f.w[EXIT] - e) / up
     before = f.theta[EXIT] - f.theta[ENTRY]
-    return NARROWER * before < exit_ - entry < WIDER * before and entry > -math.pi and exit_ < math.pi
+    return NARROWEST_CONTACT * before < exit_ - entry < WIDEST_CONTACT * before and entry > -math.pi and exit_ < math.pi
 
 
 @kernel
@@ -187,14 +189,14 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
     copy_motion(f, old)
     respond(f, lever, state.mean, state.push, state.drag, True, longrange)
     if anew:
-        fill(oscillator, f, state, old, True, m)
+        fill_system(oscillator, f, state, old, True, m)
         if not factor(m, n, order):
             return 0.0
         for j in range(n):
             per_e[j] = m[j, n]
         substitute(m, n, order, per_e)
     for j in range(n):
-        i = node(j)
+        i = contact_node(j)
         right[j] = m[j, n] * (f.w[i] - old[0, i]) + m[j, n + 1] * (f.u[i] - old[1, i])
     substitute(m, n, order, right)
     change, slope = h, 0.0
@@ -206,71 +208,71 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
     state.slope = slope
     mean, push, drag = state.mean, state.push, state.drag
     for j in range(n):
-        i = node(j)
+        i = contact_node(j)
         more = right[j] - move * per_e[j]
         f.g[i] += more
-        more *= WEIGHTS[j % N] * f.weight[i] / math.pi
+        more *= GAUSS_WEIGHTS[j % N] * f.weight[i] / math.pi
         mean, push, drag = mean + 0.5 * more, push + more * f.cos[i], drag + more * f.sin[i]
     respond(f, lever, mean, push, drag, True, longrange)
     copy_motion(f, new)
     depth = amplitude * f.cos[middle] + old[0, middle] - e
     deeper = abs(new[0, middle] - old[0, middle] - move)
-    share = min(1.0, LONGEST * max(abs(depth), AT_LEAST * reach) / max(deeper, 1e-300))
-    for _ in range(MOST_HALVINGS):
+    share = min(1.0, LONGEST_RESPONSE_STEP * max(abs(depth), AT_LEAST * reach) / max(deeper, 1e-300))
+    for _ in range(MOST_STEP_HALVINGS):
         if _mix(f, old, new, share, amplitude, e + share * move):
             state.centre = e + share * move
-            relay(f, lever, amplitude, state.centre, True, longrange)
+            move_nodes(f, lever, amplitude, state.centre, True, longrange)
             return share
         share *= 0.5
     return 0.0
 
 
 @kernel
-def newton(oscillator: Oscillator, reach: float, limits: np.ndarray, bench: Bench) -> int:
+def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray, bench: Bench) -> int:
     """Repeat steps from a motion that touches until its estimated errors are below the limits: FOUND, LOST or COARSE.
 
     The error left is taken from the last two changes, as that of passes is.
     """
     p, lever = oscillator.p, oscillator.lever
     f, state, longrange, middle = bench.nodes, bench.state, p[LONGRANGE] != 0.0, middle_of(bench.nodes)
-    h = evaluate(oscillator, f, state, True)
+    h = evaluate_nodes(oscillator, f, state, True)
     phase, height, left_before, anew = state.phase, state.tip_offset, math.inf, True
     first_pass(state)
     state.last_w = f.w[middle]
     if state.passes > 0:
         state.phase, state.tip_offset = phase, height
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_RESPONSE_STEPS):
         share = _step(oscillator, reach, bench, h, anew)
         if not share > 0.0:
-            return LOST
-        h = evaluate(oscillator, f, state, True)
+            return NO_ORBIT
+        h = evaluate_nodes(oscillator, f, state, True)
         state.passes += 1
         nodes, ratio_before = unresolved(lever, f, True, longrange), state.last_ratio
         ratio = after_pass(lever, state, h, f.w[middle], nodes)
         if not math.isfinite(state.phase + state.tip_offset):
-            return LOST
+            return NO_ORBIT
         anew = not ratio < REUSED
-        if state.phase_change < MUCH and nodes > limits[0] * lever[BASE]:
-            return COARSE
+        if state.phase_change < SETTLED_PHASE and nodes > limits[0] * lever[BASE]:
+            return UNRESOLVED
         if share < 1.0:
             state.last_ratio = ratio_before
         elif ratio >= 0.0:
             left = abs(closure(lever, state))
             small = state.phase_error < limits[0] and state.tip_offset_error < limits[1]
-            if small and left < CLOSED:
+            if small and left < ENERGY_LEFT:
                 return FOUND
             if small and left > 0.5 * left_before:
-                return COARSE
+                return UNRESOLVED
             left_before = left
-    return LOST
+    return NO_ORBIT
 
 
 @kernel
-def cut(lever: np.ndarray, f: Nodes, finer: Nodes, longrange: bool) -> None:
+def cut_contact(lever: np.ndarray, f: Nodes, finer: Nodes, longrange: bool) -> None:
     """Carry an orbit over to nodes that cut its contact in two."""
     copy(f.far, finer.far)
     copy(f.far_weight, finer.far_weight)
-    lay(finer, lever, f.theta[ENTRY], f.theta[EXIT], longrange)
+    lay_nodes(finer, lever, f.theta[ENTRY], f.theta[EXIT], longrange)
     _interpolate(f.w, finer.w)
     _interpolate(f.u, finer.u)
 
@@ -284,4 +286,4 @@ def _interpolate(row: np.ndarray, finer: np.ndarray) -> None:
         total = 0.0
         for k in range(N):
             total += INTO_PARTS[j, k] * row[TOUCH + k]
-        finer[node(j)] = total
+        finer[contact_node(j)] = total

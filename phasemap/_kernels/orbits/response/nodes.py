@@ -27,11 +27,11 @@ from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
 N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
-X, WEIGHTS = gauss(N)
-UPTO = np.ascontiguousarray(integration_matrix(X).T)  # [k, j]: integral of the k-th polynomial up to node j
-_TOUCH_S, _TOUCH_W = np.sin(np.pi * (X - 0.5)), np.pi * np.cos(np.pi * (X - 0.5))
-EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (X - 1.0))
-LATE_S, LATE_W = np.sin(0.5 * np.pi * X), 0.5 * np.pi * np.cos(0.5 * np.pi * X)
+GAUSS_X, GAUSS_WEIGHTS = gauss(N)
+UPTO = np.ascontiguousarray(integration_matrix(GAUSS_X).T)  # [k, j]: integral of the k-th polynomial up to node j
+_CONTACT_S, _CONTACT_W = np.sin(np.pi * (GAUSS_X - 0.5)), np.pi * np.cos(np.pi * (GAUSS_X - 0.5))
+EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (GAUSS_X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (GAUSS_X - 1.0))
+LATE_S, LATE_W = np.sin(0.5 * np.pi * GAUSS_X), 0.5 * np.pi * np.cos(0.5 * np.pi * GAUSS_X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
 LATE, ALL_CUT = ALL, ALL + N  # the later half of a contact that is cut in two, where there is room for it
 
@@ -73,7 +73,7 @@ def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray
 
 
 @kernel
-def grade(f: Nodes, amplitude: float, e: float, reach: float, edge: float) -> None:
+def grade_outer_nodes(f: Nodes, amplitude: float, e: float, reach: float, edge: float) -> None:
     """Where the nodes outside contact lie, over the angle from its edge to the far end: sinh(X x)/sinh(X).
 
     The long-range force has its pole at a distance that sinh then takes away from the nodes.
@@ -84,19 +84,19 @@ def grade(f: Nodes, amplitude: float, e: float, reach: float, edge: float) -> No
     most = math.asinh((math.pi - edge) / width)
     share = 1.0 / math.sinh(most)
     for j in range(N):
-        large = math.exp(most * X[j])
+        large = math.exp(most * GAUSS_X[j])
         f.far[j], f.far_weight[j] = 0.5 * share * (large - 1.0 / large), 0.5 * most * share * (large + 1.0 / large)
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay(f: Nodes, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
+def lay_nodes(f: Nodes, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
     theta, weight = f.theta, f.weight
     centre, half = 0.5 * (entry + exit_), 0.5 * (exit_ - entry)
     before, after = math.pi + entry, math.pi - exit_
     for j in range(N):
-        theta[TOUCH + j] = centre + half * _TOUCH_S[j]
-        weight[TOUCH + j] = half * _TOUCH_W[j]
+        theta[TOUCH + j] = centre + half * _CONTACT_S[j]
+        weight[TOUCH + j] = half * _CONTACT_W[j]
         if longrange:
             theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
             theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
@@ -105,11 +105,11 @@ def lay(f: Nodes, lever: np.ndarray, entry: float, exit_: float, longrange: bool
             theta[TOUCH + j], weight[TOUCH + j] = centre + half * EARLY_S[j], half * EARLY_W[j]
             theta[LATE + j], weight[LATE + j] = centre + half * LATE_S[j], half * LATE_W[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
-    wind(f, lever)
+    fill_angles(f, lever)
 
 
 @kernel(fastmath=ANY_ORDER)
-def wind(f: Nodes, lever: np.ndarray) -> None:
+def fill_angles(f: Nodes, lever: np.ndarray) -> None:
     """Fill in what goes with the angles of the nodes: sines and cosines, and exp(-lambda theta)."""
     count, omega, alpha0 = count_of(f), lever[OMEGA], lever[ALPHA0]
     theta = f.theta[:count]
@@ -150,14 +150,14 @@ def middle_of(f: Nodes) -> int:
 
 
 @kernel
-def still(f: Nodes) -> None:
+def clear_motion(f: Nodes) -> None:
     """Set the motion beyond the first harmonic to zero."""
     for j in range(count_of(f)):
         f.w[j], f.u[j] = 0.0, 0.0
 
 
 @kernel
-def node(k: int) -> int:
+def contact_node(k: int) -> int:
     """The k-th node in contact."""
     return TOUCH + k if k < N else LATE + k - N
 
@@ -184,8 +184,8 @@ def _running(f: Nodes, first: int) -> tuple[float, float]:
     _upto(im, f.sum_im[first : first + N])
     total_re, total_im = 0.0, 0.0
     for k in range(N):
-        total_re += WEIGHTS[k] * re[k]
-        total_im += WEIGHTS[k] * im[k]
+        total_re += GAUSS_WEIGHTS[k] * re[k]
+        total_im += GAUSS_WEIGHTS[k] * im[k]
     return total_re, total_im
 
 
@@ -205,7 +205,7 @@ def force(
             d = max(amplitude * f.cos[i] + f.w[i] - e, 0.0)
             turn = f.u[i] - amplitude * f.sin[i]
             g = inverse_k * contact_force(law, d, p)
-            weight = WEIGHTS[j] * f.weight[i]
+            weight = GAUSS_WEIGHTS[j] * f.weight[i]
             work += weight * g * turn
             if damped:
                 drop = 2.0 * omega * damping(law, d, p) * turn
@@ -224,7 +224,7 @@ def force(
                 d = min(amplitude * f.cos[i] + f.w[i] - e, 0.0)
                 g = inverse_k * longrange_force(law, d, p)
                 f.g[i] = g
-                weight = WEIGHTS[j] * f.weight[i]
+                weight = GAUSS_WEIGHTS[j] * f.weight[i]
                 work += weight * g * (f.u[i] - amplitude * f.sin[i])
                 mean += weight * g
                 push += weight * g * f.cos[i]
@@ -301,7 +301,7 @@ def respond(
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay(f: Nodes, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
+def move_nodes(f: Nodes, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
     """Move the nodes to where the contact is now, and w with them."""
     count, before = count_of(f), f.re
     theta = f.theta[:count]
@@ -310,6 +310,6 @@ def relay(f: Nodes, lever: np.ndarray, amplitude: float, e: float, touching: boo
     if touching:
         entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
         exit_ = theta[EXIT] - (amplitude * f.cos[EXIT] + f.w[EXIT] - e) / (f.u[EXIT] - amplitude * f.sin[EXIT])
-    lay(f, lever, entry, exit_, longrange)
+    lay_nodes(f, lever, entry, exit_, longrange)
     for j in range(count):
         f.w[j] += f.u[j] * (theta[j] - before[j])

@@ -9,27 +9,27 @@ from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import Maximum, at_crossing, near_resonance
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import reach_of, sticky
-from phasemap._kernels.orbits.response.firm import firm
-from phasemap._kernels.orbits.response.newton import Bench, cut, newton
+from phasemap._kernels.lever import is_sticky, reach_of
+from phasemap._kernels.orbits.response.firm import newton_orbit_is_kept
+from phasemap._kernels.orbits.response.newton import Bench, cut_contact, newton_on_response
 from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, Nodes, middle_of
 from phasemap._kernels.orbits.response.passes import (
-    COARSE,
     FOUND,
+    UNRESOLVED,
     PassState,
     beside_resonance,
     converge,
-    evaluate,
+    evaluate_nodes,
     start,
 )
-from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, press
-from phasemap._kernels.orbits.response.sound import sound
+from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, pressed_orbit
+from phasemap._kernels.orbits.response.sound import orbit_is_kept
 from phasemap._kernels.records import assign, clear, record
 
-LEAST_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
+LEAST_SLOPE_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
 CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
-STEP = 1e-3  # of the amplitude, for dz0/dA
+SLOPE_STEP = 1e-3  # of the amplitude, for dz0/dA
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
 
@@ -87,7 +87,7 @@ def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.n
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if e < -SHALLOWEST * amplitude:
         _begin(guess, e, room.state)
-        return press(oscillator, limits, room.pressed, room.state) and belongs(lever, guess, room.state)
+        return pressed_orbit(oscillator, limits, room.pressed, room.state) and on_same_branch(lever, guess, room.state)
     if _pass_from(oscillator, reach, guess, e, limits, room):
         return True
     if not grazes(p, reach, guess):
@@ -112,16 +112,18 @@ def _pass_from(
         return False
     state.parts = 1
     found = converge(oscillator, f, state, False, limits[0], limits[1])
-    if found == COARSE and f.theta[EXIT] > f.theta[ENTRY] and beside_resonance(lever):
+    if found == UNRESOLVED and f.theta[EXIT] > f.theta[ENTRY] and beside_resonance(lever):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
         if not at_crossing(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
         room.finer.cut = 1
-        cut(lever, f, room.finer, longrange)
+        cut_contact(lever, f, room.finer, longrange)
         f, state.parts = room.finer, 2
-        evaluate(oscillator, f, state, True)
+        evaluate_nodes(oscillator, f, state, True)
         found = converge(oscillator, f, state, False, limits[0], limits[1])
-    return found == FOUND and belongs(lever, guess, state) and sound(oscillator, reach, f, state, 0.0, 0.0)
+    if found != FOUND or not on_same_branch(lever, guess, state):
+        return False
+    return orbit_is_kept(oscillator, reach, f, state, 0.0, 0.0)
 
 
 @kernel
@@ -132,7 +134,7 @@ def _begin(guess: np.ndarray, e: float, state: PassState) -> None:
 
 
 @kernel
-def belongs(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
+def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
     same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
     return same and abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
@@ -148,41 +150,41 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
     _begin(guess, e, bench.state)
     if guess[col.G_P] < 0.0:
-        return 0  # where the force outside of contact counts as much, `firm` does not know how the branch goes on
-    if sticky(oscillator, amplitude):
+        return 0  # where the force outside of contact counts as much, it is not known how the branch goes on
+    if is_sticky(oscillator, amplitude):
         return 0  # nor is that force little enough to follow a step behind
     if not e < amplitude or not start(oscillator, reach, bench.nodes, bench.state):
         return 0
-    found = newton(oscillator, reach, limits, bench)
-    if found == COARSE:
-        cut(lever, short.nodes, long.nodes, p[LONGRANGE] != 0.0)
+    found = newton_on_response(oscillator, reach, limits, bench)
+    if found == UNRESOLVED:
+        cut_contact(lever, short.nodes, long.nodes, p[LONGRANGE] != 0.0)
         assign(long.state, short.state)
         bench, parts = long, 2
-        found = newton(oscillator, reach, limits, bench)
+        found = newton_on_response(oscillator, reach, limits, bench)
     f, state = bench.nodes, bench.state
     if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
         return 0
     near = abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, amplitude)
     near = near or abs(state.centre - f.w[middle_of(f)] - e) < FAR_OFF * amplitude
-    return parts if near and firm(oscillator, reach, bench) else 0
+    return parts if near and newton_orbit_is_kept(oscillator, reach, bench) else 0
 
 
 @kernel
-def steep(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
+def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
     law, p = oscillator.law, oscillator.p
     f, here, there = solved(room), room.state, room.other
     if here.parts == 0:
         return False
     assign(there, here)
-    move = STEP * here.amplitude
+    move = SLOPE_STEP * here.amplitude
     there.amplitude += move
     there.centre += move
     if converge(oscillator, f, there, False, limits[0], min(limits[1], 1e-2 * move)) != FOUND:
         return False
-    if not there.tip_offset - here.tip_offset > LEAST_ALONG * move:
+    if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False
     # Back to where the nodes were.
     reach = reach_of(law, p)
     found = converge(oscillator, f, here, False, limits[0], limits[1])
-    return found == FOUND and sound(oscillator, reach, f, here, 0.0, 0.0)
+    return found == FOUND and orbit_is_kept(oscillator, reach, f, here, 0.0, 0.0)

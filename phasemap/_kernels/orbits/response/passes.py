@@ -12,41 +12,45 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mismatch, phase_of
 from phasemap._kernels.orbits.response.apex import apex_between
-from phasemap._kernels.orbits.response.mixing import keep, mix, new_past
+from phasemap._kernels.orbits.response.mixing import keep_motion, mix, new_past
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
+    GAUSS_X,
     IN,
     LATE,
     OUT,
     TOUCH,
-    WEIGHTS,
     N,
     Nodes,
-    X,
+    clear_motion,
     force,
-    grade,
-    lay,
+    grade_outer_nodes,
+    lay_nodes,
     middle_of,
+    move_nodes,
     parts_of,
-    relay,
     respond,
-    still,
 )
 from phasemap._kernels.quadrature import barycentric
 from phasemap._kernels.records import record
 
-LOST, FOUND, COARSE = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
-MOST_PASSES, MOST_MOVES, MOST_SLOW = 24, 4, 4
-ENOUGH = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
-SAFETY = 8.0  # over the error that two changes tell
-FLOOR_PHASE, FLOOR_HEIGHT = 1e-8, 2e-15  # [rad, m], least error to be expected
-CLOSED = 5e-7  # largest energy imbalance
-WITHIN, BESIDE = 0.1, 0.01  # share of the nodes' estimate within a linewidth of the resonance, and beside it
-DEEPEST = -0.98  # cosine of the contact's edge below which the nodes do not do
-BARYCENTRIC = barycentric(X)
-_LEGENDRE = np.polynomial.legendre.legvander(2 * X - 1, N - 1).T * WEIGHTS
-HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
+NO_ORBIT, FOUND, UNRESOLVED = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
+MOST_PASSES = 24
+MOST_MOVES = 4  # of e within a pass
+MOST_SLOW = 4  # passes that leave more than 0.7 of the change before
+LIFT_LEFT = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
+PASS_SAFETY = 8.0  # over the error that two changes tell
+PASS_FLOOR_PHASE = 1e-8  # [rad], least error to be expected
+PASS_FLOOR_HEIGHT = 2e-15  # [m], the same
+ENERGY_LEFT = 5e-7  # largest energy imbalance
+SHARE_WITHIN = 0.1  # of the nodes' estimate that is taken within a linewidth of the resonance
+SHARE_BESIDE = 0.01  # the same beside it
+LEAST_EDGE_COSINE = -0.98  # cosine of the contact's edge below which the nodes do not do
+BARYCENTRIC = barycentric(GAUSS_X)
+_LEGENDRE_AT_NODES = np.polynomial.legendre.legvander(2 * GAUSS_X - 1, N - 1).T * GAUSS_WEIGHTS
+HIGHEST = _LEGENDRE_AT_NODES[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
 
 
 @record
@@ -81,7 +85,7 @@ class PassState:
 
 
 @kernel(fastmath=ANY_ORDER)
-def evaluate(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool) -> float:
+def evaluate_nodes(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     lever = oscillator.lever
     amplitude = state.amplitude
@@ -114,9 +118,9 @@ def unresolved(lever: np.ndarray, f: Nodes, touching: bool, longrange: bool) -> 
             share = f.g[first + j] * f.weight[first + j]
             even += HIGHEST[0, j] * share
             odd += HIGHEST[1, j] * share
-            size += WEIGHTS[j] * abs(share)
+            size += GAUSS_WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
-    return (BESIDE if beside_resonance(lever) else WITHIN) * rest
+    return (SHARE_BESIDE if beside_resonance(lever) else SHARE_WITHIN) * rest
 
 
 @kernel
@@ -132,15 +136,15 @@ def per_height(lever: np.ndarray, state: PassState) -> float:
 
 
 @kernel
-def state_errors(
+def estimate_pass_errors(
     lever: np.ndarray, state: PassState, rest: float, phase_left: float, height_left: float, nodes: float
 ) -> None:
     """Fill in the errors left behind a last change of so much, if changes go on with the ratio `rest`."""
-    share = SAFETY * rest / (1.0 - rest)
+    share = PASS_SAFETY * rest / (1.0 - rest)
     # The conservative force does no work round an orbit.
     wrong = nodes + 3.0 * abs(state.work) / (math.pi * state.amplitude)
-    state.phase_error = share * phase_left + wrong / lever[BASE] + FLOOR_PHASE
-    state.tip_offset_error = share * height_left + FLOOR_HEIGHT
+    state.phase_error = share * phase_left + wrong / lever[BASE] + PASS_FLOOR_PHASE
+    state.tip_offset_error = share * height_left + PASS_FLOOR_HEIGHT
     state.tip_offset_error += wrong * per_height(lever, state)
 
 
@@ -150,14 +154,14 @@ def start(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> b
     p, lever = oscillator.p, oscillator.lever
     amplitude, e = state.amplitude, state.centre
     c = e / amplitude
-    if c < DEEPEST or (c >= 1.0 and p[LONGRANGE] == 0.0):
+    if c < LEAST_EDGE_COSINE or (c >= 1.0 and p[LONGRANGE] == 0.0):
         return False
     edge = math.acos(c) if c < 1.0 else 0.0
     if p[LONGRANGE] != 0.0:
-        grade(f, amplitude, e, reach, edge)
-    lay(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
-    still(f)
-    evaluate(oscillator, f, state, c < 1.0)
+        grade_outer_nodes(f, amplitude, e, reach, edge)
+    lay_nodes(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
+    clear_motion(f)
+    evaluate_nodes(oscillator, f, state, c < 1.0)
     return True
 
 
@@ -171,18 +175,18 @@ def balance(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, 
     amplitude, longrange, hold = state.amplitude, p[LONGRANGE] != 0.0, math.isnan(lift)
     if not hold:
         state.centre += lift
-    relay(f, lever, amplitude, state.centre, touching, longrange)
-    h = evaluate(oscillator, f, state, touching)
+    move_nodes(f, lever, amplitude, state.centre, touching, longrange)
+    h = evaluate_nodes(oscillator, f, state, touching)
     if hold:
         return h
     for _ in range(MOST_MOVES):
-        if abs(h) < ENOUGH * abs(lift * state.slope) and state.push_slope != 0.0:
+        if abs(h) < LIFT_LEFT * abs(lift * state.slope) and state.push_slope != 0.0:
             break
         before = (h, state.mean, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
-        relay(f, lever, amplitude, state.centre, touching, longrange)
-        h = evaluate(oscillator, f, state, touching)
+        move_nodes(f, lever, amplitude, state.centre, touching, longrange)
+        h = evaluate_nodes(oscillator, f, state, touching)
         learn(state, move, h, before)
     return h
 
@@ -231,7 +235,7 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
         rest = remaining(ratio, state.last_ratio)
         phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
         phase_left *= max(1.0, lacks / max(height_left, 1e-18))
-        state_errors(lever, state, rest, phase_left, height_left, nodes)
+        estimate_pass_errors(lever, state, rest, phase_left, height_left, nodes)
         state.phase_error += taken_off
         state.tip_offset_error += lacks + state.lacks
         state.last_ratio = ratio
@@ -260,24 +264,24 @@ def converge(
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
         if beside:
-            keep(f, past)
+            keep_motion(f, past)
         respond(f, lever, state.mean, state.push, state.drag, touching, longrange)
         lift = f.w[nearest] - before
         if beside and passes > 0:
             state.centre += mix(f, 0.0 if hold else lift - h / state.slope, passes - 1, past)
-            relay(f, lever, state.amplitude, state.centre, touching, longrange)
-            h = evaluate(oscillator, f, state, touching)
+            move_nodes(f, lever, state.amplitude, state.centre, touching, longrange)
+            h = evaluate_nodes(oscillator, f, state, touching)
         else:
             h = balance(oscillator, f, state, touching, math.nan if hold else lift)
         state.passes += 1
         nodes = unresolved(lever, f, touching, longrange)
         ratio = after_pass(lever, state, h, f.w[nearest], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] >= f.theta[ENTRY]):
-            return LOST
+            return NO_ORBIT
         if ratio >= 0.0:
             left = 0.0 if hold else closure(lever, state)
             small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
-            if small and abs(left) < CLOSED:
+            if small and abs(left) < ENERGY_LEFT:
                 return FOUND
             if harmonic and passes == 1:
                 continue  # too early to give up
@@ -285,13 +289,14 @@ def converge(
             change = abs(left - left_before)
             stays = change < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
             rough = nodes > limit_phase * lever[BASE] or (beside and nodes * per_height(lever, state) > limit_height)
-            done = SAFETY * state.phase_change < limit_phase and SAFETY * state.tip_offset_change < limit_height
+            left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
+            done = left_phase < limit_phase and left_height < limit_height
             if rough or (small and stays) or (beside and done and change < 0.1 * abs(left)):
-                return COARSE
+                return UNRESOLVED
             if slow > MOST_SLOW:
-                return LOST
+                return NO_ORBIT
             left_before = left
-    return LOST
+    return NO_ORBIT
 
 
 @kernel
@@ -302,7 +307,7 @@ def closure(lever: np.ndarray, state: PassState) -> float:
 
 
 @kernel
-def report(lever: np.ndarray, f: Nodes, state: PassState, row: np.ndarray) -> None:
+def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state.amplitude, lever[STIFFNESS]
     move = state.move
@@ -310,7 +315,7 @@ def report(lever: np.ndarray, f: Nodes, state: PassState, row: np.ndarray) -> No
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN] = state.tip_offset, mean
     row[col.PHASE], row[col.AMPLITUDE] = state.phase, amplitude
-    row[col.INDENTATION] = (state.apex if state.apex > 0.0 else deepest(f, amplitude)) - state.centre
+    row[col.INDENTATION] = (state.apex if state.apex > 0.0 else apex_of(f, amplitude)) - state.centre
     row[col.DISSIPATION] = stiffness * state.loss
     row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean * mean)
     row[col.STIFFENING] = push / amplitude
@@ -319,7 +324,7 @@ def report(lever: np.ndarray, f: Nodes, state: PassState, row: np.ndarray) -> No
 
 
 @kernel
-def deepest(f: Nodes, amplitude: float) -> float:
+def apex_of(f: Nodes, amplitude: float) -> float:
     """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
     touching = f.theta[EXIT] > f.theta[ENTRY]
     theta, w, u = f.theta, f.w, f.u
@@ -349,9 +354,9 @@ def _in_contact(f: Nodes, angle: float) -> float:
         x = 2.0 * x if x < 0.5 else 2.0 * x - 1.0
     above, below = 0.0, 0.0
     for j in range(N):
-        if x == X[j]:
+        if x == GAUSS_X[j]:
             return float(f.w[first + j])
-        share = BARYCENTRIC[j] / (x - X[j])
+        share = BARYCENTRIC[j] / (x - GAUSS_X[j])
         above += share * f.w[first + j]
         below += share
     return above / below

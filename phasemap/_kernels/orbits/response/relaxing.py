@@ -27,6 +27,8 @@ from phasemap._kernels.orbits.response.nodes import (
     EARLY_W,
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
+    GAUSS_X,
     IN,
     LATE,
     LATE_S,
@@ -34,23 +36,21 @@ from phasemap._kernels.orbits.response.nodes import (
     OUT,
     TOUCH,
     UPTO,
-    WEIGHTS,
     N,
     Nodes,
-    X,
-    wind,
+    fill_angles,
 )
 from phasemap._kernels.quadrature import barycentric
 
 Sums = tuple[float, float, float, float, float]
 
-TURN, END = EXIT + 1, 2 * N  # the node at which the contact turns, and the place of its end in the following
+TURN_NODE, END_NODE = EXIT + 1, 2 * N  # the node at which the contact turns, and the place of its end in the following
 # What is remembered, shape (MEMORY, 2 N + 1): d, D [m] and Y [m^1.5] at the nodes of both elements, d' at the early
 # ones, and at late ones where early the edge was the same, as a place in that element, d, D and Y there, and exp of the
 # angle between over T.
 DEPTH, SEEN, INSIDE, RATE, PLACE, DEPTH_1, SEEN_1, INSIDE_1, KEPT, MEMORY = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-AT_ONCE = 0.7  # of the way to either end of an element, the longest step to the early angle
-BARYCENTRIC = barycentric(X)
+LONGEST_SEARCH_STEP = 0.7  # of the way to either end of an element, the longest step to the early angle
+BARYCENTRIC = barycentric(GAUSS_X)
 
 
 def _modes(widths: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -69,7 +69,7 @@ def _modes(widths: np.ndarray) -> tuple[np.ndarray, ...]:
 
 _EARLY_UPTO, _EARLY_RE, _EARLY_IM, _EARLY_TO_RE, _EARLY_TO_IM, _EARLY_BACK_RE, _EARLY_BACK_IM = _modes(EARLY_W)
 _LATE_UPTO, _LATE_RE, _LATE_IM, _LATE_TO_RE, _LATE_TO_IM, _LATE_BACK_RE, _LATE_BACK_IM = _modes(LATE_W)
-_EARLY_ALL, _LATE_ALL = EARLY_W * WEIGHTS, LATE_W * WEIGHTS
+_EARLY_ALL, _LATE_ALL = EARLY_W * GAUSS_WEIGHTS, LATE_W * GAUSS_WEIGHTS
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -124,21 +124,21 @@ def lay_relaxing(f: Nodes, lever: np.ndarray, entry: float, turn: float, exit_: 
         if longrange:
             theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
             theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
-    theta[ENTRY], theta[EXIT], theta[TURN] = entry, exit_, turn
-    wind(f, lever)
+    theta[ENTRY], theta[EXIT], theta[TURN_NODE] = entry, exit_, turn
+    fill_angles(f, lever)
 
 
 @kernel(fastmath=ANY_ORDER)
-def follow(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> None:
+def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> None:
     """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
-    time, turn = lever[OMEGA] * p[col.RELAXATION], f.theta[TURN]
+    time, turn = lever[OMEGA] * p[col.RELAXATION], f.theta[TURN_NODE]
     early, late = (turn - f.theta[ENTRY]) / time, (f.theta[EXIT] - turn) / time
     depth, seen, inside, given, x = m[DEPTH], m[SEEN], m[INSIDE], m[SEEN_1], m[INSIDE_1]
     for j in range(N):
         depth[j] = amplitude * f.cos[TOUCH + j] + f.w[TOUCH + j] - e
         depth[N + j] = amplitude * f.cos[LATE + j] + f.w[LATE + j] - e
         m[RATE, j] = f.u[TOUCH + j] - amplitude * f.sin[TOUCH + j]
-    depth[END] = amplitude * f.cos[EXIT] + f.w[EXIT] - e
+    depth[END_NODE] = amplitude * f.cos[EXIT] + f.w[EXIT] - e
     behind_early(early, depth, x)
     at_turn = 0.0
     for j in range(N):
@@ -150,22 +150,22 @@ def follow(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: floa
         inside[j] = given[j] - x[j]
         given[j] = depth[N + j] - at_turn
     behind_late(late, given, x)
-    seen[END] = at_turn
+    seen[END_NODE] = at_turn
     for j in range(N):
         seen[N + j] = depth[N + j] - x[j]
-        seen[END] += late * _LATE_ALL[j] * x[j]
+        seen[END_NODE] += late * _LATE_ALL[j] * x[j]
 
 
 @kernel(fastmath=ANY_ORDER)
 def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: np.ndarray) -> None:
     """Correct where early the edge was as it is at late nodes, by a step of Newton's method; what was there."""
-    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f.theta[TURN]
+    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f.theta[TURN_NODE]
     half = turn - f.theta[ENTRY]
     for j in range(N, 2 * N):
         at, below = m[PLACE, j], 0.0
         d, seen, inside, rate = 0.0, 0.0, 0.0, 0.0
         for k in range(N):
-            gap = at - X[k]
+            gap = at - GAUSS_X[k]
             share = BARYCENTRIC[k] / (gap if gap != 0.0 else 1e-30)
             below += share
             d += share * m[DEPTH, k]
@@ -178,7 +178,7 @@ def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: np.ndarray) -> None
         off = (1.0 - kappa) * d + kappa * (m[SEEN, j] - (seen - d) * kept) - m[DEPTH, j]
         wide = half * 0.5 * math.pi * math.cos(back)
         move = -off / (rate * (1.0 - kappa + kappa * kept) * wide)
-        move = min(max(move, -AT_ONCE * at), AT_ONCE * (1.0 - at))
+        move = min(max(move, -LONGEST_SEARCH_STEP * at), LONGEST_SEARCH_STEP * (1.0 - at))
         m[PLACE, j] = at + move
         move *= wide
         m[DEPTH_1, j], m[SEEN_1, j] = d + move * rate, seen + move * (d - seen) / time
@@ -196,7 +196,7 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
     entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
     rise, fall = f.u[i] - amplitude * f.sin[i], f.u[j] - amplitude * f.sin[j]
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
-    d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m[SEEN, END]
+    d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m[SEEN, END_NODE]
     exit_ = theta[EXIT] - (d - kappa * seen) / (f.u[EXIT] - amplitude * f.sin[EXIT] - kappa * (d - seen) / time)
     lay_relaxing(f, lever, entry, turn, exit_, longrange)
     for j in range(len(theta)):
@@ -206,7 +206,7 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
 @kernel
 def dent_of(p: np.ndarray, lever: np.ndarray, m: np.ndarray) -> tuple[float, float]:
     """Dent [m] under the tip where the contact ends, and the rate over the angle at which it comes back."""
-    return p[col.RELAXING] * m[SEEN, END], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
+    return p[col.RELAXING] * m[SEEN, END_NODE], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -229,22 +229,22 @@ def relaxing_force(oscillator: Oscillator, f: Nodes, amplitude: float, e: float,
     for j in range(N):
         d = max(m[DEPTH, j], 0.0)
         f.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m[INSIDE, j]) + pull
-        sums = _added(sums, f, TOUCH + j, WEIGHTS[j], amplitude)
+        sums = _added(sums, f, TOUCH + j, GAUSS_WEIGHTS[j], amplitude)
     for j in range(N, 2 * N):
         q2 = max(m[DEPTH_1, j], 0.0)
         q, third = math.sqrt(q2), q2 / 3.0
         y = q * (m[SEEN, j] - third) - m[KEPT, j] * (q * (m[SEEN_1, j] - third) - m[INSIDE_1, j])
         f.g[LATE + j - N] = stiff * (q * (m[DEPTH, j] - third) - kappa * y) + pull
-        sums = _added(sums, f, LATE + j - N, WEIGHTS[j - N], amplitude)
+        sums = _added(sums, f, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
     if p[LONGRANGE] != 0.0:
         dent, recovery = dent_of(p, lever, m)
         for j in range(N):
             d = amplitude * f.cos[IN + j] + f.w[IN + j] - e
             f.g[IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
-            sums = _added(sums, f, IN + j, WEIGHTS[j], amplitude)
+            sums = _added(sums, f, IN + j, GAUSS_WEIGHTS[j], amplitude)
             d = amplitude * f.cos[OUT + j] + f.w[OUT + j] - e
             d -= dent * math.exp((f.theta[EXIT] - f.theta[OUT + j]) * recovery)
             f.g[OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
-            sums = _added(sums, f, OUT + j, WEIGHTS[j], amplitude)
+            sums = _added(sums, f, OUT + j, GAUSS_WEIGHTS[j], amplitude)
     mean, push, drag, work, virial = sums
     return mean / (2.0 * math.pi), push / math.pi, drag / math.pi, work, virial

@@ -16,26 +16,26 @@ from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
+    GAUSS_X,
     LATE,
     TOUCH,
-    WEIGHTS,
     N,
     Nodes,
-    X,
-    grade,
+    clear_motion,
+    grade_outer_nodes,
     respond,
-    still,
 )
-from phasemap._kernels.orbits.response.orbit import belongs
+from phasemap._kernels.orbits.response.orbit import on_same_branch
 from phasemap._kernels.orbits.response.passes import (
-    DEEPEST,
-    ENOUGH,
     FOUND,
     HIGHEST,
-    LOST,
+    LEAST_EDGE_COSINE,
+    LIFT_LEFT,
     MOST_MOVES,
     MOST_PASSES,
     MOST_SLOW,
+    NO_ORBIT,
     PassState,
     after_pass,
     converge,
@@ -46,29 +46,29 @@ from phasemap._kernels.orbits.response.passes import (
 )
 from phasemap._kernels.orbits.response.relaxing import (
     DEPTH,
-    END,
+    END_NODE,
     PLACE,
     RATE,
     SEEN,
     dent_of,
-    follow,
+    follow_contact,
     lay_relaxing,
     look_back,
     relaxing_force,
     relay_relaxing,
 )
-from phasemap._kernels.orbits.response.sound import sound
+from phasemap._kernels.orbits.response.sound import orbit_is_kept
 from phasemap._kernels.records import clear
 
-LEFT = 1e-15  # [m] of dents that a tap may meet
+DENT_LEFT = 1e-15  # [m] of dents that a tap may meet
 THINNEST = 40.0  # relaxation times before the turn that the nodes may have to resolve
-HARMONICS = 32  # fewer than these are summed
+AIR_HARMONICS = 32  # fewer than these are summed
 UNFOLLOWED = 0.3  # of what the nodes may miss of D, that is taken for missed
-MOST_ENDS, MOST_LOOKS = 6, 5  # steps to the end of the harmonic orbit's contact, and to early angles
-NEAR = 1e-6  # of the contact, error of its end
-FARTHER = 1e-3  # of the depth, a step of the amplitude
+MOST_ENDS, MOST_LOOK_BACKS = 6, 5  # steps to the end of the harmonic orbit's contact, and to early angles
+END_TOLERANCE = 1e-6  # of the contact, error of its end
+AMPLITUDE_STEP = 1e-3  # of the depth, a step of the amplitude
 UNDAMPED = 0.5  # of what air takes more at a larger amplitude, that a tap may take less there
-SHORTER = 0.3  # least share of the contact's later half that a step leaves of it
+LEAST_LATE_SHARE = 0.3  # least share of the contact's later half that a step leaves of it
 
 
 class Bench(NamedTuple):
@@ -84,7 +84,7 @@ def evaluate_relaxing(oscillator: Oscillator, bench: Bench) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
-    follow(p, lever, f, state.amplitude, state.centre, m)
+    follow_contact(p, lever, f, state.amplitude, state.centre, m)
     look_back(p, lever, f, m)
     mean, push, drag, work, virial = relaxing_force(oscillator, f, state.amplitude, state.centre, m)
     state.mean, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
@@ -97,26 +97,26 @@ def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
     law, p, lever = oscillator
     f, m, state = bench
     amplitude, e, time, kappa = state.amplitude, state.centre, lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
-    if not DEEPEST < e / amplitude < 1.0:
+    if not LEAST_EDGE_COSINE < e / amplitude < 1.0:
         return False
     edge, longrange = math.acos(e / amplitude), p[LONGRANGE] != 0.0
     if edge > THINNEST * time:
         return False
     if longrange:
-        grade(f, amplitude, e, reach_of(law, p), edge)
-    still(f)
+        grade_outer_nodes(f, amplitude, e, reach_of(law, p), edge)
+    clear_motion(f)
     exit_ = edge
     for _ in range(MOST_ENDS):
         lay_relaxing(f, lever, -edge, 0.0, exit_, longrange)
-        follow(p, lever, f, amplitude, e, m)
-        d, seen = m[DEPTH, END], m[SEEN, END]
+        follow_contact(p, lever, f, amplitude, e, m)
+        d, seen = m[DEPTH, END_NODE], m[SEEN, END_NODE]
         move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)
-        exit_ = min(max(exit_ + move, SHORTER * exit_), edge)
-        if abs(move) < NEAR * edge:
+        exit_ = min(max(exit_ + move, LEAST_LATE_SHARE * exit_), edge)
+        if abs(move) < END_TOLERANCE * edge:
             break
     for j in range(N):
-        m[PLACE, N + j] = 1.0 - X[j]
-    for _ in range(MOST_LOOKS):
+        m[PLACE, N + j] = 1.0 - GAUSS_X[j]
+    for _ in range(MOST_LOOK_BACKS):
         look_back(p, lever, f, m)
     evaluate_relaxing(oscillator, bench)
     return True
@@ -131,7 +131,7 @@ def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     h = evaluate_relaxing(oscillator, bench)
     for _ in range(MOST_MOVES):
-        if abs(h) < ENOUGH * abs(lift * state.slope) and state.push_slope != 0.0:
+        if abs(h) < LIFT_LEFT * abs(lift * state.slope) and state.push_slope != 0.0:
             break
         before = (h, state.mean, state.push, state.drag)
         move = -h / state.slope
@@ -154,7 +154,7 @@ def unfollowed(p: np.ndarray, f: Nodes, m: np.ndarray) -> float:
         behind = m[DEPTH, j] - m[SEEN, j]
         even += HIGHEST[0, j] * behind
         odd += HIGHEST[1, j] * behind
-        size += WEIGHTS[j] * f.weight[TOUCH + j] * abs(f.g[TOUCH + j])
+        size += GAUSS_WEIGHTS[j] * f.weight[TOUCH + j] * abs(f.g[TOUCH + j])
     return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / m[DEPTH, N - 1] * size
 
 
@@ -175,14 +175,14 @@ def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) 
         nodes = unresolved(lever, f, True, longrange) + unfollowed(p, f, m)
         ratio = after_pass(lever, state, h, f.w[LATE], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] > f.theta[ENTRY]):
-            return LOST
+            return NO_ORBIT
         if ratio >= 0.0:
             if state.phase_error < limits[0] and state.tip_offset_error < limits[1]:
                 return FOUND
             slow += passes > 1 and ratio > 0.7
             if slow > MOST_SLOW:
-                return LOST
-    return LOST
+                return NO_ORBIT
+    return NO_ORBIT
 
 
 @kernel
@@ -195,7 +195,7 @@ def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
         if j > 0 and not m[PLACE, N + j] < m[PLACE, N + j - 1]:
             return False
     apart = 2.0 * math.pi - (f.theta[EXIT] - f.theta[ENTRY])
-    return dent * math.exp(-apart * recovery) < LEFT * -math.expm1(-2.0 * math.pi * recovery)
+    return dent * math.exp(-apart * recovery) < DENT_LEFT * -math.expm1(-2.0 * math.pi * recovery)
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -208,9 +208,9 @@ def missing(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> f
         first = LATE if part == 3 else N * part
         for j in range(N if longrange or part == 1 or part == 3 else 0):
             i, k = first + j, N * part + j
-            share[k] = WEIGHTS[j] * f.weight[i] * f.g[i] / math.pi
+            share[k] = GAUSS_WEIGHTS[j] * f.weight[i] * f.g[i] / math.pi
             cosine[k], sine[k] = f.cos[i], f.sin[i]
-    for n in range(2, HARMONICS):
+    for n in range(2, AIR_HARMONICS):
         re, im = 0.0, 0.0
         for k in range(4 * N):
             i = k if k < 3 * N else LATE + k - 3 * N
@@ -234,7 +234,7 @@ def damped(oscillator: Oscillator, bench: Bench) -> bool:
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     loss, mean, push, drag, virial = state.loss, state.mean, state.push, state.drag, state.virial
-    amplitude, e, step = state.amplitude, state.centre, FARTHER * m[DEPTH, N - 1]
+    amplitude, e, step = state.amplitude, state.centre, AMPLITUDE_STEP * m[DEPTH, N - 1]
     state.amplitude += step
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     evaluate_relaxing(oscillator, bench)
@@ -264,14 +264,16 @@ def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarra
         if not start(oscillator, reach, f, state):
             return False
         found = converge(oscillator, f, state, False, limits[0], limits[1])
-        return found == FOUND and belongs(lever, guess, state) and sound(oscillator, reach, f, state, 0.0, 0.0)
+        if found != FOUND or not on_same_branch(lever, guess, state):
+            return False
+        return orbit_is_kept(oscillator, reach, f, state, 0.0, 0.0)
     if not start_relaxing(oscillator, bench) or converge_relaxing(oscillator, limits, bench) != FOUND:
         return False
     dent, recovery = dent_of(p, lever, m)
-    if not (taps_once(bench, dent, recovery) and belongs(lever, guess, state)):
+    if not (taps_once(bench, dent, recovery) and on_same_branch(lever, guess, state)):
         return False
     state.work = missing(lever, f, state, p[LONGRANGE] != 0.0)
     i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
     state.apex = apex_between(amplitude, f.theta[i], f.w[i], f.u[i], f.theta[j], f.w[j], f.u[j])[0]
     state.apex = max(state.apex, amplitude * f.cos[i] + f.w[i], amplitude * f.cos[j] + f.w[j])
-    return sound(oscillator, reach, f, state, dent, recovery) and damped(oscillator, bench)
+    return orbit_is_kept(oscillator, reach, f, state, dent, recovery) and damped(oscillator, bench)

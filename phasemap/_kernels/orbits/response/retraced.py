@@ -16,26 +16,26 @@ from phasemap._kernels.columns import BASE, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.kept import FAINT
+from phasemap._kernels.orbits.kept import FAINT_DRIVE
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
     IN,
     OUT,
     TOUCH,
-    WEIGHTS,
     N,
     Nodes,
-    relay,
+    move_nodes,
     respond,
 )
-from phasemap._kernels.orbits.response.passes import PassState, evaluate, start
+from phasemap._kernels.orbits.response.passes import PassState, evaluate_nodes, start
 
-PASSES = 2  # where more were needed they contract slowly
-ALIKE = 3e-4  # of the mean size of the force: what its mean and P may differ from the row's by
-MOST = 0.2  # change of the first force
+RETRACING_PASSES = 2  # where more were needed they contract slowly
+FORCE_ALIKE = 3e-4  # of the mean size of the force: what its mean and P may differ from the row's by
+MOST_FORCE_CHANGE = 0.2  # change of the first force
 AS_DEEP = 5e-4  # of the depth, or without contact of the distance to the pole of the long-range force
 
 
@@ -45,7 +45,7 @@ def _strength(f: Nodes) -> float:
     total = 0.0
     for first in range(0, 3 * N, N):
         for j in range(N):
-            total += WEIGHTS[j] * f.weight[first + j] * abs(f.g[first + j])
+            total += GAUSS_WEIGHTS[j] * f.weight[first + j] * abs(f.g[first + j])
     return total / (2.0 * math.pi)
 
 
@@ -54,12 +54,12 @@ def _press(f: Nodes, state: PassState, push: float) -> None:
     """Make the force in contact so much larger or smaller that P is the one given."""
     mean, pressed, drag = 0.0, 0.0, 0.0
     for j in range(N):
-        share = WEIGHTS[j] * f.weight[TOUCH + j] * f.g[TOUCH + j] / math.pi
+        share = GAUSS_WEIGHTS[j] * f.weight[TOUCH + j] * f.g[TOUCH + j] / math.pi
         mean += 0.5 * share
         pressed += share * f.cos[TOUCH + j]
         drag += share * f.sin[TOUCH + j]
     more = (push - state.push) / pressed
-    if not abs(more) < MOST:
+    if not abs(more) < MOST_FORCE_CHANGE:
         return
     for j in range(N):
         f.g[TOUCH + j] *= 1.0 + more
@@ -88,21 +88,21 @@ def retrace(oscillator: Oscillator, row: np.ndarray, f: Nodes, state: PassState)
     for j in range(ALL):
         f.g[j] = 0.0
     reach, depth = reach_of(law, p), row[col.INDENTATION]
-    if not (lever[BASE] < FAINT * amplitude and math.isfinite(e) and start(oscillator, reach, f, state)):
+    if not (lever[BASE] < FAINT_DRIVE * amplitude and math.isfinite(e) and start(oscillator, reach, f, state)):
         return False
     near = AS_DEEP * (depth if depth > 0.0 else reach - depth)
     state.centre, touching = e, f.theta[EXIT] > f.theta[ENTRY]
     mean, push = -row[col.MEAN], lever[BASE] * math.sin(row[col.PHASE]) - amplitude * (1.0 - lever[OMEGA] ** 2)
     if touching:
         _press(f, state, push)
-    for _ in range(PASSES):
+    for _ in range(RETRACING_PASSES):
         respond(f, lever, state.mean, state.push, state.drag, touching, longrange)
-        relay(f, lever, amplitude, e, touching, longrange)
+        move_nodes(f, lever, amplitude, e, touching, longrange)
         if touching and not f.theta[EXIT] > f.theta[ENTRY]:
             return False
-        evaluate(oscillator, f, state, touching)
+        evaluate_nodes(oscillator, f, state, touching)
         if not abs(_apex(f, amplitude, touching) - e - depth) < near:
             continue
-        if max(abs(state.mean - mean), abs(state.push - push)) < ALIKE * _strength(f):
+        if max(abs(state.mean - mean), abs(state.push - push)) < FORCE_ALIKE * _strength(f):
             return True
     return False

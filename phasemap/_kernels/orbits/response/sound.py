@@ -10,15 +10,15 @@ from phasemap._kernels.law import Oscillator, contact_slope, damping, longrange_
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
+    GAUSS_WEIGHTS,
     LATE,
     OUT,
     TOUCH,
-    WEIGHTS,
     N,
     Nodes,
     parts_of,
 )
-from phasemap._kernels.orbits.response.passes import CLOSED, PassState, closure
+from phasemap._kernels.orbits.response.passes import ENERGY_LEFT, PassState, closure
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
@@ -48,7 +48,9 @@ def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) ->
 
 
 @kernel(fastmath=ANY_ORDER)
-def sound(oscillator: Oscillator, reach: float, f: Nodes, state: PassState, dent: float, recovery: float) -> bool:
+def orbit_is_kept(
+    oscillator: Oscillator, reach: float, f: Nodes, state: PassState, dent: float, recovery: float
+) -> bool:
     """Whether the converged orbit touches where it was taken to, and period doubling is far.
 
     A `dent` [m] that the contact leaves comes back with the rate `recovery` over the angle.
@@ -70,7 +72,7 @@ def sound(oscillator: Oscillator, reach: float, f: Nodes, state: PassState, dent
     for k in range(3 * N + late):
         # In the order of time: the element before contact runs backwards.
         j = N - 1 - k if k < N else k if k < 2 * N else LATE + k - 2 * N if k < 2 * N + late else k - late
-        in_contact, width = N <= k < 2 * N + late, WEIGHTS[j % N if j < LATE else j - LATE] * f.weight[j]
+        in_contact, width = N <= k < 2 * N + late, GAUSS_WEIGHTS[j % N if j < LATE else j - LATE] * f.weight[j]
         if not (touching if in_contact else longrange):
             continue
         d = amplitude * f.cos[j] + f.w[j] - e
@@ -96,4 +98,4 @@ def sound(oscillator: Oscillator, reach: float, f: Nodes, state: PassState, dent
             x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
     trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
-    return far and state.slope * depth < -LEAST_SLOPE and abs(closure(lever, state)) < CLOSED
+    return far and state.slope * depth < -LEAST_SLOPE and abs(closure(lever, state)) < ENERGY_LEFT
