@@ -29,6 +29,7 @@ from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEA
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.records import record
 
 STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged
 FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
@@ -50,18 +51,27 @@ VARIANTS = np.array(
 """Damping and drive over what they are, depth below the fold in reaches, share of P by which harmonics lift the tip.
 
 Those that change the damping come last: they have a fold of their own."""
-NO_FOLD, FOUND, FOLD_TOO_FAR = 0, 1, 2
-"""How the search for a fold ends: there is none; it is found; it is farther than where the search begins."""
+NO_FOLD = 0  # how the search for a fold ends
+FOUND = 1
+FOLD_TOO_FAR = 2  # farther than where the search begins
 FALL_TOLERANCE = 0.02  # in reaches, local error of a step
 WAY_FROM_FOLD = 0.5  # in reaches, where a fall begins
 REST = 0.1  # of the fastest rate, at which the motion counts as at rest
 MOST_FALL_STEPS = 1000
-# Entries of a fold: amplitude, gap, mean deflection, in-phase force [m].
-AMP, GAP, MEAN, PUSH, FOLD = 0, 1, 2, 3, 4
+
+
+@record
+class FoldPoint:
+    """A harmonic orbit on the curve of a tip that comes near, or the fold of that curve."""
+
+    amplitude: float  # [m]
+    gap: float  # e - A [m]
+    mean: float  # mean deflection [m]
+    push: float  # in-phase force P over stiffness [m]
 
 
 @kernel
-def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at: np.ndarray) -> bool:
+def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at: FoldPoint) -> bool:
     """Fill `at` with the orbit below resonance that has this gap, near an amplitude; False if there is none.
 
     (A s + P)^2 + (2 alpha0 omega A)^2 = u0^2 is a quadratic equation for A, with P that hardly depends on it. What
@@ -76,20 +86,20 @@ def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at
         if square < 0.0:
             return False
         before, amplitude = amplitude, (math.sqrt(square) - push * stiff) / whole
-        at[AMP], at[GAP], at[MEAN], at[PUSH] = amplitude, gap, mean, push
+        at.amplitude, at.gap, at.mean, at.push = amplitude, gap, mean, push
         if abs(amplitude - before) < 1e-3 * reach:
             break
     return push + amplitude * stiff > 0.0
 
 
 @kernel
-def fold(oscillator: Oscillator, reach: float, free: float, at: np.ndarray) -> int:
-    """Fill `at` with the orbit of least tip offset to which a tip from far comes; FOUND, SMOOTH or FAR."""
+def fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> int:
+    """Fill `at` with the orbit of least tip offset to which a tip from far comes; FOUND, NO_FOLD or FOLD_TOO_FAR."""
     gap, amplitude = FARTHEST_FOLD * reach, free
     x0 = x1 = z0 = z1 = math.inf
     while risen(oscillator, reach, gap, amplitude, at):
-        amplitude = at[AMP]
-        z = amplitude + gap + at[MEAN]
+        amplitude = at.amplitude
+        z = amplitude + gap + at.mean
         if z > z1:
             if not math.isfinite(z0):
                 return FOLD_TOO_FAR
@@ -122,17 +132,19 @@ def _rate(
 
 
 @kernel
-def fall_from_fold(oscillator: Oscillator, reach: float, at: np.ndarray, below: float, lift: float) -> int:
+def fall_from_fold(oscillator: Oscillator, reach: float, at: FoldPoint, below: float, lift: float) -> int:
     """Side on which a tip comes to rest that left the fold; UNCLEAR if it does not.
 
     The steps are the pair of orders 3 and 2 of Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321.
     """
     lever = oscillator.lever
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    stiff, mean = 1.0 - omega * omega, at[MEAN] + lift * at[PUSH]
-    z0 = at[AMP] + at[GAP] + mean - below * reach
+    stiff, mean = 1.0 - omega * omega, at.mean + lift * at.push
+    z0 = at.amplitude + at.gap + mean - below * reach
     # u0 = (X - i Y) a/|a| on an orbit.
-    begun = lever[col.BASE] * at[AMP] / complex(at[PUSH] + at[AMP] * stiff, 2.0 * alpha0 * omega * at[AMP])
+    begun = (
+        lever[col.BASE] * at.amplitude / complex(at.push + at.amplitude * stiff, 2.0 * alpha0 * omega * at.amplitude)
+    )
     a, h, fastest = begun, 0.02 / alpha0, 0.0
     k1, push, mean = _rate(oscillator, reach, z0, lift, a, mean)
     for _ in range(MOST_FALL_STEPS):
@@ -188,11 +200,11 @@ def strong(oscillator: Oscillator, free: float) -> bool:
 def lands(oscillator: Oscillator, reach: float, free: float) -> int:
     """Side on which a tip lands that comes from far and is carried over its resonance; UNCLEAR where time must tell."""
     law, p, lever = oscillator
-    at, other = np.zeros(FOLD), lever.copy()
+    at, other = FoldPoint(), lever.copy()
     status = fold(oscillator, reach, free, at)
     if status != FOUND:
         return ATTRACTIVE if status == NO_FOLD else UNCLEAR
-    height = at[AMP] + at[GAP] + at[MEAN] - highest_repelled(oscillator, reach)
+    height = at.amplitude + at.gap + at.mean - highest_repelled(oscillator, reach)
     if height > CLEAR * reach:
         return ATTRACTIVE
     landed = UNCLEAR

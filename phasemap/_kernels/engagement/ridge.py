@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import settle_side, worst_amplitude
 from phasemap._kernels.engagement.holding import COARSE, hold_near, tip_on
@@ -37,6 +36,7 @@ from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.period_map import apart, linearise, pass_from, relaxed, slope_of, way_to_rest
 from phasemap._kernels.orbits.time.tip import AMPLITUDE, BY_Z0, COS, DEEPEST, NOW, Z0, Tip, V, Z, amplitude_of, carry
+from phasemap._kernels.records import assign, record
 
 TIGHT, CLOSEST = 0.015, 1e-4  # h at the saddle that decides: as first predicted, and once it is known
 TRUSTED = 0.5  # of how far a prediction of it is off, and of what it adds, that the next may be
@@ -53,8 +53,20 @@ DEPTH_STEP = 0.4  # the same over the depth
 REACH_STEP = 0.3  # the same over reach and depth
 LONGEST_RIDGE_STEP = 1.0  # over the length on which forces change
 LARGEST_AMPLITUDE_STEP = 0.15  # over the amplitude
-# Entries of a place on the ridge: b [m] and A [m], h, its slopes by b and by A at fixed b, and its second derivatives.
-B, A, H, H_B, H_A, H_BB, H_BA, H_AA, PLACE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+
+
+@record
+class RidgePoint:
+    """A place on the ridge: gap b and amplitude A [m], the mismatch h there and its derivatives."""
+
+    gap: float
+    amplitude: float
+    mismatch: float
+    by_gap: float  # [1/m]
+    by_amplitude: float  # at fixed gap [1/m]
+    by_gap_twice: float  # [1/m2]
+    by_both: float
+    by_amplitude_twice: float
 
 
 class Ridge(NamedTuple):
@@ -62,8 +74,7 @@ class Ridge(NamedTuple):
 
     Attributes
     ----------
-    place : ndarray, shape (8,)
-        As named above.
+    place : RidgePoint
     driven : ndarray
         The lever, with the drive that the motion needs.
     tip : Tip
@@ -71,31 +82,31 @@ class Ridge(NamedTuple):
         As tip.linear, with derivatives by the drive in place of those by the tip offset.
     """
 
-    place: np.ndarray
+    place: RidgePoint
     driven: np.ndarray
     tip: Tip
     by: np.ndarray
 
 
 @kernel
-def begin_on(oscillator: Oscillator, amplitude: float, gap: float, row: np.ndarray) -> Ridge:
-    """Return the harmonic orbit of this gap, with the curvatures of averaging; fills the row with it."""
+def begin_on(oscillator: Oscillator, amplitude: float, gap: float, place: RidgePoint, row: np.ndarray) -> Ridge:
+    """Return the harmonic orbit of this gap at an empty place, with the curvatures of averaging, and fill the row."""
     law, p, lever = oscillator
-    reach, guess, place, driven = reach_of(law, p), np.zeros(col.GUESS), np.zeros(PLACE), lever.copy()
+    reach, guess, driven = reach_of(law, p), np.zeros(col.GUESS), lever.copy()
     push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     put_harmonic_orbit(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
     x, y = drive_needed(lever, amplitude, push, drag)
     driven[col.BASE] = math.hypot(x, y)
     averaged_row(lever, guess, row)
-    place[B], place[A] = guess[col.G_Z0] - amplitude, amplitude
+    place.gap, place.amplitude = guess[col.G_Z0] - amplitude, amplitude
     step, more = min(REACH_STEP * (reach + abs(gap)), DEPTH_STEP * abs(gap)), SPREAD * amplitude
     h = pull_at(oscillator, reach, amplitude, gap)[0]
     near = pull_at(oscillator, reach, amplitude, gap - step)[0]
     far = pull_at(oscillator, reach, amplitude, gap + step)[0]
-    place[H_BB] = (near - 2.0 * h + far) / step**2
+    place.by_gap_twice = (near - 2.0 * h + far) / step**2
     less = pull_at(oscillator, reach, amplitude - more, gap)[0]
     larger = pull_at(oscillator, reach, amplitude + more, gap)[0]
-    place[H_AA] = (less - 2.0 * h + larger) / more**2
+    place.by_amplitude_twice = (less - 2.0 * h + larger) / more**2
     return Ridge(place, driven, tip_on(law, lever, amplitude, row), np.zeros((4, 3)))
 
 
@@ -130,7 +141,7 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
     for _ in range(MOST_NEWTON):
         if not derive(law, p, eta, ridge):
             return False
-        z, v, more = way_to_rest(by, by[NOW, Z], by[NOW, V], by[NOW, AMPLITUDE] - place[A], True)
+        z, v, more = way_to_rest(by, by[NOW, Z], by[NOW, V], by[NOW, AMPLITUDE] - place.amplitude, True)
         before = FIRST_RIDGE_STEP
         while True:
             way = math.hypot(z, v) / scale + abs(more) / driven[col.BASE]
@@ -144,7 +155,7 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
             if not pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y):
                 return False
             carry(y, u)
-            off = amplitude_of(driven, tip.acc) - place[A]
+            off = amplitude_of(driven, tip.acc) - place.amplitude
             z, v, more = way_to_rest(by, y[Z] - u[Z], y[V] - u[V], off, True)
             before = way
     return False
@@ -158,9 +169,9 @@ def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridg
     if not hold_by_drive(law, p, eta, scale, ridge) or not tip.acc[COS] < 0.0:
         return False
     f, by_drive = driven[col.BASE] / lever[col.BASE], slope_of(by)
-    place[H] = f * f - 1.0
-    place[H_B] = -2.0 * f * slope_of(tip.linear) / by_drive / lever[col.BASE]
-    place[H_A] = place[H_B] + 2.0 * f / by_drive / lever[col.BASE]
+    place.mismatch = f * f - 1.0
+    place.by_gap = -2.0 * f * slope_of(tip.linear) / by_drive / lever[col.BASE]
+    place.by_amplitude = place.by_gap + 2.0 * f / by_drive / lever[col.BASE]
     return True
 
 
@@ -176,21 +187,21 @@ def go(ridge: Ridge, of_b: float, of_a: float) -> None:
     u[V] += v * of_z0 + v_drive * more
     u[Z0] += of_z0
     driven[col.BASE] += more
-    place[B] += of_b
-    place[A] += of_a
+    place.gap += of_b
+    place.amplitude += of_a
 
 
 @kernel
-def to_saddle(place: np.ndarray, least: float) -> tuple[float, float, float]:
+def to_saddle(place: RidgePoint, least: float) -> tuple[float, float, float]:
     """Way in b and A to the saddle of a quadratic, at amplitudes not below `least`, and how much h rises; or NaN."""
-    g_b, g_a, bb, ba, aa = place[H_B], place[H_A], place[H_BB], place[H_BA], place[H_AA]
+    g_b, g_a, bb, ba, aa = place.by_gap, place.by_amplitude, place.by_gap_twice, place.by_both, place.by_amplitude_twice
     if not bb < 0.0:
         return math.nan, math.nan, math.nan
     along = aa - ba * ba / bb  # along the ridge
-    of_a = least - place[A]
+    of_a = least - place.amplitude
     if along > 0.0:
         of_a = max(of_a, -(g_a - ba * g_b / bb) / along)
-    elif place[A] > least or g_a - ba * g_b / bb < 0.0:
+    elif place.amplitude > least or g_a - ba * g_b / bb < 0.0:
         return math.nan, math.nan, math.nan
     of_b = -(g_b + ba * of_a) / bb
     rise = g_b * of_b + g_a * of_a + 0.5 * (bb * of_b**2 + 2 * ba * of_b * of_a + aa * of_a**2)
@@ -198,16 +209,19 @@ def to_saddle(place: np.ndarray, least: float) -> tuple[float, float, float]:
 
 
 @kernel
-def bend(place: np.ndarray, before: np.ndarray, scale: float) -> None:
+def bend(place: RidgePoint, before: RidgePoint, scale: float) -> None:
     """Correct second derivatives by the slopes at two places: symmetric, of rank one, in lengths over their scales."""
-    s_b, s_a = (place[B] - before[B]) / scale, (place[A] - before[A]) / place[A]
-    bb, ba, aa = before[H_BB] * scale**2, before[H_BA] * scale * place[A], before[H_AA] * place[A] ** 2
-    off_b = (place[H_B] - before[H_B]) * scale - bb * s_b - ba * s_a
-    off_a = (place[H_A] - before[H_A]) * place[A] - ba * s_b - aa * s_a
+    s_b, s_a = (place.gap - before.gap) / scale, (place.amplitude - before.amplitude) / place.amplitude
+    amplitude = place.amplitude
+    bb, aa = before.by_gap_twice * scale**2, before.by_amplitude_twice * amplitude**2
+    ba = before.by_both * scale * amplitude
+    off_b = (place.by_gap - before.by_gap) * scale - bb * s_b - ba * s_a
+    off_a = (place.by_amplitude - before.by_amplitude) * place.amplitude - ba * s_b - aa * s_a
     along = off_b * s_b + off_a * s_a
     if abs(along) > 1e-6 * math.hypot(off_b, off_a) * math.hypot(s_b, s_a):
         bb, ba, aa = bb + off_b**2 / along, ba + off_b * off_a / along, aa + off_a**2 / along
-    place[H_BB], place[H_BA], place[H_AA] = bb / scale**2, ba / (scale * place[A]), aa / place[A] ** 2
+    place.by_gap_twice, place.by_amplitude_twice = bb / scale**2, aa / amplitude**2
+    place.by_both = ba / (scale * amplitude)
 
 
 @kernel
@@ -219,7 +233,8 @@ def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Max
     """
     law, p = oscillator.law, oscillator.p
     place, scale, predicted = ridge.place, reach_of(law, p) + abs(top.gap), math.nan
-    before = place.copy()
+    before = RidgePoint()
+    assign(before, place)
     for i in range(MOST_RIDGE_POINTS):
         if not evaluate_ridge(oscillator, eta, scale, ridge):
             return UNCLEAR
@@ -231,16 +246,16 @@ def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Max
         if not first:
             bend(place, before, scale)
         of_b, of_a, rise = to_saddle(place, amplitude)
-        highest = place[H] + rise
+        highest = place.mismatch + rise
         missed = TRUSTED * max(abs(highest - (top.mismatch if first else predicted)), abs(rise))
         if abs(highest) > missed + (TIGHT if first or lingering(oscillator) > 0.0 else CLOSEST):
             return ATTRACTIVE if highest > 0.0 else REPULSIVE
         predicted = highest
-        farthest = LONGEST_RIDGE_STEP * scale, LARGEST_AMPLITUDE_STEP * place[A]
+        farthest = LONGEST_RIDGE_STEP * scale, LARGEST_AMPLITUDE_STEP * place.amplitude
         share = 1.0 / max(1.0, abs(of_b) / farthest[0], abs(of_a) / farthest[1])
         if not share > 0.0:
             return UNCLEAR
-        copy(place, before)
+        assign(before, place)
         go(ridge, share * of_b, share * of_a)
     return UNCLEAR
 
@@ -249,16 +264,17 @@ def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Max
 def go_outside(oscillator: Oscillator, amplitude: float, eta: float, scale: float, ridge: Ridge) -> bool:
     """Go on from the saddle to the orbit outside of it that holds `amplitude`, nearly; False if it is not found."""
     place = ridge.place
-    of_a = amplitude - place[A]
-    of_b = -(place[H_B] + place[H_BA] * of_a) / place[H_BB]
-    h = place[H] + 0.5 * place[H_B] * of_b + (place[H_A] + 0.5 * (place[H_BA] * of_b + place[H_AA] * of_a)) * of_a
+    of_a = amplitude - place.amplitude
+    of_b = -(place.by_gap + place.by_both * of_a) / place.by_gap_twice
+    curved = 0.5 * (place.by_both * of_b + place.by_amplitude_twice * of_a)
+    h = place.mismatch + 0.5 * place.by_gap * of_b + (place.by_amplitude + curved) * of_a
     if not h > 0.0:
         return False
-    go(ridge, of_b + math.sqrt(-2.0 * h / place[H_BB]), of_a)
+    go(ridge, of_b + math.sqrt(-2.0 * h / place.by_gap_twice), of_a)
     for _ in range(MOST_NEWTON):
-        if not evaluate_ridge(oscillator, eta, scale, ridge) or not place[H_B] < 0.0:
+        if not evaluate_ridge(oscillator, eta, scale, ridge) or not place.by_gap < 0.0:
             return False
-        way = -place[H] / place[H_B]
+        way = -place.mismatch / place.by_gap
         go(ridge, way, 0.0)
         if abs(way) < NEAR_ORBIT * scale:
             return True
@@ -278,7 +294,7 @@ def settle_open(
     reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
     if p[col.LONGRANGE] == 0.0 or narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
         return False
-    ridge, rough = begin_on(oscillator, worst, top.gap, row), COARSE * eta
+    ridge, rough = begin_on(oscillator, worst, top.gap, RidgePoint(), row), COARSE * eta
     side = REPULSIVE
     if not (low_q(lever) and weak(lever, worst, top.mismatch)):
         side = side_by_ridge(oscillator, amplitude, rough, top, ridge)

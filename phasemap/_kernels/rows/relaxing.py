@@ -14,7 +14,7 @@ from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
-from phasemap._kernels.orbits.response.relaxing import END_NODE, MEMORY
+from phasemap._kernels.orbits.response.relaxing import ContactMemory
 from phasemap._kernels.orbits.response.relaxing_orbit import Bench, refine_relaxing
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.marched import has_one_orbit, only_orbit
@@ -29,7 +29,7 @@ def relaxing_rows(
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
-    guess, top, bench = np.zeros(col.GUESS), Maximum(), Bench(Nodes(), np.zeros((MEMORY, END_NODE + 1)), PassState())
+    guess, top, bench = np.zeros(col.GUESS), Maximum(), Bench(Nodes(), ContactMemory(), PassState())
     for i in range(len(rows)):
         p = parameters(rows[i])
         status[i], out[i] = col.PENDING, math.nan

@@ -40,17 +40,30 @@ from phasemap._kernels.orbits.response.nodes import (
     Nodes,
     fill_angles,
 )
-from phasemap._kernels.quadrature import barycentric
+from phasemap._kernels.orbits.response.passes import BARYCENTRIC
+from phasemap._kernels.records import column, record
 
 Sums = tuple[float, float, float, float, float]
 
 TURN_NODE, END_NODE = EXIT + 1, 2 * N  # the node at which the contact turns, and the place of its end in the following
-# What is remembered, shape (MEMORY, 2 N + 1): d, D [m] and Y [m^1.5] at the nodes of both elements, d' at the early
-# ones, and at late ones where early the edge was the same, as a place in that element, d, D and Y there, and exp of the
-# angle between over T.
-DEPTH, SEEN, INSIDE, RATE, PLACE, DEPTH_1, SEEN_1, INSIDE_1, KEPT, MEMORY = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+
+
+@record
+class ContactMemory:
+    """What a contact remembers at the nodes of both its elements, and at its end."""
+
+    depth: np.ndarray = column(2 * N + 1)  # d [m]
+    seen: np.ndarray = column(2 * N + 1)  # D [m]
+    inside: np.ndarray = column(2 * N + 1)  # Y [m^1.5]
+    rate: np.ndarray = column(2 * N + 1)  # d', at the early nodes [m]
+    place: np.ndarray = column(2 * N + 1)  # of the early instant with the same edge, in the early element
+    early_depth: np.ndarray = column(2 * N + 1)  # d, D and Y at that instant
+    early_seen: np.ndarray = column(2 * N + 1)
+    early_inside: np.ndarray = column(2 * N + 1)
+    kept: np.ndarray = column(2 * N + 1)  # exp(-angle between / T)
+
+
 LONGEST_SEARCH_STEP = 0.7  # of the way to either end of an element, the longest step to the early angle
-BARYCENTRIC = barycentric(GAUSS_X)
 
 
 def _modes(widths: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -129,15 +142,15 @@ def lay_relaxing(f: Nodes, lever: np.ndarray, entry: float, turn: float, exit_: 
 
 
 @kernel(fastmath=ANY_ORDER)
-def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> None:
+def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> None:
     """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
     time, turn = lever[OMEGA] * p[col.RELAXATION], f.theta[TURN_NODE]
     early, late = (turn - f.theta[ENTRY]) / time, (f.theta[EXIT] - turn) / time
-    depth, seen, inside, given, x = m[DEPTH], m[SEEN], m[INSIDE], m[SEEN_1], m[INSIDE_1]
+    depth, seen, inside, given, x = m.depth, m.seen, m.inside, m.early_seen, m.early_inside
     for j in range(N):
         depth[j] = amplitude * f.cos[TOUCH + j] + f.w[TOUCH + j] - e
         depth[N + j] = amplitude * f.cos[LATE + j] + f.w[LATE + j] - e
-        m[RATE, j] = f.u[TOUCH + j] - amplitude * f.sin[TOUCH + j]
+        m.rate[j] = f.u[TOUCH + j] - amplitude * f.sin[TOUCH + j]
     depth[END_NODE] = amplitude * f.cos[EXIT] + f.w[EXIT] - e
     behind_early(early, depth, x)
     at_turn = 0.0
@@ -157,37 +170,37 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
 
 
 @kernel(fastmath=ANY_ORDER)
-def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: np.ndarray) -> None:
+def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: ContactMemory) -> None:
     """Correct where early the edge was as it is at late nodes, by a step of Newton's method; what was there."""
     time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f.theta[TURN_NODE]
     half = turn - f.theta[ENTRY]
     for j in range(N, 2 * N):
-        at, below = m[PLACE, j], 0.0
+        at, below = m.place[j], 0.0
         d, seen, inside, rate = 0.0, 0.0, 0.0, 0.0
         for k in range(N):
             gap = at - GAUSS_X[k]
             share = BARYCENTRIC[k] / (gap if gap != 0.0 else 1e-30)
             below += share
-            d += share * m[DEPTH, k]
-            seen += share * m[SEEN, k]
-            inside += share * m[INSIDE, k]
-            rate += share * m[RATE, k]
+            d += share * m.depth[k]
+            seen += share * m.seen[k]
+            inside += share * m.inside[k]
+            rate += share * m.rate[k]
         d, seen, inside, rate = d / below, seen / below, inside / below, rate / below
         back = 0.5 * math.pi * (1.0 - at)
         kept = math.exp((turn - half * math.sin(back) - f.theta[LATE + j - N]) / time)
-        off = (1.0 - kappa) * d + kappa * (m[SEEN, j] - (seen - d) * kept) - m[DEPTH, j]
+        off = (1.0 - kappa) * d + kappa * (m.seen[j] - (seen - d) * kept) - m.depth[j]
         wide = half * 0.5 * math.pi * math.cos(back)
         move = -off / (rate * (1.0 - kappa + kappa * kept) * wide)
         move = min(max(move, -LONGEST_SEARCH_STEP * at), LONGEST_SEARCH_STEP * (1.0 - at))
-        m[PLACE, j] = at + move
+        m.place[j] = at + move
         move *= wide
-        m[DEPTH_1, j], m[SEEN_1, j] = d + move * rate, seen + move * (d - seen) / time
-        m[INSIDE_1, j] = inside + move * (2.0 / 3.0 * max(d, 0.0) ** 1.5 - inside) / time
-        m[KEPT, j] = kept * (1.0 + move / time)
+        m.early_depth[j], m.early_seen[j] = d + move * rate, seen + move * (d - seen) / time
+        m.early_inside[j] = inside + move * (2.0 / 3.0 * max(d, 0.0) ** 1.5 - inside) / time
+        m.kept[j] = kept * (1.0 + move / time)
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> None:
+def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> None:
     """Move the nodes to where the contact begins, turns and ends now, and w with them."""
     theta, i, j = f.theta, TOUCH + N - 1, LATE
     before = f.re
@@ -196,7 +209,7 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
     entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
     rise, fall = f.u[i] - amplitude * f.sin[i], f.u[j] - amplitude * f.sin[j]
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
-    d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m[SEEN, END_NODE]
+    d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m.seen[END_NODE]
     exit_ = theta[EXIT] - (d - kappa * seen) / (f.u[EXIT] - amplitude * f.sin[EXIT] - kappa * (d - seen) / time)
     lay_relaxing(f, lever, entry, turn, exit_, longrange)
     for j in range(len(theta)):
@@ -204,9 +217,9 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
 
 
 @kernel
-def dent_of(p: np.ndarray, lever: np.ndarray, m: np.ndarray) -> tuple[float, float]:
+def dent_of(p: np.ndarray, lever: np.ndarray, m: ContactMemory) -> tuple[float, float]:
     """Dent [m] under the tip where the contact ends, and the rate over the angle at which it comes back."""
-    return p[col.RELAXING] * m[SEEN, END_NODE], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
+    return p[col.RELAXING] * m.seen[END_NODE], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -221,20 +234,20 @@ def _added(sums: Sums, f: Nodes, i: int, weight: float, amplitude: float) -> Sum
 
 
 @kernel(fastmath=ANY_ORDER)
-def relaxing_force(oscillator: Oscillator, f: Nodes, amplitude: float, e: float, m: np.ndarray) -> Sums:
+def relaxing_force(oscillator: Oscillator, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> Sums:
     """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
     law, p, lever = oscillator
     inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
     pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k
     for j in range(N):
-        d = max(m[DEPTH, j], 0.0)
-        f.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m[INSIDE, j]) + pull
+        d = max(m.depth[j], 0.0)
+        f.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m.inside[j]) + pull
         sums = _added(sums, f, TOUCH + j, GAUSS_WEIGHTS[j], amplitude)
     for j in range(N, 2 * N):
-        q2 = max(m[DEPTH_1, j], 0.0)
+        q2 = max(m.early_depth[j], 0.0)
         q, third = math.sqrt(q2), q2 / 3.0
-        y = q * (m[SEEN, j] - third) - m[KEPT, j] * (q * (m[SEEN_1, j] - third) - m[INSIDE_1, j])
-        f.g[LATE + j - N] = stiff * (q * (m[DEPTH, j] - third) - kappa * y) + pull
+        y = q * (m.seen[j] - third) - m.kept[j] * (q * (m.early_seen[j] - third) - m.early_inside[j])
+        f.g[LATE + j - N] = stiff * (q * (m.depth[j] - third) - kappa * y) + pull
         sums = _added(sums, f, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
     if p[LONGRANGE] != 0.0:
         dent, recovery = dent_of(p, lever, m)

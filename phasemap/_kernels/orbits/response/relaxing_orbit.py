@@ -45,11 +45,8 @@ from phasemap._kernels.orbits.response.passes import (
     unresolved,
 )
 from phasemap._kernels.orbits.response.relaxing import (
-    DEPTH,
     END_NODE,
-    PLACE,
-    RATE,
-    SEEN,
+    ContactMemory,
     dent_of,
     follow_contact,
     lay_relaxing,
@@ -75,7 +72,7 @@ class Bench(NamedTuple):
     """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
 
     nodes: Nodes
-    memory: np.ndarray  # shape (MEMORY, END + 1)
+    memory: ContactMemory
     state: PassState
 
 
@@ -109,13 +106,13 @@ def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
     for _ in range(MOST_ENDS):
         lay_relaxing(f, lever, -edge, 0.0, exit_, longrange)
         follow_contact(p, lever, f, amplitude, e, m)
-        d, seen = m[DEPTH, END_NODE], m[SEEN, END_NODE]
+        d, seen = m.depth[END_NODE], m.seen[END_NODE]
         move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)
         exit_ = min(max(exit_ + move, LEAST_LATE_SHARE * exit_), edge)
         if abs(move) < END_TOLERANCE * edge:
             break
     for j in range(N):
-        m[PLACE, N + j] = 1.0 - GAUSS_X[j]
+        m.place[N + j] = 1.0 - GAUSS_X[j]
     for _ in range(MOST_LOOK_BACKS):
         look_back(p, lever, f, m)
     evaluate_relaxing(oscillator, bench)
@@ -143,7 +140,7 @@ def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float
 
 
 @kernel
-def unfollowed(p: np.ndarray, f: Nodes, m: np.ndarray) -> float:
+def unfollowed(p: np.ndarray, f: Nodes, m: ContactMemory) -> float:
     """Estimated error of P and S [m] from the number of nodes at which D follows d after the first touch.
 
     That of D is some sixtieth of what their highest polynomials find, where the contact lasts for 1 to 50 relaxation
@@ -151,11 +148,11 @@ def unfollowed(p: np.ndarray, f: Nodes, m: np.ndarray) -> float:
     """
     even, odd, size = 0.0, 0.0, 0.0
     for j in range(N):
-        behind = m[DEPTH, j] - m[SEEN, j]
+        behind = m.depth[j] - m.seen[j]
         even += HIGHEST[0, j] * behind
         odd += HIGHEST[1, j] * behind
         size += GAUSS_WEIGHTS[j] * f.weight[TOUCH + j] * abs(f.g[TOUCH + j])
-    return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / m[DEPTH, N - 1] * size
+    return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / m.depth[N - 1] * size
 
 
 @kernel
@@ -190,9 +187,9 @@ def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
     """Whether depth and edge grow up to the turn, and nothing that the next taps meet is left of the dents of all."""
     f, m, _ = bench
     for j in range(N):
-        if not (m[RATE, j] > 0.0 and 0.0 <= m[PLACE, N + j] <= 1.0):
+        if not (m.rate[j] > 0.0 and 0.0 <= m.place[N + j] <= 1.0):
             return False
-        if j > 0 and not m[PLACE, N + j] < m[PLACE, N + j - 1]:
+        if j > 0 and not m.place[N + j] < m.place[N + j - 1]:
             return False
     apart = 2.0 * math.pi - (f.theta[EXIT] - f.theta[ENTRY])
     return dent * math.exp(-apart * recovery) < DENT_LEFT * -math.expm1(-2.0 * math.pi * recovery)
@@ -234,7 +231,7 @@ def damped(oscillator: Oscillator, bench: Bench) -> bool:
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     loss, mean, push, drag, virial = state.loss, state.mean, state.push, state.drag, state.virial
-    amplitude, e, step = state.amplitude, state.centre, AMPLITUDE_STEP * m[DEPTH, N - 1]
+    amplitude, e, step = state.amplitude, state.centre, AMPLITUDE_STEP * m.depth[N - 1]
     state.amplitude += step
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     evaluate_relaxing(oscillator, bench)
