@@ -12,22 +12,17 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN
-from phasemap._kernels.scanning.one_tap import LATER, ROOM, WAIT, pass_period
+from phasemap._kernels.scanning.one_tap import WAIT, Taps, tap_or_march
 from phasemap._kernels.scanning.pieces import (
-    DEPTH,
-    FORCE,
-    NODES,
-    ROWS,
-    SPEED,
-    TIME,
+    PIECE_NODES,
     Instant,
-    W,
-    answer,
-    free,
-    graded,
-    lay,
+    PieceNodes,
+    fill_answer,
+    fill_free_motion,
     lever_on,
-    round_off,
+    move_freely,
+    place_contact_nodes,
+    place_flight_nodes,
 )
 from phasemap.solvers.problem import Work, make_work
 
@@ -45,12 +40,12 @@ def scope_of(
 
 
 class Tap:
-    """A tip on its way, about where it taps at the setpoint: by `pass_period`, in fine steps, and as a scan marches."""
+    """A tip on its way, about where it taps at the setpoint: by `tap_or_march`, or in steps."""
 
     def __init__(self, scope: pm.Microscope, *materials: pm.Material, setpoint: float = SETPOINT) -> None:
         values = np.array([[m.modulus, m.adhesion, m.damping, m.poisson_ratio] for m in materials])
         self.work: Work = make_work(values, False, scope, setpoint * scope.driven_amplitude)
-        self.lever, self.room, self.followed = self.work.lever, np.zeros(ROOM), False
+        self.lever, self.taps, self.followed = self.work.lever, Taps(), False
         pixel = pm.solve_pixel(materials[0], scope, setpoint)
         self.z0, self.amplitude = float(pixel.tip_offset), float(pixel.amplitude)
         a = self.amplitude * np.exp(1j * (math.radians(float(pixel.phase)) - 0.5 * math.pi))
@@ -60,7 +55,7 @@ class Tap:
         """Let one pass, and return its first harmonic."""
         acc, p = np.zeros(GIVEN), parameters(self.work.rows[material])
         if pieces:
-            steps = pass_period(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc, self.room)
+            steps = tap_or_march(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc, self.taps)
             self.followed = steps == 1  # the march takes many
         else:
             steps = march_period(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc)
@@ -116,7 +111,7 @@ def test_a_lever_that_hardly_rings_is_marched() -> None:
     tap = Tap(scope_of(4.0, 20e-9, stiffness=1.0), pm.Material(50e6, 0.0, damping=0.01), setpoint=0.8)
     y, other = tap.start.copy(), tap.start.copy()
     assert tap.period(y, tap.z0, USUAL, pieces=True) == tap.period(other, tap.z0, USUAL)
-    assert (y == other).all() and not tap.room.any()  # it was not even tried
+    assert (y == other).all() and tap.taps.tobytes() == Taps().tobytes()  # it was not even tried
 
 
 @pytest.mark.parametrize("lower", [-30e-9, 7e-9])  # out of reach of the tip; in contact with it as the period begins
@@ -131,9 +126,9 @@ def test_a_tap_that_attraction_makes_or_not_is_marched_and_so_are_those_after_it
     tap = Tap(*TAPS["sticky and lossy, attractive"])
     z0 = (1 - 1e-4) * math.hypot(tap.start[0], tap.start[1])  # the free lever would touch by 1 pm
     y, other = tap.start.copy(), tap.start.copy()
-    for left in (WAIT, WAIT - 1.0, WAIT - 2.0):
+    for left in (WAIT, WAIT - 1, WAIT - 2):
         assert tap.period(y, z0, USUAL, pieces=True) == tap.period(other, z0, USUAL)
-        assert (y == other).all() and tap.room[LATER] == left
+        assert (y == other).all() and tap.taps.marches == left
 
 
 # The lever between two instants
@@ -141,28 +136,28 @@ def test_a_tap_that_attraction_makes_or_not_is_marched_and_so_are_those_after_it
 
 @pytest.mark.parametrize("kappa", [0.0, 3.0])
 def test_the_lever_at_the_nodes_is_the_free_lever(kappa: float) -> None:
-    lever, m = lever_on(1.1, 0.02, 1e-9, kappa, 5e-9), np.zeros(ROWS)
+    lever, m = lever_on(1.1, 0.02, 1e-9, kappa, 5e-9), PieceNodes()
     at = Instant(5e-9, 2e-9, complex(0.6, 0.8))
-    round_off(2.5, m)
-    lay(lever, at, 5e-9, m)
-    for j in range(NODES):
-        there = free(lever, at, m[TIME + j])
+    place_contact_nodes(2.5, m)
+    fill_free_motion(lever, at, 5e-9, m)
+    for j in range(PIECE_NODES):
+        there = move_freely(lever, at, m.time[j])
         # Taylor's series of an eighth of an angle of 5 rad: 1e-12, and eight times that.
-        assert m[DEPTH + j] == pytest.approx(there.z - 5e-9, rel=0, abs=1e-19)
-        assert m[SPEED + j] == pytest.approx(there.v, rel=0, abs=1e-19)
+        assert m.depth[j] == pytest.approx(there.z - 5e-9, rel=0, abs=1e-19)
+        assert m.speed[j] == pytest.approx(there.v, rel=0, abs=1e-19)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_constant_force_moves_the_lever_by_the_formula_on_either_side_of_contact(sign: float) -> None:
     # From rest, w = -f/k' (1 - exp(-alpha0 t) (cos + alpha0/Omega sin) Omega t), k' = 1; before contact, the piece
     # begins at its far end, 2 before.
-    lever, m, alpha0 = lever_on(1.0, 0.05, 1e-9, 0.0, 0.0), np.zeros(ROWS), 0.05
-    graded(0.3, 0.0, 2.0, sign, m)
-    lay(lever, Instant(0.0, 0.0, complex(1.0, 0.0)), 0.0, m)
-    m[FORCE : FORCE + NODES] = 1e-10
-    answer(lever, sign, m)
-    t = m[TIME : TIME + NODES] + (2.0 if sign < 0 else 0.0)
+    lever, m, alpha0 = lever_on(1.0, 0.05, 1e-9, 0.0, 0.0), PieceNodes(), 0.05
+    place_flight_nodes(0.3, 0.0, 2.0, sign, m)
+    fill_free_motion(lever, Instant(0.0, 0.0, complex(1.0, 0.0)), 0.0, m)
+    m.force[:] = 1e-10
+    fill_answer(lever, sign, m)
+    t = m.time + (2.0 if sign < 0 else 0.0)
     own = math.sqrt(1 - alpha0**2)
     ringing = np.exp(-alpha0 * t) * (np.cos(own * t) + alpha0 / own * np.sin(own * t))
     # 12 nodes take an integral over 2, steps of which grow sevenfold, to 1e-6.
-    assert m[W : W + NODES] == pytest.approx(-1e-10 * (1 - ringing), rel=0, abs=1e-16)
+    assert m.w == pytest.approx(-1e-10 * (1 - ringing), rel=0, abs=1e-16)

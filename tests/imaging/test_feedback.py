@@ -52,7 +52,7 @@ STEP = [0.0] * 8 + [3e-9] * 8
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_lock_in_passes_half_the_power_at_its_bandwidth(order: int) -> None:
     control = pm.Feedback(bandwidth=4e3, order=order)
-    rate = loop_of(control, SCOPE, AMPLITUDE)[of.RATE] * 2 * math.pi * 300e3  # per second
+    rate = loop_of(control, SCOPE, AMPLITUDE).rate * 2 * math.pi * 300e3  # per second
     _, response = signal.freqs_zpk([], [-rate] * order, rate**order, [2 * math.pi * 4e3])
     assert abs(response[0]) ** 2 == pytest.approx(0.5, rel=1e-12)
 
@@ -60,10 +60,10 @@ def test_lock_in_passes_half_the_power_at_its_bandwidth(order: int) -> None:
 @given(st.integers(1, 4), st.floats(1e-3, 5.0))
 @settings(max_examples=40, deadline=None)
 def test_lock_in_filters_as_a_cascade_of_low_passes(order: int, time: float) -> None:
-    loop, y = np.zeros(of.LOOP), np.zeros(of.STATE)
-    loop[of.ORDER], loop[of.RATE] = order, 1.0
-    y[of.AMP], y[of.AMP + 1] = 2.0, -1.0
-    of.filter_for(loop, y, time)
+    loop, y = of.Loop(), np.zeros(of.LOOP_STATE)
+    loop.order, loop.rate = order, 1.0
+    y[of.A_REAL], y[of.A_IMAG] = 2.0, -1.0
+    of.filter_constant(loop, y, time)
     cascade = signal.StateSpace(
         np.diag([-1.0] * order) + np.diag([1.0] * (order - 1), -1),
         np.eye(order, 1),
@@ -77,9 +77,9 @@ def test_lock_in_filters_as_a_cascade_of_low_passes(order: int, time: float) -> 
 
 @pytest.mark.parametrize("order", [1, 4])
 def test_lock_in_is_solved_exactly_along_a_cubic(order: int) -> None:
-    loop, y, out = np.zeros(of.LOOP), np.zeros(of.STATE), np.zeros(of.STATE)
-    loop[of.ORDER], loop[of.RATE] = order, 0.5
-    path = of.Path(2.0 - 1.0j, 0.5 + 0.3j, -0.4 + 0.2j, 0.1 - 0.3j)  # in times of 1/r, of which 1.5 pass
+    loop, y, out = of.Loop(), np.zeros(of.LOOP_STATE), np.zeros(of.LOOP_STATE)
+    loop.order, loop.rate = order, 0.5
+    path = of.CubicPath(2.0 - 1.0j, 0.5 + 0.3j, -0.4 + 0.2j, 0.1 - 0.3j)  # in times of 1/r, of which 1.5 pass
     y[of.FILTERS : of.FILTERS + 2 * order] = np.arange(2 * order)
 
     def rates(t: float, x: np.ndarray) -> np.ndarray:
@@ -88,18 +88,18 @@ def test_lock_in_is_solved_exactly_along_a_cubic(order: int) -> None:
 
     start = y[of.FILTERS : of.FILTERS + 2 * order].view(complex)
     expected = integrate.solve_ivp(rates, (0.0, 1.5), start, rtol=1e-11, atol=1e-11).y[:, -1]
-    of.filter_along(loop, y, path, 3.0, out)
+    of.filter_cubic(loop, y, path, 3.0, out)
     assert out[of.FILTERS : of.FILTERS + 2 * order].view(complex) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("quality", [0.3, 0.5, 8.0])  # creeping, at the border, ringing
 def test_scanner_answers_as_a_damped_resonance(quality: float) -> None:
-    loop, y = np.zeros(of.LOOP), np.zeros(of.STATE)
-    loop[of.SPRING], loop[of.LOSS] = 4.0, 2.0 / quality
+    loop, y = of.Loop(), np.zeros(of.LOOP_STATE)
+    loop.spring, loop.loss = 4.0, 2.0 / quality
     for _ in range(10):
         of.move_scanner(loop, y, 1.0, 0.3)
     _, response = signal.step(([4.0], [1.0, 2.0 / quality, 4.0]), T=np.linspace(0.0, 3.0, 11))
-    assert y[of.PLACE] == pytest.approx(response[-1], abs=1e-9)
+    assert y[of.SCANNER] == pytest.approx(response[-1], abs=1e-9)
 
 
 def test_turn_at_constant_acceleration_takes_four_overscans() -> None:
@@ -282,17 +282,17 @@ def test_tip_parachutes_at_the_speed_of_the_integrator() -> None:
 
 def test_proportional_gain_moves_the_scanner_at_once() -> None:
     loop = loop_of(pm.Feedback(proportional_gain=0.5, integral_gain=0.0), SCOPE, AMPLITUDE)
-    y = np.zeros(of.STATE)
+    y = np.zeros(of.LOOP_STATE)
     y[of.FILTERS + 2] = AMPLITUDE + 1e-9  # of a lock-in of order 2
-    assert of.command(loop, y)[0] == pytest.approx(-0.5e-9)
+    assert of.scanner_command(loop, y)[0] == pytest.approx(-0.5e-9)
 
 
 def test_derivative_gain_moves_the_scanner_with_the_rate_of_the_amplitude() -> None:
     control = pm.Feedback(proportional_gain=0.0, integral_gain=0.0, derivative_gain=2e-5, order=1)
-    loop, y = loop_of(control, SCOPE, AMPLITUDE), np.zeros(of.STATE)
-    y[of.FILTERS], y[of.AMP] = AMPLITUDE, AMPLITUDE + 1e-9
+    loop, y = loop_of(control, SCOPE, AMPLITUDE), np.zeros(of.LOOP_STATE)
+    y[of.FILTERS], y[of.A_REAL] = AMPLITUDE, AMPLITUDE + 1e-9
     # A filter of order 1 moves at 2 pi B times what it lacks.
-    assert of.command(loop, y)[0] == pytest.approx(-2e-5 * 2 * math.pi * 5e3 * 1e-9)
+    assert of.scanner_command(loop, y)[0] == pytest.approx(-2e-5 * 2 * math.pi * 5e3 * 1e-9)
 
 
 @pytest.mark.parametrize("solver", ENGINES)
@@ -368,13 +368,13 @@ def test_image_says_its_gains() -> None:
 
 
 @njit
-def wander(law, row, lever, loop, tip, random, span, states):  # type: ignore[no-untyped-def]
+def wander(setup, row, tip, span, states):  # type: ignore[no-untyped-def]
     """Complex amplitude, and what the lock-in shows, of a tip far from the surface, again and again after a time."""
-    start_at(lever, 1e-6, 0.0, 0j, tip)
-    tally = np.zeros(of.TALLY)
+    start_at(setup.lever, 1e-6, 0.0, 0j, tip)
+    tally = of.Tally()
     for i in range(len(states)):
-        advance(law, row, lever, loop, of.Stretch(0.0, 0.0, span), tip, tally, random)
-        states[i, :2] = tip.y[of.AMP : of.AMP + 2]
+        advance(setup, row, of.Stretch(0.0, 0.0, span), tip, tally)
+        states[i, :2] = tip.y[of.A_REAL : of.A_IMAG + 1]
         states[i, 2:] = tip.y[of.FILTERS : of.FILTERS + 2]
 
 
@@ -386,8 +386,8 @@ def wandering(solver: str, temperature: float = 0.0, detector_noise: float = 0.0
     loop = loop_of(control, scope, 0.7 * scope.driven_amplitude, temperature, detector_noise)
     tip = new_flow() if solver == "averaging" else new_periods(0.7)
     states, row = np.zeros((4000, 4)), np.append(work.rows[0], [0.0, 0.0])
-    span = 1 / work.lever[1] + 1 / loop[of.RATE]
-    wander(work.law, row, work.lever, loop, tip, np.random.default_rng(1), span, states)
+    span = 1 / work.lever[1] + 1 / loop.rate
+    wander(of.Setup(work.law, work.lever, loop, np.random.default_rng(1)), row, tip, span, states)
     return states
 
 

@@ -14,6 +14,7 @@ from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import Tip, new_tip
 from phasemap._kernels.scanning.line import approach_in_time
+from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.feedback.loop import loop_of
@@ -74,8 +75,8 @@ def test_a_scan_gives_up_an_approach_after_as_many(periods: int, expected: int) 
     amplitude = 0.8 * scope.driven_amplitude
     work = work_of_material(pm.Material(2e9, 0.02, 0.01), scope, amplitude)
     loop, tip = loop_of(pm.Feedback(), scope, amplitude, periods=periods), new_periods(0.7)
-    noise = np.random.default_rng(0)
-    assert approach_in_time(work.law, work.rows[0], work.lever, loop, 0.0, tip, noise) == expected
+    setup = Setup(work.law, work.lever, loop, np.random.default_rng(0))
+    assert approach_in_time(setup, work.rows[0], 0.0, tip) == expected
 
 
 @pytest.mark.parametrize("solver", ["auto", "orbit", "march"])

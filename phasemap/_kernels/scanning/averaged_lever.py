@@ -19,90 +19,115 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, Oscillator
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.scanning.higher_harmonics import lifted
-from phasemap._kernels.scanning.loop import AMP, INTEGRAL, KP, LOSS, PLACE, SETPOINT, SPEED, SPRING, command, drift_of
+from phasemap._kernels.records import record
+from phasemap._kernels.scanning.higher_harmonics import Shares, tip_shift
+from phasemap._kernels.scanning.loop import (
+    A_IMAG,
+    A_REAL,
+    INTEGRAL,
+    SCANNER,
+    SCANNER_SPEED,
+    Loop,
+    lock_in_rates,
+    scanner_command,
+)
 
-FAINTEST = 1e-6  # of the setpoint amplitude; a has no phase at 0
-EXACT, CLOSE = 1e-7, 1e-5  # of the setpoint amplitude: error in the depth without a correction, and after one
-TRIES = 12  # harmonics in a row
+LEAST_AMPLITUDE = 1e-6  # of the setpoint amplitude: a has no phase at 0
+EXACT_DEPTH = 1e-7  # of the setpoint amplitude: error of the depth that needs no correction
+CORRECTED_DEPTH = 1e-5  # of the setpoint amplitude: error of the depth after a correction
+MOST_DEPTHS = 12  # that are tried for one right-hand side
 
-# Entries of a flow's memory: step; by how much [m] mean deflection and higher harmonics carry the tip towards the
-# ground; b - a. And of the harmonics that were last taken: whether there are any, the depth, what carries the tip there
-# [m], P, S, and the second entry.
-STEP, SHIFT, LEAD, KNOWN, DEPTH, CARRIED, PUSH, DRAG, SHIFTED, MEMORY = 0, 1, 2, 4, 5, 6, 7, 8, 9, 10
+
+@record
+class FlowMemory:
+    """What the averaged lever remembers from one right-hand side to the next."""
+
+    step: float  # length of the next step in time [tau]
+    shift: float  # how far mean deflection and higher harmonics carry the tip towards the ground [m]
+    lead_real: float  # b - a [m]
+    lead_imag: float
+    # Of the harmonics that were last computed:
+    known: int  # whether there are any (1 or 0)
+    depth: float  # of the tip [m]
+    carried: float  # what carries the tip there [m]
+    push: float  # P [m]
+    drag: float  # S [m]
+    shifted: float  # the shift that goes with them [m]
 
 
 class Sample(NamedTuple):
-    """A material: its parameters, the reach [m] of its force, and its shares in what carries the tip (`lifted`)."""
+    """A material under the lever, the reach [m] of its force, and its shares in the shift of the tip (`tip_shift`)."""
 
-    p: tuple[float, ...]
+    oscillator: Oscillator
     reach: float
-    shares: tuple[float, float]
+    shares: Shares
 
 
 @kernel
-def size_of(a: complex) -> float:
-    """|a| of what is neither huge nor tiny."""
+def modulus(a: complex) -> float:
+    """|a|, for numbers that are neither huge nor tiny."""
     return math.sqrt(a.real * a.real + a.imag * a.imag)
 
 
 @kernel
-def rates(
-    law: Law, sample: Sample, lever: np.ndarray, loop: np.ndarray, ground: float, y: np.ndarray, memory: np.ndarray,
-    out: np.ndarray,
-) -> None:  # fmt: skip
-    """Fill `out` with the rates of b, I and the scanner over a ground of this height [m]; a follows from b.
+def slow_flow_rhs(
+    sample: Sample, loop: Loop, ground: float, y: np.ndarray, memory: FlowMemory, out: np.ndarray
+) -> None:
+    """Right-hand side of the slow flow over a ground of this height [m]: rates of b, of the integral, of the scanner.
 
-    The depth of the tip is where what P carries it by agrees with P. It is found along the secant through the harmonics
-    that were last taken, which were those of almost the same depth.
+    The amplitude a of the lever follows from b. The depth of the tip is where what P carries it by agrees with P. It is
+    found along the secant through the harmonics that were last computed, which were those of almost the same depth.
     """
-    p, reach, shares = sample
+    oscillator, reach, shares = sample
+    lever = oscillator.lever
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    to, out[INTEGRAL], _ = command(loop, y)
-    place, out[PLACE], out[SPEED] = to, 0.0, 0.0
-    if loop[SPRING] != 0.0:
-        place, out[PLACE] = y[PLACE], y[SPEED]
-        out[SPEED] = loop[SPRING] * (to - place) - loop[LOSS] * y[SPEED]
-    elif loop[KP] != 0.0:
+    to, out[INTEGRAL], _ = scanner_command(loop, y)
+    place, out[SCANNER], out[SCANNER_SPEED] = to, 0.0, 0.0
+    if loop.spring != 0.0:
+        place, out[SCANNER] = y[SCANNER], y[SCANNER_SPEED]
+        out[SCANNER_SPEED] = loop.spring * (to - place) - loop.loss * y[SCANNER_SPEED]
+    elif loop.proportional != 0.0:
         # The controller acts once a period: Kp e is half a period old, on average. The sum over periods that is I has
         # the latest error whole, and is half a period ahead: both together are in time.
-        place += math.pi / omega * loop[KP] * drift_of(loop, y)[0]
-    away, shift = place - ground, memory[SHIFT]
+        place += math.pi / omega * loop.proportional * lock_in_rates(loop, y)[0]
+    away, shift = place - ground, memory.shift
     inverse = 0.5 / complex(alpha0, omega)
     free = complex(1.0 - omega * omega, 2.0 * alpha0 * omega)
-    lead = complex(memory[LEAD], memory[LEAD + 1])
-    b = complex(y[AMP], y[AMP + 1]) + lead
-    a, rate, whole = b - lead, complex(0.0, 0.0), size_of(b)
-    for _ in range(TRIES):
-        size = max(size_of(a), FAINTEST * loop[SETPOINT])
+    lead = complex(memory.lead_real, memory.lead_imag)
+    b = complex(y[A_REAL], y[A_IMAG]) + lead
+    a, rate, whole = b - lead, complex(0.0, 0.0), modulus(b)
+    for _ in range(MOST_DEPTHS):
+        size = max(modulus(a), LEAST_AMPLITUDE * loop.setpoint)
         depth, c = size + shift - away, (away - shift) / size
-        push, drag, mean = harmonics(Oscillator(law, p, lever), reach, size, c)
+        push, drag, mean = harmonics(oscillator, reach, size, c)
         unit = a * (1.0 / size)
         rate = (lever[col.BASE] - free * a - complex(push, -drag) * unit) * inverse
         lead = rate * inverse
-        new = mean + lifted(Oscillator(law, p, lever), reach, size, c, push, shares)
-        carried = size_of(b - lead) - whole + new
-        wrong, known = whole + carried - away - depth, memory[KNOWN] > 0.0
-        stepped = depth - memory[DEPTH]
-        rest = stepped - (carried - memory[CARRIED])
-        more_push, more_drag, more = push - memory[PUSH], drag - memory[DRAG], new - memory[SHIFTED]
-        memory[KNOWN], memory[DEPTH], memory[CARRIED] = 1.0, depth, carried
-        memory[PUSH], memory[DRAG], memory[SHIFTED] = push, drag, new
+        new = mean + tip_shift(oscillator, reach, size, c, push, shares)
+        carried = modulus(b - lead) - whole + new
+        wrong, known = whole + carried - away - depth, memory.known
+        stepped = depth - memory.depth
+        rest = stepped - (carried - memory.carried)
+        more_push, more_drag, more = push - memory.push, drag - memory.drag, new - memory.shifted
+        memory.known, memory.depth, memory.carried = 1, depth, carried
+        memory.push, memory.drag, memory.shifted = push, drag, new
         shift = new
-        if abs(wrong) < EXACT * loop[SETPOINT]:
+        if abs(wrong) < EXACT_DEPTH * loop.setpoint:
             break
         if known and abs(wrong) <= abs(rest):
             t = wrong / rest
             rate -= t * complex(more_push, -more_drag) * unit * inverse
             lead = rate * inverse
             shift += t * more
-            if abs(wrong * stepped) < CLOSE * loop[SETPOINT] * max(abs(depth), reach):  # all is nearly straight
+            if abs(wrong * stepped) < CORRECTED_DEPTH * loop.setpoint * max(
+                abs(depth), reach
+            ):  # all is nearly straight
                 break
         a = b - lead
     else:
         rate = complex(math.nan, math.nan)
-    memory[SHIFT], memory[LEAD], memory[LEAD + 1] = shift, lead.real, lead.imag
-    y[AMP], y[AMP + 1] = b.real - lead.real, b.imag - lead.imag
-    out[AMP], out[AMP + 1] = rate.real, rate.imag
+    memory.shift, memory.lead_real, memory.lead_imag = shift, lead.real, lead.imag
+    y[A_REAL], y[A_IMAG] = b.real - lead.real, b.imag - lead.imag
+    out[A_REAL], out[A_IMAG] = rate.real, rate.imag

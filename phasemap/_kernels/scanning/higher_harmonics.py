@@ -11,6 +11,7 @@ has a kappa of its own. What both have to be multiplied by is taken from the exa
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,14 +24,32 @@ from phasemap._kernels.orbits.averaged.harmonics import attraction
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
 from phasemap._kernels.orbits.response.orbit import Room, refine
 from phasemap._kernels.quadrature import gauss
+from phasemap._kernels.records import clear, record
 
-ATTRACTED, REPELLED, LACKING = 0, 1, 2
-SHORT = 0.75  # kappa of the shortest push
-TYPICAL = (1.0, 0.95)  # shares where nothing is known: those of most materials lie within a tenth
-TERMS = 8  # of a polynomial that is wrong by 7e-5 at most; kappa at the setpoint is right whatever it gives
+KAPPA_OF_SHORT_PUSH = 0.75  # kappa of the shortest push
+KAPPA_TERMS = 8  # of a polynomial that is wrong by 7e-5 at most; kappa at the setpoint is right whatever it gives
 
 
-def _pushed(m: np.ndarray) -> np.ndarray:
+class Shares(NamedTuple):
+    """Factors on what the higher harmonics carry the tip by, that bring it to the exact orbits: Eq. (slow-flow-4)."""
+
+    attraction: float
+    push: float
+
+
+TYPICAL_SHARES = Shares(1.0, 0.95)  # where nothing is known: those of most materials lie within a tenth
+
+
+@record
+class Lacking:
+    """How much lower an exact orbit lies than without higher harmonics, and what a unit of each share makes of it."""
+
+    attraction: float  # by a unit of the share of the attraction [m]; 0 where there is no such orbit
+    push: float  # by a unit of the share of the push [m]; 0 where there is no such orbit
+    found: float  # of the exact orbit [m]
+
+
+def _kappa_of_pushes(m: np.ndarray) -> np.ndarray:
     """kappa_0 of theory, Eq. (slow-flow-3), as a function of m = (1 - c)/2."""
     x, w = gauss(64)
     sine = np.sin(0.5 * np.pi * x)
@@ -51,15 +70,15 @@ def _answer(half: np.ndarray) -> np.ndarray:
     return np.asarray(0.5 + 0.25 * np.cos(2 * half) - (0.5 * np.pi - half) * np.sin(2 * half))
 
 
-_NODES = np.cos((np.arange(TERMS) + 0.5) * np.pi / TERMS)
-_POLYNOMIAL = np.linalg.solve(np.vander(_NODES), _pushed((0.5 + 0.5 * _NODES) ** 2))  # of 2 sqrt(m) - 1
+_NODES = np.cos((np.arange(KAPPA_TERMS) + 0.5) * np.pi / KAPPA_TERMS)
+_POLYNOMIAL = np.linalg.solve(np.vander(_NODES), _kappa_of_pushes((0.5 + 0.5 * _NODES) ** 2))  # of 2 sqrt(m) - 1
 
 
 @kernel
-def pushed(c: float) -> float:
+def kappa_of_push(c: float) -> float:
     """kappa_0 of a tip that touches where cos(theta) > c."""
     u, kappa = 2.0 * math.sqrt(min(max(0.5 * (1.0 - c), 0.0), 1.0)) - 1.0, 0.0
-    for n in range(TERMS):
+    for n in range(KAPPA_TERMS):
         kappa = u * kappa + _POLYNOMIAL[n]
     return kappa
 
@@ -75,60 +94,61 @@ def pull_of(oscillator: Oscillator, reach: float, amplitude: float, c: float) ->
 @kernel
 def kappa_of_pull(share: float, reach: float, amplitude: float, c: float) -> float:
     """Kappa of an attraction of this reach [m], which lasts as long as a contact that is twice as much deeper."""
-    return SHORT - share * (SHORT - pushed(min(c, 1.0) - 2.0 * (max(c - 1.0, 0.0) + reach / amplitude)))
+    return KAPPA_OF_SHORT_PUSH - share * (
+        KAPPA_OF_SHORT_PUSH - kappa_of_push(min(c, 1.0) - 2.0 * (max(c - 1.0, 0.0) + reach / amplitude))
+    )
 
 
 @kernel
-def lifted(
-    oscillator: Oscillator, reach: float, amplitude: float, c: float, push: float, shares: tuple[float, float]
-) -> float:
-    """By how much [m] harmonics carry the tip towards the surface, of a harmonic orbit of this P: (slow-flow-4)."""
+def tip_shift(oscillator: Oscillator, reach: float, amplitude: float, c: float, push: float, shares: Shares) -> float:
+    """How far [m] higher harmonics carry the tip towards the surface on a harmonic orbit of this P: (slow-flow-4)."""
     pull = pull_of(oscillator, reach, amplitude, c)
-    kappa = SHORT - shares[REPELLED] * (SHORT - pushed(c))
-    return kappa * (push - pull) + kappa_of_pull(shares[ATTRACTED], reach, amplitude, c) * pull
+    kappa = KAPPA_OF_SHORT_PUSH - shares.push * (KAPPA_OF_SHORT_PUSH - kappa_of_push(c))
+    return kappa * (push - pull) + kappa_of_pull(shares.attraction, reach, amplitude, c) * pull
 
 
 @kernel
-def lifts(
-    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, first: int, last: int,
-    out: np.ndarray,
-) -> None:  # fmt: skip
-    """Fill out, shape (n, 2), with the shares of the attraction and of the rest in `lifted`.
+def share_rows(
+    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, out: np.ndarray
+) -> None:
+    """Fill out, shape (n, 2), with the shares of the attraction and of the push in `tip_shift`.
 
     limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
     room, guess = Room(), np.zeros(col.GUESS)
-    known = np.zeros((2, 3))
-    for i in range(first, last):
-        p, amplitude = parameters(rows[i]), amplitudes[i]
-        reach = reach_of(law, p)
-        known[:] = 0.0
-        orbits = averaged_orbits(Oscillator(law, p, lever), amplitude)
+    attractive, repulsive = Lacking(), Lacking()
+    for i in range(len(rows)):
+        oscillator, amplitude = Oscillator(law, parameters(rows[i]), lever), amplitudes[i]
+        reach = reach_of(law, oscillator.p)
+        clear(attractive)
+        clear(repulsive)
+        orbits = averaged_orbits(oscillator, amplitude)
         for j in range(len(orbits)):
             copy(orbits[j], guess)
-            guess[col.G_SLOPE] = mismatch_slope(Oscillator(law, p, lever), guess)
-            if refine(Oscillator(law, p, lever), reach, guess, limits, room):
+            guess[col.G_SLOPE] = mismatch_slope(oscillator, guess)
+            if refine(oscillator, reach, guess, limits, room):
                 c, push = (guess[col.G_Z0] - guess[col.G_MEAN]) / amplitude, guess[col.G_P]
-                pull = pull_of(Oscillator(law, p, lever), reach, amplitude, c)
-                if push < 0.0 and known[ATTRACTED, ATTRACTED] != 0.0:
+                pull = pull_of(oscillator, reach, amplitude, c)
+                if push < 0.0 and attractive.attraction != 0.0:
                     continue  # from far: the first attractive orbit and the last repulsive one are stable
-                side = known[REPELLED if push > 0.0 else ATTRACTED]
-                side[ATTRACTED] = (SHORT - kappa_of_pull(1.0, reach, amplitude, c)) * pull
-                side[REPELLED] = (SHORT - pushed(c)) * (push - pull)
-                side[LACKING] = SHORT * push - (room.state.tip_offset - guess[col.G_Z0])
-        _balance(known, out[i])
+                side = repulsive if push > 0.0 else attractive
+                side.attraction = (KAPPA_OF_SHORT_PUSH - kappa_of_pull(1.0, reach, amplitude, c)) * pull
+                side.push = (KAPPA_OF_SHORT_PUSH - kappa_of_push(c)) * (push - pull)
+                side.found = KAPPA_OF_SHORT_PUSH * push - (room.state.tip_offset - guess[col.G_Z0])
+        shares = _balance(attractive, repulsive)
+        out[i, 0], out[i, 1] = shares.attraction, shares.push
 
 
 @kernel
-def _balance(known: np.ndarray, shares: np.ndarray) -> None:
-    """Find the shares with which both orbits, or the one that there is, lack what they do: Eq. (slow-flow-4)."""
-    pulled, pushed_ = known[ATTRACTED], known[REPELLED]
-    shares[ATTRACTED], shares[REPELLED] = TYPICAL
-    if pulled[ATTRACTED] != 0.0 and pushed_[REPELLED] != 0.0:
-        whole = pulled[ATTRACTED] * pushed_[REPELLED] - pulled[REPELLED] * pushed_[ATTRACTED]
-        shares[ATTRACTED] = (pulled[LACKING] * pushed_[REPELLED] - pulled[REPELLED] * pushed_[LACKING]) / whole
-        shares[REPELLED] = (pulled[ATTRACTED] * pushed_[LACKING] - pulled[LACKING] * pushed_[ATTRACTED]) / whole
-    elif pulled[ATTRACTED] != 0.0:
-        shares[ATTRACTED] = (pulled[LACKING] - shares[REPELLED] * pulled[REPELLED]) / pulled[ATTRACTED]
-    elif pushed_[REPELLED] != 0.0:
-        shares[REPELLED] = (pushed_[LACKING] - shares[ATTRACTED] * pushed_[ATTRACTED]) / pushed_[REPELLED]
+def _balance(attractive: Lacking, repulsive: Lacking) -> Shares:
+    """Shares with which both orbits, or the one that there is, lack what they do: Eq. (slow-flow-4)."""
+    attraction, push = TYPICAL_SHARES
+    if attractive.attraction != 0.0 and repulsive.push != 0.0:
+        whole = attractive.attraction * repulsive.push - attractive.push * repulsive.attraction
+        attraction = (attractive.found * repulsive.push - attractive.push * repulsive.found) / whole
+        push = (attractive.attraction * repulsive.found - attractive.found * repulsive.attraction) / whole
+    elif attractive.attraction != 0.0:
+        attraction = (attractive.found - push * attractive.push) / attractive.attraction
+    elif repulsive.push != 0.0:
+        push = (repulsive.found - attraction * repulsive.attraction) / repulsive.push
+    return Shares(attraction, push)

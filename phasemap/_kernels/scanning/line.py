@@ -11,49 +11,41 @@ from numba.extending import overload
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT
+from phasemap._kernels.records import assign, clear
 from phasemap._kernels.scanning.loop import (
-    AMP,
-    CALM,
+    A_IMAG,
+    A_REAL,
     FILTERS,
-    HIGH,
     INTEGRAL,
-    KD,
-    KI,
-    KP,
-    LOW,
-    PATIENCE,
-    PLACE,
-    RAMP,
-    RATE,
-    SETPOINT,
-    SHAKER,
-    STATE,
-    STOPPED,
-    SUM_AMPLITUDE,
-    SUM_PHASE,
-    SUM_PLACE,
-    TALLY,
-    TIME,
-    TURN,
+    LOOP_STATE,
+    SCANNER,
+    Loop,
+    Setup,
     Stretch,
+    Tally,
     amplitude_shown,
 )
 from phasemap._kernels.scanning.periods import Periods, begin_periods, march_on
 from phasemap._kernels.scanning.slow_flow import Flow, flow_on
 
-# Columns of a program, one row a segment: how long it lasts [tau], which material, height at its start [m] and its rise
-# [m per tau], and the pixel to which it belongs (-1: none is recorded).
-SPAN, MATERIAL, GROUND, SLOPE, PIXEL, PROGRAM = 0, 1, 2, 3, 4, 5
-
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
-LOOK = 0.1  # times in which that amplitude decays, after which it is looked at the tip that comes nearer
-STILL = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
-LOOKS = 40  # at whether it has
-LOST = 30.0  # free amplitudes: farther from the surface, or deeper, is no longer a feedback
+APPROACH_SPAN = 0.1  # times in which that amplitude decays: ground over which the tip comes nearer at one speed
+SETTLED = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
+MOST_SETTLING_SPANS = 40  # after which a feedback that has not settled goes on
+FARTHEST = 30.0  # free amplitudes: farther from the surface, or deeper, is no longer a feedback
+
+
+class Program(NamedTuple):
+    """Segments of ground that pass under the tip along a line, and what each of them is, shape (n,)."""
+
+    span: np.ndarray  # how long it lasts [tau]
+    material: np.ndarray  # int; its number, or -1 where there is none
+    ground: np.ndarray  # height at its start [m]
+    slope: np.ndarray  # of the height [m per tau]
+    pixel: np.ndarray  # int; the pixel to which it belongs, or -1 where none is recorded
 
 
 class Start(NamedTuple):
@@ -70,8 +62,8 @@ class Recorded(NamedTuple):
     status: np.ndarray
 
 
-def advance(law: Any, row: Any, lever: Any, loop: Any, stretch: Any, tip: Any, tally: Any, noise: Any) -> int:
-    """Let a stretch of ground pass: `flow_on` or `march_on`, whichever the tip is."""
+def advance(setup: Any, row: Any, stretch: Any, tip: Any, tally: Any) -> int:
+    """Move the tip over a stretch of ground by `flow_on` or `march_on`, whichever the tip is; returns a status."""
     raise NotImplementedError
 
 
@@ -82,20 +74,19 @@ def start_at(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
 
 @kernel
 def _swinging(place: float, a: complex, y: np.ndarray) -> None:
-    """Loop at rest with this complex amplitude and the scanner at a place."""
+    """Set the loop at rest with this complex amplitude [m] and height of the scanner [m]."""
     y[:] = 0.0
-    y[AMP], y[AMP + 1] = a.real, a.imag
-    for j in range(FILTERS, STATE, 2):
+    y[A_REAL], y[A_IMAG] = a.real, a.imag
+    for j in range(FILTERS, LOOP_STATE, 2):
         y[j], y[j + 1] = a.real, a.imag
-    y[PLACE], y[INTEGRAL] = place, -place
+    y[SCANNER], y[INTEGRAL] = place, -place
 
 
 @kernel
 def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
     _swinging(place, a, tip.y)
-    for j in range(MEMORY):
-        tip.memory[j] = 0.0
-    tip.memory[SHIFT] = mean
+    clear(tip.memory)
+    tip.memory.shift = mean
 
 
 @kernel
@@ -110,12 +101,8 @@ def _is_flow(tip: Any) -> bool:
 
 def _choose_advance(tip: Any) -> Any:
     if _is_flow(tip):
-        return lambda law, row, lever, loop, stretch, tip, tally, noise: flow_on(
-            law, row, lever, loop, stretch, tip, tally, noise
-        )
-    return lambda law, row, lever, loop, stretch, tip, tally, noise: march_on(
-        law, row, lever, loop, stretch, tip, tally, noise
-    )
+        return lambda setup, row, stretch, tip, tally: flow_on(setup, row, stretch, tip, tally)
+    return lambda setup, row, stretch, tip, tally: march_on(setup, row, stretch, tip, tally)
 
 
 def _choose_start(tip: Any) -> Any:
@@ -124,144 +111,134 @@ def _choose_start(tip: Any) -> Any:
     return lambda lever, place, mean, a, tip: _start_march(lever, place, mean, a, tip)
 
 
-overload(advance)(lambda law, row, lever, loop, stretch, tip, tally, noise: _choose_advance(tip))
+overload(advance)(lambda setup, row, stretch, tip, tally: _choose_advance(tip))
 overload(start_at)(lambda lever, place, mean, a, tip: _choose_start(tip))
 
 
 @kernel
-def approach_in_time(
-    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, tip: Any, noise: np.random.Generator
-) -> int:
+def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> int:
     """Lower the freely swinging tip at constant speed until the amplitude is at the setpoint; returns a status.
 
-    That is NOT_SETTLED after a time loop[PATIENCE].
+    That is NOT_SETTLED after the patience of the loop.
     """
+    law, lever, loop, noise = setup
     p = parameters(row)
     reach, free = reach_of(law, p), free_amplitude(lever)
     decay, y = 1.0 / lever[col.ALPHA0], tip.y
-    far = free * far_start(Oscillator(law, p, lever), reach, free, loop[SETPOINT])
+    far = free * far_start(Oscillator(law, p, lever), reach, free, loop.setpoint)
     start_at(lever, ground + far, 0.0, free_phasor(lever), tip)
-    lowering = loop.copy()
-    lowering[KP] = lowering[KI] = lowering[KD] = 0.0
-    lowering[LOW], lowering[HIGH] = -math.inf, math.inf
-    tally, passed = np.zeros(TALLY), 0.0
-    while amplitude_shown(loop, y) > loop[SETPOINT]:
-        if passed > loop[PATIENCE]:
+    lowering, tally, passed = Loop(), Tally(), 0.0
+    assign(lowering, loop)
+    lowering.proportional = lowering.integral = lowering.derivative = 0.0
+    lowering.lowest, lowering.highest = -math.inf, math.inf
+    while amplitude_shown(loop, y) > loop.setpoint:
+        if passed > loop.patience:
             return col.NOT_SETTLED
-        passed += LOOK * decay
-        lowering[RAMP] = APPROACH * max(free, y[PLACE] - ground) / decay
-        status = advance(law, row, lever, lowering, Stretch(ground, 0.0, LOOK * decay), tip, tally, noise)
+        passed += APPROACH_SPAN * decay
+        lowering.ramp = APPROACH * max(free, y[SCANNER] - ground) / decay
+        stretch = Stretch(ground, 0.0, APPROACH_SPAN * decay)
+        status = advance(Setup(law, lever, lowering, noise), row, stretch, tip, tally)
         if status != col.GOOD:
             return status
-        if y[PLACE] - ground < -LOST * free:
+        if y[SCANNER] - ground < -FARTHEST * free:
             return col.NOT_ENGAGED
     return col.GOOD
 
 
 @kernel
-def engage_in_time(
-    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, ground: float, orbit: np.ndarray, tip: Any,
-    noise: np.random.Generator,
-) -> int:  # fmt: skip
+def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarray, tip: Any) -> int:
     """Put the tip on a result row's orbit, or approach where it is NaN, and let the feedback settle; returns a status.
 
-    Sets the middle of the scanner's range to where it then is: loop[LOW] and loop[HIGH] are taken as half of it; and
-    loop[CALM] to whether it settled. A loop that rings does not, and goes on all the same.
+    Sets the middle of the scanner's range to where it then is, since its ends are taken as half of it; and says in the
+    loop whether it settled. A loop that rings does not, and goes on all the same.
     """
-    goal, free, y = loop[SETPOINT], free_amplitude(lever), tip.y
+    _, lever, loop, _ = setup
+    goal, free, y = loop.setpoint, free_amplitude(lever), tip.y
     if math.isfinite(orbit[col.TIP_OFFSET]):
-        lag = 0.5 * math.pi - (orbit[col.PHASE] - loop[TURN])
-        a = goal * complex(math.cos(lag), -math.sin(lag)) + loop[SHAKER]
+        lag = 0.5 * math.pi - (orbit[col.PHASE] - loop.phase_offset)
+        a = goal * complex(math.cos(lag), -math.sin(lag)) + loop.base_motion
         start_at(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
     else:
-        status = approach_in_time(law, row, lever, loop, ground, tip, noise)
+        status = approach_in_time(setup, row, ground, tip)
         if status != col.GOOD:
             return status
-    half = loop[HIGH]
-    loop[LOW], loop[HIGH] = -math.inf, math.inf
-    y[INTEGRAL] = -y[PLACE] - loop[KP] * (amplitude_shown(loop, y) - goal)
-    look = 2.0 / lever[col.ALPHA0] + 3.0 / loop[RATE]
-    tally = np.zeros(TALLY)
+    half = loop.highest
+    loop.lowest, loop.highest = -math.inf, math.inf
+    y[INTEGRAL] = -y[SCANNER] - loop.proportional * (amplitude_shown(loop, y) - goal)
+    span = 2.0 / lever[col.ALPHA0] + 3.0 / loop.rate
+    tally = Tally()
     calm = 0
-    for _ in range(LOOKS):
-        tally[:] = 0.0
-        status = advance(law, row, lever, loop, Stretch(ground, 0.0, look), tip, tally, noise)
+    for _ in range(MOST_SETTLING_SPANS):
+        clear(tally)
+        status = advance(setup, row, Stretch(ground, 0.0, span), tip, tally)
         if status != col.GOOD:
             return status
-        if abs(y[PLACE] - ground) > LOST * free:
+        if abs(y[SCANNER] - ground) > FARTHEST * free:
             return col.DIVERGED
         # An error that passes through zero is no rest: its mean and its last value must both be small.
-        small = max(abs(amplitude_shown(loop, y) - goal), abs(tally[SUM_AMPLITUDE] / tally[TIME] - goal)) < STILL * goal
-        calm = calm + 1 if small else 0
+        last, mean = amplitude_shown(loop, y) - goal, tally.amplitude / tally.time - goal
+        calm = calm + 1 if max(abs(last), abs(mean)) < SETTLED * goal else 0
         if calm == 2:
             break
-    loop[CALM] = 1.0 if calm == 2 else 0.0
-    loop[LOW], loop[HIGH] = y[PLACE] - half, y[PLACE] + half
+    loop.settled = 1 if calm == 2 else 0
+    loop.lowest, loop.highest = y[SCANNER] - half, y[SCANNER] + half
     return col.GOOD
 
 
 @kernel
-def scan_segments(
-    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, tip: Any, made: Recorded,
-    noise: np.random.Generator,
-) -> int:  # fmt: skip
+def scan_segments(setup: Setup, rows: np.ndarray, program: Program, tip: Any, made: Recorded) -> int:
     """Run the segments of a program; fills a row and a status for each pixel that it passes.
 
     Over a pixel without a material no time passes. Returns GOOD, or what ended the scan.
     """
     out, status = made
-    y, tally = tip.y, np.zeros(TALLY)
-    farthest = LOST * free_amplitude(lever)
+    y, tally, last = tip.y, Tally(), len(program.pixel) - 1
+    farthest = FARTHEST * free_amplitude(setup.lever)
     done = col.GOOD
-    for i in range(len(program)):
-        pixel, material = int(program[i, PIXEL]), int(program[i, MATERIAL])
-        if pixel >= 0 and (i == 0 or int(program[i - 1, PIXEL]) != pixel):
-            tally[:] = 0.0
+    for i in range(len(program.pixel)):
+        pixel, material = program.pixel[i], program.material[i]
+        if pixel >= 0 and (i == 0 or program.pixel[i - 1] != pixel):
+            clear(tally)
         if material < 0:
             if pixel >= 0:
                 status[pixel] = col.INVALID
             continue
         if done == col.GOOD:
-            stretch = Stretch(program[i, GROUND], program[i, SLOPE], program[i, SPAN])
-            done = advance(law, rows[material], lever, loop, stretch, tip, tally, noise)
-            away = y[PLACE] - stretch.ground - stretch.slope * stretch.span
+            stretch = Stretch(program.ground[i], program.slope[i], program.span[i])
+            done = advance(setup, rows[material], stretch, tip, tally)
+            away = y[SCANNER] - stretch.ground - stretch.slope * stretch.span
             if not abs(away) < farthest:
                 done = col.DIVERGED
-        if pixel < 0 or (i + 1 < len(program) and int(program[i + 1, PIXEL]) == pixel):
+        if pixel < 0 or (i < last and program.pixel[i + 1] == pixel):
             continue
         status[pixel] = done
         if done == col.GOOD:
-            _record(loop, tally, out[pixel])
-            if tally[STOPPED] > 0.0:
+            _record_pixel(setup.loop, tally, out[pixel])
+            if tally.stopped:
                 status[pixel] = col.OUT_OF_RANGE
     return done
 
 
 @kernel
-def _record(loop: np.ndarray, tally: np.ndarray, row: np.ndarray) -> None:
-    """A pixel's means: place of the scanner, phase, amplitude, and error."""
-    time = tally[TIME]
-    row[col.TIP_OFFSET] = tally[SUM_PLACE] / time
-    row[col.PHASE] = tally[SUM_PHASE] / time
-    row[col.AMPLITUDE] = tally[SUM_AMPLITUDE] / time
-    row[col.AMPLITUDE_ERROR] = row[col.AMPLITUDE] - loop[SETPOINT]
+def _record_pixel(loop: Loop, tally: Tally, row: np.ndarray) -> None:
+    """Fill in means over a pixel: height of the scanner, phase, amplitude, and its error."""
+    row[col.TIP_OFFSET] = tally.scanner / tally.time
+    row[col.PHASE] = tally.phase / tally.time
+    row[col.AMPLITUDE] = tally.amplitude / tally.time
+    row[col.AMPLITUDE_ERROR] = row[col.AMPLITUDE] - loop.setpoint
 
 
 @kernel
-def scan_line(
-    law: Law, rows: np.ndarray, lever: np.ndarray, loop: np.ndarray, program: np.ndarray, start: Start,
-    tip: Any, made: Recorded, noise: np.random.Generator,
-) -> int:  # fmt: skip
+def scan_line(setup: Setup, rows: np.ndarray, program: Program, start: Start, tip: Any, made: Recorded) -> int:
     """Engage if the tip is not, over the first segment that has a material, and scan a line; returns a status."""
-    done, first = col.GOOD, 0
-    while first < len(program) and program[first, MATERIAL] < 0:
+    done, first, count = col.GOOD, 0, len(program.pixel)
+    while first < count and program.material[first] < 0:
         first += 1
-    if first < len(program) and not start.engaged:
-        material = int(program[first, MATERIAL])
-        done = engage_in_time(law, rows[material], lever, loop, program[first, GROUND], start.orbit, tip, noise)
+    if first < count and not start.engaged:
+        done = engage_in_time(setup, rows[program.material[first]], program.ground[first], start.orbit, tip)
     if done == col.GOOD:
-        return scan_segments(law, rows, lever, loop, program, tip, made, noise)
-    for i in range(len(program)):
-        if program[i, PIXEL] >= 0:
-            made.status[int(program[i, PIXEL])] = done if program[i, MATERIAL] >= 0 else col.INVALID
+        return scan_segments(setup, rows, program, tip, made)
+    for i in range(count):
+        if program.pixel[i] >= 0:
+            made.status[program.pixel[i]] = done if program.material[i] >= 0 else col.INVALID
     return done

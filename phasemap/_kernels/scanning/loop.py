@@ -3,10 +3,10 @@
 See theory, Eq. (slow-flow-5). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
 Re(a exp(i omega tau)):
 
-* lock-in: a cascade of `ORDER` filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
-  phase = 90 degrees + arg(x - b) + `TURN`: what the base moves, b, is constant, and passes the filters as it is;
+* lock-in: a cascade of equal filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
+  phase = 90 degrees + arg(x - b) + its offset: what the base moves, b, is constant, and passes the filters as it is;
 * controller: e = R - setpoint, I' = Ki e, command = -(Kp e + I + Kd e') within the scanner's range, where I waits;
-* scanner: at the command, or Z'' + (w_s/Q_s) Z' + w_s^2 (Z - command) = 0.
+* scanner: at the scanner_command, or Z'' + (w_s/Q_s) Z' + w_s^2 (Z - command) = 0.
 
 White noise of the deflection, of one-sided density n^2 [m^2/Hz], has n^2/T of variance in each quadrature of an average
 over a time T: a is followed by a white complex noise with that. The lever's own noise moves a itself (fluctuation and
@@ -21,38 +21,73 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law
+from phasemap._kernels.records import record
 
-# Entries of the loop. Lengths in m, times in tau.
-SETPOINT, KP, KI, KD = 0, 1, 2, 3
-RATE, ORDER = 4, 5  # r of the filters, and how many
-SPRING, LOSS = 6, 7  # w_s^2 and w_s/Q_s of the scanner; 0 where it follows at once
-LOW, HIGH = 8, 9  # of the scanner
-RAMP = 10  # speed at which the tip is lowered whatever the amplitude
-THERMAL = 11  # <z^2> of the free lever [m^2]
-DETECTOR = 12  # n^2 [m^2 per tau]
-CALM = 13  # whether the feedback settled when it engaged (1 or 0)
-SHAKER, TURN = 14, 15  # b [m], and what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
-PATIENCE = 16  # after which an approach is given up
-HARDEST = 17  # of |a|, first harmonic of the force beyond the drive's that the averaged lever is to follow
-LOOP = 18
+# Entries of the state of lever and loop, a vector whose rates are integrated.
+A_REAL = 0  # complex amplitude a of the lever [m]
+A_IMAG = 1
+INTEGRAL = 2  # I of the controller [m]
+SCANNER = 3  # height of the scanner Z [m]
+SCANNER_SPEED = 4  # Z' [m per tau]
+FILTERS = 5  # from here on the complex amplitudes of up to 4 filters of the lock-in [m]
+LOOP_STATE = 13
 
-# Entries of the state: a; I, Z, Z'; the filters.
-AMP, INTEGRAL, PLACE, SPEED, FILTERS, STATE = 0, 2, 3, 4, 5, 13
 
-# What is collected while a pixel passes: integrals over time of 1, Z, R and phase; whether the scanner was at its end.
-TIME, SUM_PLACE, SUM_AMPLITUDE, SUM_PHASE, STOPPED, TALLY = 0, 1, 2, 3, 4, 5
+@record
+class Loop:
+    """Lock-in, controller and scanner, and the noise that enters there. Times in tau."""
+
+    setpoint: float  # amplitude [m]
+    proportional: float  # gain Kp [1]
+    integral: float  # gain Ki [per tau]
+    derivative: float  # gain Kd [tau]
+    rate: float  # r of the filters of the lock-in [per tau]
+    order: int  # number of these filters
+    spring: float  # w_s^2 of the scanner [per tau^2]; 0 where it follows at once
+    loss: float  # w_s/Q_s of the scanner [per tau]
+    lowest: float  # lower end of the scanner's range [m]
+    highest: float  # its upper end [m]
+    ramp: float  # speed at which the tip is lowered whatever the amplitude [m per tau]
+    thermal_noise: float  # <z^2> of the free lever [m^2]
+    detector_noise: float  # n^2 [m^2 per tau]
+    settled: int  # whether the feedback settled when it engaged (1 or 0)
+    base_motion: float  # b [m]; 0 where z itself is seen
+    phase_offset: float  # what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
+    patience: float  # time after which an approach is given up
+    most_push: float  # first harmonic of the force beyond the drive's, over |a|, that the averaged lever may follow
+
+
+@record
+class Tally:
+    """Integrals over the time that a pixel passes."""
+
+    time: float  # [tau]
+    scanner: float  # of Z [m tau]
+    amplitude: float  # that the lock-in shows [m tau]
+    phase: float  # that the lock-in shows [rad tau]
+    stopped: int  # whether the scanner came to an end of its range (1 or 0)
+
+
+class Setup(NamedTuple):
+    """What stays along a scan: formulas of the force, lever, feedback loop, and the source of noise."""
+
+    law: Law
+    lever: np.ndarray
+    loop: Loop
+    noise: np.random.Generator
 
 
 class Stretch(NamedTuple):
-    """What passes under the tip: height [m] of the ground where it begins, its rise [m per tau], and how long [tau]."""
+    """Ground that passes under the tip: its height [m] at the start, its slope [m per tau], and how long [tau]."""
 
     ground: float
     slope: float
     span: float
 
 
-class Path(NamedTuple):
-    """A complex amplitude [m] that moves along a cubic, and its derivatives over r, r^2 and r^3, as a time begins."""
+class CubicPath(NamedTuple):
+    """A complex amplitude [m] that moves along a cubic: at the start, and its derivatives over r, r^2 and r^3."""
 
     a: complex
     first: complex
@@ -61,60 +96,60 @@ class Path(NamedTuple):
 
 
 @kernel(light=True)
-def used(loop: np.ndarray) -> int:
-    """How many entries of the state move."""
-    return FILTERS + 2 * int(loop[ORDER])
+def state_length(loop: Loop) -> int:
+    """Number of entries of the state that move: those of unused filters do not."""
+    return FILTERS + 2 * loop.order
 
 
 @kernel
-def amplitude_shown(loop: np.ndarray, y: np.ndarray) -> float:
-    """Amplitude [m] at the lock-in's output."""
-    last = used(loop) - 2
-    x, u = y[last] - loop[SHAKER], y[last + 1]
+def amplitude_shown(loop: Loop, y: np.ndarray) -> float:
+    """Amplitude [m] that the lock-in shows."""
+    last = state_length(loop) - 2
+    x, u = y[last] - loop.base_motion, y[last + 1]
     return math.sqrt(x * x + u * u)
 
 
 @kernel
-def shown(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Amplitude [m] and phase [rad] at the lock-in's output."""
-    last = used(loop) - 2
-    return amplitude_shown(loop, y), math.atan2(y[last] - loop[SHAKER], -y[last + 1]) + loop[TURN]
+def lock_in_output(loop: Loop, y: np.ndarray) -> tuple[float, float]:
+    """Amplitude [m] and phase [rad] that the lock-in shows."""
+    last = state_length(loop) - 2
+    return amplitude_shown(loop, y), math.atan2(y[last] - loop.base_motion, -y[last + 1]) + loop.phase_offset
 
 
 @kernel
-def drift_of(loop: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Rates of what `shown` gives."""
-    last = used(loop) - 2
-    before = last - 2 if last > FILTERS else AMP
+def lock_in_rates(loop: Loop, y: np.ndarray) -> tuple[float, float]:
+    """Rates of the amplitude [m per tau] and the phase [rad per tau] that the lock-in shows."""
+    last = state_length(loop) - 2
+    before = last - 2 if last > FILTERS else A_REAL
     x, u = y[last], y[last + 1]
-    dx, du = loop[RATE] * (y[before] - x), loop[RATE] * (y[before + 1] - u)
-    x -= loop[SHAKER]
+    dx, du = loop.rate * (y[before] - x), loop.rate * (y[before + 1] - u)
+    x -= loop.base_motion
     square = x * x + u * u
     return (x * dx + u * du) / math.sqrt(square), (x * du - u * dx) / square
 
 
 @kernel
-def command(loop: np.ndarray, y: np.ndarray) -> tuple[float, float, bool]:
-    """Where the scanner is sent [m], the rate of I, and whether the scanner is at an end of its range."""
-    error = amplitude_shown(loop, y) - loop[SETPOINT]
-    wanted = -(loop[KP] * error + y[INTEGRAL])
-    if loop[KD] != 0.0:
-        wanted -= loop[KD] * drift_of(loop, y)[0]
-    rate = loop[KI] * error + loop[RAMP]
-    below, above = wanted < loop[LOW], wanted > loop[HIGH]
+def scanner_command(loop: Loop, y: np.ndarray) -> tuple[float, float, bool]:
+    """Height to which the controller sends the scanner [m], rate of I, and whether it is at an end of its range."""
+    error = amplitude_shown(loop, y) - loop.setpoint
+    wanted = -(loop.proportional * error + y[INTEGRAL])
+    if loop.derivative != 0.0:
+        wanted -= loop.derivative * lock_in_rates(loop, y)[0]
+    rate = loop.integral * error + loop.ramp
+    below, above = wanted < loop.lowest, wanted > loop.highest
     if (below and rate > 0.0) or (above and rate < 0.0):
         rate = 0.0
-    return min(max(wanted, loop[LOW]), loop[HIGH]), rate, below or above
+    return min(max(wanted, loop.lowest), loop.highest), rate, below or above
 
 
 @kernel
-def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
-    """Let the lock-in's filters run for a time during which a stays: a cascade of equal filters has a closed form."""
-    s = loop[RATE] * time
+def filter_constant(loop: Loop, y: np.ndarray, time: float) -> None:
+    """Filters of the lock-in after a time during which a stays: a cascade of equal filters has a closed form."""
+    s = loop.rate * time
     decay = math.exp(-s)
     for part in range(2):
-        a = y[AMP + part]
-        for j in range(int(loop[ORDER]) - 1, -1, -1):
+        a = y[A_REAL + part]
+        for j in range(loop.order - 1, -1, -1):
             away, weight = 0.0, 1.0
             for i in range(j, -1, -1):
                 away += weight * (y[FILTERS + 2 * i + part] - a)
@@ -123,13 +158,13 @@ def filter_for(loop: np.ndarray, y: np.ndarray, time: float) -> None:
 
 
 @kernel
-def filter_along(loop: np.ndarray, y: np.ndarray, path: Path, time: float, out: np.ndarray) -> None:
-    """Fill in the filters after a time during which a moves along a cubic: theory, Eq. (slow-flow-6).
+def filter_cubic(loop: Loop, y: np.ndarray, path: CubicPath, time: float, out: np.ndarray) -> None:
+    """Filters of the lock-in after a time during which a moves along a cubic: theory, Eq. (slow-flow-6).
 
     One filter answers a polynomial with a polynomial. What it differs from that as the time begins decays as in
-    `filter_for`.
+    `filter_constant`.
     """
-    s, order = loop[RATE] * time, int(loop[ORDER])
+    s, order = loop.rate * time, loop.order
     a, a1, a2, a3 = path
     for j in range(order):
         a2 -= a3
@@ -159,14 +194,14 @@ def filter_along(loop: np.ndarray, y: np.ndarray, path: Path, time: float, out: 
 
 
 @kernel
-def move_scanner(loop: np.ndarray, y: np.ndarray, to: float, time: float) -> None:
-    """Let the scanner run for a time towards a command that stays."""
-    if loop[SPRING] == 0.0:
-        y[PLACE] = to
+def move_scanner(loop: Loop, y: np.ndarray, to: float, time: float) -> None:
+    """Scanner after a time during which its command stays."""
+    if loop.spring == 0.0:
+        y[SCANNER] = to
         return
-    half = 0.5 * loop[LOSS]
-    x, v = y[PLACE] - to, y[SPEED]
-    square = loop[SPRING] - half * half
+    half = 0.5 * loop.loss
+    x, v = y[SCANNER] - to, y[SCANNER_SPEED]
+    square = loop.spring - half * half
     decay = math.exp(-half * time)
     if square > 0.0:
         w = math.sqrt(square)
@@ -174,5 +209,5 @@ def move_scanner(loop: np.ndarray, y: np.ndarray, to: float, time: float) -> Non
     else:
         w = math.sqrt(-square)
         c, s = math.cosh(w * time), math.sinh(w * time) / w if w > 0.0 else time
-    y[PLACE] = to + decay * (x * c + (v + half * x) * s)
-    y[SPEED] = decay * (v * c - (half * v + loop[SPRING] * x) * s)
+    y[SCANNER] = to + decay * (x * c + (v + half * x) * s)
+    y[SCANNER_SPEED] = decay * (v * c - (half * v + loop.spring * x) * s)

@@ -18,81 +18,94 @@ from phasemap._kernels.law import Law, Oscillator, contact_slope
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import COS, SIN, V, Z
+from phasemap._kernels.records import clear, record
 from phasemap._kernels.scanning.pieces import (
-    NODES,
-    ROWS,
-    TIME,
-    W_SPEED,
+    PIECE_NODES,
     Instant,
-    Lever,
-    W,
-    answer,
-    attract,
-    free,
-    graded,
-    harmonic_of,
-    lay,
-    left_out,
+    PieceNodes,
+    SprungLever,
+    fill_answer,
+    fill_attraction,
+    fill_contact_force,
+    fill_free_motion,
+    force_harmonic,
+    last_coefficients,
     lever_on,
-    repel,
-    round_off,
-    soon,
+    move_freely,
+    move_shortly,
+    place_contact_nodes,
+    place_flight_nodes,
 )
 
-PASSES, SLOWEST = 8, 0.5  # of a piece, and how much of a change in the last one may be left in the next
-CLOSE = 0.03  # [tau]: so near to contact the lever follows its Taylor series
-MOST_OF = 0.7  # of the slope of the force at the deepest point, which the spring has that stands for it
-STILL = 3e-6  # of reach or indentation: a change of the way of the tip that needs no further pass
+MOST_PIECE_PASSES = 8  # of a piece
+SLOWEST_PASSES = 0.5  # how much of a change in the last pass may be left in the next
+NEAR_CONTACT = 0.03  # [tau]: so near to contact the lever follows its Taylor series
+SPRING_SHARE = 0.7  # of the slope of the force at the deepest point, which the spring has that stands for it
+SETTLED_PATH = 3e-6  # of reach or indentation: a change of the way of the tip that needs no further pass
 # The most that the last two Legendre coefficients of a force may have [u0]: settled, that leaves 4e-6 rad at most.
-ROUGH_FLIGHT, ROUGH_TAP = 1e-2, 0.15
-SHORTEST, LONGEST = 0.05, 2.5  # of a flight, and of a contact [tau]: neither is cut where a period begins
-OFF = 0.25  # from resonance, where the lever meets the surface twice
-DAMPED = 0.1  # alpha0, from which on a lever hardly rings, and what the march leaves is forgotten as soon
-WAIT = 50.0  # periods that are marched after one that pieces did not follow, even without another before it
+ROUGH_FLIGHT = 1e-2
+ROUGH_TAP = 0.15
+SHORTEST_FLIGHT = 0.05  # [tau]: a flight that a period does not cut where it begins
+LONGEST_TAP = 2.5  # [tau]: a contact that a period does not cut where it begins
+OFF_RESONANCE = 0.25  # distance from resonance where the lever meets the surface twice
+HARDLY_RINGS = 0.1  # alpha0, from which on what the march leaves is forgotten as soon
+WAIT = 50  # periods that are marched after one that pieces did not follow, even without another before it
 
-BEFORE, AFTER = -1.0, 1.0  # contact
-IN, TAP, OUT, BACK = 0, ROWS, 2 * ROWS, 3 * ROWS  # where the pieces begin
-# After them, of the last contact: how long it lasted [tau], and kappa; then how many periods are to be marched.
-LASTED, KAPPA, LATER, ROOM = 4 * ROWS, 4 * ROWS + 1, 4 * ROWS + 2, 4 * ROWS + 3
+BEFORE_CONTACT = -1.0
+AFTER_CONTACT = 1.0
 
 
-class Below(NamedTuple):
-    """What the tip meets: a material's parameters, 1/k [m/N], the reach of its attraction [m], and z0 [m]."""
+@record
+class Taps:
+    """What one period leaves for the next."""
 
-    p: tuple[float, ...]
-    compliance: float
-    reach: float
-    z0: float
+    landing: PieceNodes  # flight to the surface
+    contact: PieceNodes
+    leaving: PieceNodes  # flight from the surface
+    back: PieceNodes  # the part of that flight in which the tip comes back
+    duration: float  # of the last contact [tau]; 0 without one
+    kappa: float  # stiffness of the spring that stood for it, over that of the lever
+    marches: int  # periods that are still to be marched
+
+
+class Surface(NamedTuple):
+    """Surface under the tip."""
+
+    law: Law
+    p: tuple[float, ...]  # parameters of its material
+    compliance: float  # 1/k of the lever [m/N]
+    reach: float  # of its attraction [m]
+    z0: float  # tip offset [m]
 
 
 class Piece(NamedTuple):
-    """Whether a piece was found; how long it takes [tau]; the lever at its end; the integral of f exp(-i psi) [m]."""
+    """Motion of the tip over a piece of a period."""
 
-    good: bool
-    time: float
+    good: bool  # whether it was found
+    time: float  # that it takes [tau]
     end: Instant
-    push: complex
+    push: complex  # integral of f exp(-i psi) [m tau]
 
 
 @kernel
-def pass_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray, room: np.ndarray) -> int:
-    """Let a period pass, as one tap or as `march_period` does; returns steps: 1, or what that returns.
+def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray, taps: Taps) -> int:
+    """Solve a period as one tap or by `march_period`; returns steps: 1, or what that returns.
 
     Of `acc`, COS and SIN are filled.
     """
     law, p, lever = oscillator
-    apt = abs(lever[col.OMEGA] - 1.0) < OFF and lever[col.ALPHA0] < DAMPED
+    apt = abs(lever[col.OMEGA] - 1.0) < OFF_RESONANCE and lever[col.ALPHA0] < HARDLY_RINGS
     if apt and law.memory == 0 and p[col.RELEASE] == 0.0:
-        if room[LATER] > 0.0:
-            room[LATER] -= 1.0
-        elif tap_once(oscillator, z0, y, acc, room):
+        if taps.marches > 0:
+            taps.marches -= 1
+        elif tap_once(oscillator, z0, y, acc, taps):
             return 1
     return int(march_period(oscillator, z0, eta, y, acc))
 
 
 @kernel(shared=True)
-def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: np.ndarray, room: np.ndarray) -> bool:
-    """Let a period with one tap pass; returns whether it was one that the pieces can follow.
+def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: np.ndarray, taps: Taps) -> bool:
+    """Solve a period with one tap; returns True if it was one that the pieces can follow.
 
     Parameters
     ----------
@@ -100,178 +113,177 @@ def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: np.ndarray, 
         State as `tip` names it, at drive phase 0. Advanced if the period was followed.
     acc : ndarray
         COS and SIN are filled if it was.
-    room : ndarray, shape (ROOM,)
-        What one period leaves for the next; zeros at first.
+    taps : Taps
+        Left by the period before; zeros at first.
     """
     law, p, lever = oscillator
     alone = lever_on(lever[col.OMEGA], lever[col.ALPHA0], lever[col.BASE], 0.0, z0)
     period = 2.0 * math.pi / alone.omega
     start = Instant(y[Z], y[V], complex(1.0, 0.0))
-    below = Below(p, 1.0 / lever[col.STIFFNESS], reach_of(law, p), z0)
-    time, at = _landing(alone, start, z0)
-    if not SHORTEST < time < period - SHORTEST:
+    surface = Surface(law, p, 1.0 / lever[col.STIFFNESS], reach_of(law, p), z0)
+    time, at = _free_landing(alone, start, z0)
+    if not SHORTEST_FLIGHT < time < period - SHORTEST_FLIGHT:
         return False
-    down = _land(law, below, alone, at, time, room[IN:TAP])
+    down = _solve_landing(surface, alone, at, time, taps.landing)
     if down.good:
-        tap = _touch(law, below, alone, down.end, room)
-        if tap.good and down.time + tap.time < period - SHORTEST:
-            up = _leave(law, below, alone, tap.end, period - tap.time, down.time, room)
+        tap = _solve_contact(surface, alone, down.end, taps)
+        if tap.good and down.time + tap.time < period - SHORTEST_FLIGHT:
+            up = _solve_return(surface, alone, tap.end, period - tap.time, down.time, taps)
             if up.good:
                 _first_harmonic(alone, start, up.end, down.push + tap.push + up.push, acc)
                 y[Z], y[V] = up.end.z, up.end.v
                 return True
-    knew = room[LASTED] > 0.0
-    for j in range(ROOM):
-        room[j] = 0.0
-    room[LATER] = 0.0 if knew else WAIT
+    knew = taps.duration > 0.0
+    clear(taps)
+    taps.marches = 0 if knew else WAIT
     return False
 
 
 @kernel
-def _landing(lever: Lever, start: Instant, z0: float) -> tuple[float, Instant]:
-    """When the free lever comes up to z0, and as what; NaN if it does not."""
+def _free_landing(lever: SprungLever, start: Instant, z0: float) -> tuple[float, Instant]:
+    """Time at which the free lever comes to the surface at z0, and its motion then; NaN if it does not."""
     size = math.hypot(start.z, start.v / lever.omega)
     if not (start.z < z0 and z0 < size):
         return math.nan, start
     time = (math.atan2(start.v / lever.omega, start.z) - math.acos(z0 / size)) / lever.omega
     if time < 0.0:
         time += 2.0 * math.pi / lever.omega
-    at = free(lever, start, time)
+    at = move_freely(lever, start, time)
     for _ in range(8):
         if not at.v > 0.0:
             break
         more = (z0 - at.z) / at.v
         time += more
-        if abs(more) < CLOSE:
-            at = soon(lever, at, more)
+        if abs(more) < NEAR_CONTACT:
+            at = move_shortly(lever, at, more)
             more = (z0 - at.z) / at.v
-            return time + more, soon(lever, at, more)
-        at = free(lever, start, time)
+            return time + more, move_shortly(lever, at, more)
+        at = move_freely(lever, start, time)
     return math.nan, start
 
 
 @kernel
-def _spread(below: Below, at: Instant, start: float, end: float, side: float, m: np.ndarray) -> None:
-    """Nodes of a flight between two times from a contact where the lever is `at`: theory, Eq. (time-9).
+def _place_nodes(surface: Surface, at: Instant, start: float, end: float, side: float, m: PieceNodes) -> None:
+    """Place the nodes of a flight between two times from a contact at the instant `at`: theory, Eq. (time-9).
 
     The first steps are as long as the free lever takes to move by the reach of the force.
     """
-    near = 2.0 * below.reach / (abs(at.v) + math.sqrt(at.v * at.v + 2.0 * max(below.z0, 0.0) * below.reach))
-    graded(near, start, end, side, m)
+    near = 2.0 * surface.reach / (abs(at.v) + math.sqrt(at.v * at.v + 2.0 * max(surface.z0, 0.0) * surface.reach))
+    place_flight_nodes(near, start, end, side, m)
 
 
 @kernel
-def _land(law: Law, below: Below, lever: Lever, at: Instant, time: float, m: np.ndarray) -> Piece:
-    """Flight to contact, to which the free lever takes this time and where it is `at`: attraction makes it sooner."""
+def _solve_landing(surface: Surface, lever: SprungLever, at: Instant, time: float, m: PieceNodes) -> Piece:
+    """Flight to contact, which the free lever makes after a time at the instant `at`: attraction makes it sooner."""
     last = math.inf
-    if below.p[col.LONGRANGE] == 0.0:
+    if surface.p[col.LONGRANGE] == 0.0:
         return Piece(True, time, at, complex(0.0, 0.0))
-    more = (m[W_SPEED] * m[TIME] - m[W]) / at.v  # as it was at the last contact, which the first node saw
-    for _ in range(PASSES):
-        if not (abs(more) < CLOSE and time + more > 0.0):
+    more = (m.w_speed[0] * m.time[0] - m.w[0]) / at.v  # as it was at the last contact, which the first node saw
+    for _ in range(MOST_PIECE_PASSES):
+        if not (abs(more) < NEAR_CONTACT and time + more > 0.0):
             break
         time += more
-        at = soon(lever, at, more)
-        _spread(below, at, 0.0, time, BEFORE, m)
-        lay(lever, at, below.z0, m)
-        deepest = attract(law, below.p, below.compliance, m)
-        kick, change = answer(lever, BEFORE, m)
-        more = (below.z0 - at.z - kick.z) / (at.v + kick.v)
+        at = move_shortly(lever, at, more)
+        _place_nodes(surface, at, 0.0, time, BEFORE_CONTACT, m)
+        fill_free_motion(lever, at, surface.z0, m)
+        deepest = fill_attraction(surface.law, surface.p, surface.compliance, m)
+        kick, change = fill_answer(lever, BEFORE_CONTACT, m)
+        more = (surface.z0 - at.z - kick.z) / (at.v + kick.v)
         change = max(change, abs(at.v * more))
-        if change < STILL * below.reach:
-            end = soon(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), more)
-            good = deepest < STILL * below.reach and left_out(m) < ROUGH_FLIGHT * lever.base
-            return Piece(good, time + more, end, harmonic_of(0.0, m) * at.drive.conjugate())
-        if not change < SLOWEST * last:
+        if change < SETTLED_PATH * surface.reach:
+            end = move_shortly(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), more)
+            good = deepest < SETTLED_PATH * surface.reach and last_coefficients(m) < ROUGH_FLIGHT * lever.base
+            return Piece(good, time + more, end, force_harmonic(0.0, m) * at.drive.conjugate())
+        if not change < SLOWEST_PASSES * last:
             break
         last = change
     return Piece(False, time, at, complex(0.0, 0.0))
 
 
 @kernel
-def _leave(law: Law, below: Below, lever: Lever, at: Instant, span: float, rest: float, room: np.ndarray) -> Piece:
+def _solve_return(surface: Surface, lever: SprungLever, at: Instant, span: float, rest: float, taps: Taps) -> Piece:
     """Flight from contact until `rest` before the next one, which would end it after `span`.
 
     From where the tip is farthest, the attraction is that of the next contact.
     """
     half = 0.5 * span
     if not rest < half:
-        return _fly(law, below, lever, at, 0.0, span - rest, AFTER, room[OUT:BACK])
-    out = _fly(law, below, lever, at, 0.0, half, AFTER, room[OUT:BACK])
+        return _solve_flight(surface, lever, at, 0.0, span - rest, AFTER_CONTACT, taps.leaving)
+    out = _solve_flight(surface, lever, at, 0.0, half, AFTER_CONTACT, taps.leaving)
     if not out.good:
         return out
-    back = _fly(law, below, lever, free(lever, out.end, half), rest, half, BEFORE, room[BACK:LASTED])
+    back = _solve_flight(surface, lever, move_freely(lever, out.end, half), rest, half, BEFORE_CONTACT, taps.back)
     return Piece(back.good, span - rest, back.end, out.push + back.push)
 
 
 @kernel
-def _fly(
-    law: Law, below: Below, lever: Lever, at: Instant, near: float, far: float, side: float, m: np.ndarray
+def _solve_flight(
+    surface: Surface, lever: SprungLever, at: Instant, near: float, far: float, side: float, m: PieceNodes
 ) -> Piece:
     """Flight between two times from a contact where the free lever is `at`: after it, or before it to the near one."""
-    last, to = math.inf, far if side == AFTER else -near
-    if below.p[col.LONGRANGE] == 0.0:
-        end = free(lever, at, to)
-        return Piece(end.z < below.z0, far - near, end, complex(0.0, 0.0))
-    _spread(below, at, near, far, side, m)
-    lay(lever, at, below.z0, m)
-    for _ in range(PASSES):
-        deepest = attract(law, below.p, below.compliance, m)
-        kick, change = answer(lever, side, m)
-        if change < STILL * below.reach:
-            end = free(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), to)
-            good = deepest < 0.0 and end.z < below.z0 and left_out(m) < ROUGH_FLIGHT * lever.base
-            return Piece(good, far - near, end, harmonic_of(0.0, m) * at.drive.conjugate())
-        if not change < SLOWEST * last:
+    last, to = math.inf, far if side == AFTER_CONTACT else -near
+    if surface.p[col.LONGRANGE] == 0.0:
+        end = move_freely(lever, at, to)
+        return Piece(end.z < surface.z0, far - near, end, complex(0.0, 0.0))
+    _place_nodes(surface, at, near, far, side, m)
+    fill_free_motion(lever, at, surface.z0, m)
+    for _ in range(MOST_PIECE_PASSES):
+        deepest = fill_attraction(surface.law, surface.p, surface.compliance, m)
+        kick, change = fill_answer(lever, side, m)
+        if change < SETTLED_PATH * surface.reach:
+            end = move_freely(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), to)
+            good = deepest < 0.0 and end.z < surface.z0 and last_coefficients(m) < ROUGH_FLIGHT * lever.base
+            return Piece(good, far - near, end, force_harmonic(0.0, m) * at.drive.conjugate())
+        if not change < SLOWEST_PASSES * last:
             break
         last = change
     return Piece(False, far - near, at, complex(0.0, 0.0))
 
 
 @kernel
-def _touch(law: Law, below: Below, alone: Lever, at: Instant, room: np.ndarray) -> Piece:
-    """Contact that begins `at`.
+def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps) -> Piece:
+    """Contact from the instant of first touch `at` to that of release.
 
     The lever stands on a spring as stiff as most of the contact: what is left of the force changes little with depth.
     """
-    p, compliance, _, z0 = below
-    m, h, kappa, last = room[TAP:OUT], room[LASTED], room[KAPPA], math.inf
+    law, p, compliance, _, z0 = surface
+    m, h, kappa, last = taps.contact, taps.duration, taps.kappa, math.inf
     if not h > 0.0:
         # As the lever would go on, and twice with what that depth makes of it.
         h, kappa = 2.0 * math.atan2(at.v, max(z0, 0.0)), 0.0
         for _ in range(3):
-            kappa = MOST_OF * contact_slope(law, at.v * h / math.pi, p) * compliance
+            kappa = SPRING_SHARE * contact_slope(law, at.v * h / math.pi, p) * compliance
             h = 2.0 * math.atan2(at.v * math.sqrt(1.0 + kappa), max(z0, 0.0)) / math.sqrt(1.0 + kappa)
-        for j in range(NODES):
-            m[W + j] = m[W_SPEED + j] = 0.0
+        for j in range(PIECE_NODES):
+            m.w[j] = m.w_speed[j] = 0.0
     lever = lever_on(alone.omega, alone.alpha0, alone.base, kappa, z0)
-    for i in range(PASSES):
-        if not 0.0 < h < LONGEST:
+    for i in range(MOST_PIECE_PASSES):
+        if not 0.0 < h < LONGEST_TAP:
             break
-        round_off(h, m)
-        lay(lever, at, z0, m)
-        deepest = repel(law, p, compliance, kappa, m)
-        kick, change = answer(lever, AFTER, m)
-        end = free(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), h)
+        place_contact_nodes(h, m)
+        fill_free_motion(lever, at, z0, m)
+        deepest = fill_contact_force(law, p, compliance, kappa, m)
+        kick, change = fill_answer(lever, AFTER_CONTACT, m)
+        end = move_freely(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), h)
         more = (z0 - end.z) / end.v
         if not (end.v < 0.0 and abs(more) < 0.5 * h):
             break
         h += more
         change = max(change, abs(end.v * more))
-        if change < STILL * deepest:
-            end = soon(lever, end, more)
-            room[LASTED], room[KAPPA] = h, MOST_OF * contact_slope(law, deepest, p) * compliance
-            push = harmonic_of(kappa, m) * at.drive.conjugate()
-            return Piece(left_out(m) < ROUGH_TAP * lever.base, h, Instant(z0, end.v, end.drive), push)
-        if i > 1 and not change < SLOWEST * last:
+        if change < SETTLED_PATH * deepest:
+            end = move_shortly(lever, end, more)
+            taps.duration, taps.kappa = h, SPRING_SHARE * contact_slope(law, deepest, p) * compliance
+            push = force_harmonic(kappa, m) * at.drive.conjugate()
+            return Piece(last_coefficients(m) < ROUGH_TAP * lever.base, h, Instant(z0, end.v, end.drive), push)
+        if i > 1 and not change < SLOWEST_PASSES * last:
             break
         last = change
     return Piece(False, h, at, complex(0.0, 0.0))
 
 
 @kernel
-def _first_harmonic(lever: Lever, start: Instant, end: Instant, push: complex, acc: np.ndarray) -> None:
-    """Fill in the first harmonic of a period that begins at drive phase 0: theory, Eq. (time-10)."""
+def _first_harmonic(lever: SprungLever, start: Instant, end: Instant, push: complex, acc: np.ndarray) -> None:
+    """Fill in the first harmonic of the motion in a period that begins at drive phase 0: theory, Eq. (time-10)."""
     omega, alpha0 = lever.omega, lever.alpha0
     dz, dv = end.z - start.z, end.v - start.v
     left = complex(dv + 2.0 * alpha0 * dz, omega * dz)

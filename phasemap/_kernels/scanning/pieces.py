@@ -22,24 +22,39 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
 from phasemap._kernels.orbits.time.runge_kutta import turn
 from phasemap._kernels.quadrature import gauss, integration_matrix
+from phasemap._kernels.records import column, record
 
-NODES = 12
-_X, _WEIGHTS = gauss(NODES)
+PIECE_NODES = 12
+_X, _WEIGHTS = gauss(PIECE_NODES)
 _RUNNING = np.ascontiguousarray(integration_matrix(_X).T).ravel()  # what each node adds to the integrals up to all
 _ROUND, _ROUND_STEP = np.sin(0.5 * np.pi * _X) ** 2, 0.5 * np.pi * np.sin(np.pi * _X)
-_ORDER = np.polynomial.legendre.legvander(2 * _X - 1, NODES - 1)
-_LAST = (2 * NODES - 1) * _WEIGHTS * _ORDER[:, -1]  # the highest coefficients of the series of Legendre
-_BUT_ONE = (2 * NODES - 3) * _WEIGHTS * _ORDER[:, -2]
-
-# Rows of a piece, NODES numbers each: time t from the contact, dt/dx, exp(-alpha0 t) times cosine and sine of Omega t,
-# exp(2 alpha0 t), cosine and sine of omega t, free depth and speed, force f, w and w', and two running integrals.
-TIME, STEP, COSINE, SINE, GAIN, DRIVE_C, DRIVE_S, DEPTH, SPEED, FORCE, W, W_SPEED, BY_C, BY_S, ROWS = range(
-    0, 15 * NODES, NODES
-)
+_ORDER = np.polynomial.legendre.legvander(2 * _X - 1, PIECE_NODES - 1)
+_LAST = (2 * PIECE_NODES - 1) * _WEIGHTS * _ORDER[:, -1]  # the highest coefficients of the series of Legendre
+_BUT_ONE = (2 * PIECE_NODES - 3) * _WEIGHTS * _ORDER[:, -2]
 
 
-class Lever(NamedTuple):
-    """A free lever, maybe on a spring that is at rest at z0.
+@record
+class PieceNodes:
+    """Nodes of a piece: time, free motion, force and the answer to it at each."""
+
+    time: np.ndarray = column(PIECE_NODES)  # t from the contact [tau]
+    step: np.ndarray = column(PIECE_NODES)  # dt/dx [tau]
+    cosine: np.ndarray = column(PIECE_NODES)  # exp(-alpha0 t) times cosine and sine of Omega t
+    sine: np.ndarray = column(PIECE_NODES)
+    gain: np.ndarray = column(PIECE_NODES)  # exp(2 alpha0 t)
+    drive_cos: np.ndarray = column(PIECE_NODES)  # cosine and sine of omega t
+    drive_sin: np.ndarray = column(PIECE_NODES)
+    depth: np.ndarray = column(PIECE_NODES)  # of the free lever [m]
+    speed: np.ndarray = column(PIECE_NODES)  # of the free lever [m per tau]
+    force: np.ndarray = column(PIECE_NODES)  # f [m]
+    w: np.ndarray = column(PIECE_NODES)  # answer of the lever to the force [m]
+    w_speed: np.ndarray = column(PIECE_NODES)  # w' [m per tau]
+    sum_cos: np.ndarray = column(PIECE_NODES)  # two running integrals of the force
+    sum_sin: np.ndarray = column(PIECE_NODES)
+
+
+class SprungLever(NamedTuple):
+    """A lever without a surface, that may stand on a spring which is at rest at z0.
 
     omega, alpha0, u0 [m], stiffness 1 + kappa over its own, own frequency Omega, its place [m] without a drive, and
     swing [m], Re(swing exp(i psi)) about that, with it.
@@ -70,17 +85,17 @@ class Kick(NamedTuple):
 
 
 @kernel
-def lever_on(omega: float, alpha0: float, base: float, kappa: float, z0: float) -> Lever:
-    """A lever that rings, on a spring."""
+def lever_on(omega: float, alpha0: float, base: float, kappa: float, z0: float) -> SprungLever:
+    """Lever on a spring of stiffness kappa, over its own, that is at rest at z0 [m]."""
     stiffness = 1.0 + kappa
     swing = base / complex(stiffness - omega * omega, 2.0 * alpha0 * omega)
     own = math.sqrt(stiffness - alpha0 * alpha0)
-    return Lever(omega, alpha0, base, stiffness, own, kappa / stiffness * z0, swing)
+    return SprungLever(omega, alpha0, base, stiffness, own, kappa / stiffness * z0, swing)
 
 
 @kernel
-def free(lever: Lever, at: Instant, time: float) -> Instant:
-    """The free lever a time later."""
+def move_freely(lever: SprungLever, at: Instant, time: float) -> Instant:
+    """Position, speed and drive phase of the free lever a time later."""
     omega, alpha0, _, stiffness, own, place, swing = lever
     now = swing * at.drive
     y, q = at.z - place - now.real, at.v + omega * now.imag
@@ -96,8 +111,8 @@ def free(lever: Lever, at: Instant, time: float) -> Instant:
 
 
 @kernel
-def soon(lever: Lever, at: Instant, time: float) -> Instant:
-    """The same a short time later or sooner, to the fourth order."""
+def move_shortly(lever: SprungLever, at: Instant, time: float) -> Instant:
+    """Position, speed and drive phase of the free lever a short time later or sooner, to the fourth order."""
     omega, alpha0, base, stiffness, _, place, _ = lever
     z, v, drive = at
     a = base * drive.real - stiffness * (z - place) - 2.0 * alpha0 * v
@@ -135,120 +150,120 @@ def _eighth_power(x: float) -> float:
 
 
 @kernel(light=True)
-def round_off(h: float, m: np.ndarray) -> None:
-    """Nodes of a contact that lasts h: theory, Eq. (time-9). Half-integer powers of the depth are smooth in them."""
-    for j in range(NODES):
-        m[TIME + j] = h * _ROUND[j]
-        m[STEP + j] = h * _ROUND_STEP[j]
+def place_contact_nodes(h: float, m: PieceNodes) -> None:
+    """Place the nodes of a contact that lasts h, in which half-integer powers of the depth are smooth: Eq. (time-9)."""
+    for j in range(PIECE_NODES):
+        m.time[j] = h * _ROUND[j]
+        m.step[j] = h * _ROUND_STEP[j]
 
 
 @kernel(fastmath=ANY_ORDER)
-def graded(near: float, start: float, end: float, sign: float, m: np.ndarray) -> None:
-    """Nodes of a flight between two times before (-1) or after (1) contact: steps grow from `near` at contact."""
+def place_flight_nodes(near: float, start: float, end: float, sign: float, m: PieceNodes) -> None:
+    """Place the nodes of a flight before (-1) or after (1) contact: steps grow from `near` at contact."""
     first = 1.0 + start / near
     high = math.log((near + end) / (near + start))
-    for j in range(NODES):
+    for j in range(PIECE_NODES):
         x = 0.125 * high * _X[j]
         e = first * _eighth_power(_exponential(x))
-        m[TIME + j] = sign * near * (e - 1.0)
-        m[STEP + j] = near * high * e
+        m.time[j] = sign * near * (e - 1.0)
+        m.step[j] = near * high * e
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay(lever: Lever, at: Instant, z0: float, m: np.ndarray) -> None:
-    """Fill in what the free lever does at the nodes that comes to `at` at t = 0."""
+def fill_free_motion(lever: SprungLever, at: Instant, z0: float, m: PieceNodes) -> None:
+    """Fill in depth and speed at the nodes of the free lever that passes the instant `at` at t = 0."""
     omega, alpha0, _, stiffness, own, place, swing = lever
     now = swing * at.drive
     re, im = now.real, now.imag
     y, q = at.z - place - re, at.v + omega * im
     u, p, low = (q + alpha0 * y) / own, (alpha0 * q + stiffness * y) / own, place - z0
-    for j in range(NODES):
-        t = m[TIME + j]
+    for j in range(PIECE_NODES):
+        t = m.time[j]
         x = 0.125 * alpha0 * t
         fall = _eighth_power(_exponential(-x))
         cosine, sine = _swing(own * t)
-        m[GAIN + j] = 1.0 / (fall * fall)
-        m[COSINE + j], m[SINE + j] = fall * cosine, fall * sine
+        m.gain[j] = 1.0 / (fall * fall)
+        m.cosine[j], m.sine[j] = fall * cosine, fall * sine
         cosine, sine = _swing(omega * t)
-        m[DRIVE_C + j], m[DRIVE_S + j] = cosine, sine
-        m[DEPTH + j] = re * cosine - im * sine + y * m[COSINE + j] + u * m[SINE + j] + low
-        m[SPEED + j] = -omega * (re * sine + im * cosine) + q * m[COSINE + j] - p * m[SINE + j]
+        m.drive_cos[j], m.drive_sin[j] = cosine, sine
+        m.depth[j] = re * cosine - im * sine + y * m.cosine[j] + u * m.sine[j] + low
+        m.speed[j] = -omega * (re * sine + im * cosine) + q * m.cosine[j] - p * m.sine[j]
 
 
 @kernel(fastmath=ANY_ORDER)
-def attract(law: Law, p: tuple[float, ...], compliance: float, m: np.ndarray) -> float:
-    """Fill in the force in flight; returns the largest depth at the nodes."""
+def fill_attraction(law: Law, p: tuple[float, ...], compliance: float, m: PieceNodes) -> float:
+    """Fill in the force in flight at the nodes; returns the largest depth at the nodes."""
     top = -math.inf
-    for j in range(NODES):
-        d = m[DEPTH + j] + m[W + j]
+    for j in range(PIECE_NODES):
+        d = m.depth[j] + m.w[j]
         top = max(top, d)
-        m[FORCE + j] = longrange_force(law, min(d, 0.0), p) * compliance
+        m.force[j] = longrange_force(law, min(d, 0.0), p) * compliance
     return top
 
 
 @kernel(fastmath=ANY_ORDER)
-def repel(law: Law, p: tuple[float, ...], compliance: float, kappa: float, m: np.ndarray) -> float:
-    """Fill in the force in contact less that of the spring; returns the largest depth at the nodes."""
+def fill_contact_force(law: Law, p: tuple[float, ...], compliance: float, kappa: float, m: PieceNodes) -> float:
+    """Fill in the force in contact, less that of the spring, at the nodes; returns the largest depth at the nodes."""
     top = -math.inf
-    for j in range(NODES):
-        d = m[DEPTH + j] + m[W + j]
+    for j in range(PIECE_NODES):
+        d = m.depth[j] + m.w[j]
         top = max(top, d)
-        m[FORCE + j] = contact_force(law, max(d, 0.0), p) * compliance - kappa * d
+        m.force[j] = contact_force(law, max(d, 0.0), p) * compliance - kappa * d
     if p[col.DAMPING] != 0.0:
-        for j in range(NODES):
-            d = max(m[DEPTH + j] + m[W + j], 0.0)
-            m[FORCE + j] += 2.0 * damping(law, d, p) * (m[SPEED + j] + m[W_SPEED + j])
+        for j in range(PIECE_NODES):
+            d = max(m.depth[j] + m.w[j], 0.0)
+            m.force[j] += 2.0 * damping(law, d, p) * (m.speed[j] + m.w_speed[j])
     return top
 
 
 @kernel(fastmath=ANY_ORDER)
-def answer(lever: Lever, sign: float, m: np.ndarray) -> tuple[Kick, float]:
-    """Fill in w and w', which are 0 where the piece begins; returns what the force does, and by how much w changed.
+def fill_answer(lever: SprungLever, sign: float, m: PieceNodes) -> tuple[Kick, float]:
+    """Fill in the lever's answer w to the force; returns the kick at t = 0 and the change of w.
 
-    Before contact (sign -1) nodes run back in time, and the piece begins with the last of them.
+    It is 0 where the piece begins: before contact (sign -1) at the last node, for nodes there run back in time.
     """
     alpha0, own = lever.alpha0, lever.own
-    for j in range(NODES):
-        m[BY_C + j] = m[BY_S + j] = 0.0
-    for i in range(NODES):
-        f = m[STEP + i] * m[FORCE + i] * m[GAIN + i]
-        c, s = f * m[COSINE + i], f * m[SINE + i]
-        for j in range(NODES):
-            m[BY_C + j] += _RUNNING[NODES * i + j] * c
-            m[BY_S + j] += _RUNNING[NODES * i + j] * s
+    for j in range(PIECE_NODES):
+        m.sum_cos[j] = m.sum_sin[j] = 0.0
+    for i in range(PIECE_NODES):
+        f = m.step[i] * m.force[i] * m.gain[i]
+        c, s = f * m.cosine[i], f * m.sine[i]
+        for j in range(PIECE_NODES):
+            m.sum_cos[j] += _RUNNING[PIECE_NODES * i + j] * c
+            m.sum_sin[j] += _RUNNING[PIECE_NODES * i + j] * s
     by_c = by_s = 0.0
-    for j in range(NODES):
-        f = _WEIGHTS[j] * m[STEP + j] * m[FORCE + j] * m[GAIN + j]
-        by_c += f * m[COSINE + j]
-        by_s += f * m[SINE + j]
+    for j in range(PIECE_NODES):
+        f = _WEIGHTS[j] * m.step[j] * m.force[j] * m.gain[j]
+        by_c += f * m.cosine[j]
+        by_s += f * m.sine[j]
     first_c, first_s = (by_c, by_s) if sign < 0.0 else (0.0, 0.0)
     change = 0.0
-    for j in range(NODES):
-        c, s = first_c + sign * m[BY_C + j], first_s + sign * m[BY_S + j]
-        w = (m[COSINE + j] * s - m[SINE + j] * c) / own
-        change = max(change, abs(w - m[W + j]))
-        m[W + j] = w
-        m[W_SPEED + j] = -m[COSINE + j] * c - m[SINE + j] * s - alpha0 * w
+    for j in range(PIECE_NODES):
+        c, s = first_c + sign * m.sum_cos[j], first_s + sign * m.sum_sin[j]
+        w = (m.cosine[j] * s - m.sine[j] * c) / own
+        change = max(change, abs(w - m.w[j]))
+        m.w[j] = w
+        m.w_speed[j] = -m.cosine[j] * c - m.sine[j] * s - alpha0 * w
     return Kick(by_s / own, -by_c - alpha0 * by_s / own), change
 
 
 @kernel(fastmath=ANY_ORDER)
-def harmonic_of(kappa: float, m: np.ndarray) -> complex:
-    """The integral of the whole force times exp(-i omega t) over a piece."""
+def force_harmonic(kappa: float, m: PieceNodes) -> complex:
+    """Integral of the whole force times exp(-i omega t) over a piece [m tau]."""
     even = odd = 0.0
-    for j in range(NODES):
-        f = _WEIGHTS[j] * m[STEP + j] * (m[FORCE + j] + kappa * (m[DEPTH + j] + m[W + j]))
-        even += f * m[DRIVE_C + j]
-        odd -= f * m[DRIVE_S + j]
+    for j in range(PIECE_NODES):
+        f = _WEIGHTS[j] * m.step[j] * (m.force[j] + kappa * (m.depth[j] + m.w[j]))
+        even += f * m.drive_cos[j]
+        odd -= f * m.drive_sin[j]
     return complex(even, odd)
 
 
 @kernel(fastmath=ANY_ORDER)
-def left_out(m: np.ndarray) -> float:
-    """How large the last two of the Legendre coefficients of a piece's force are [m]."""
+def last_coefficients(m: PieceNodes) -> float:
+    """Size of the last two Legendre coefficients of a piece's force [m]: what its nodes leave out."""
     last = but_one = 0.0
-    for j in range(NODES):
-        f = m[STEP + j] * m[FORCE + j]
+    for j in range(PIECE_NODES):
+        f = m.step[j] * m.force[j]
         last += _LAST[j] * f
         but_one += _BUT_ONE[j] * f
     return abs(last) + abs(but_one)

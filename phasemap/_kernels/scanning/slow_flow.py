@@ -17,111 +17,113 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, parameters
+from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.scanning.averaged_lever import KNOWN, LEAD, MEMORY, PUSH, SHIFT, STEP, Sample, rates, size_of
-from phasemap._kernels.scanning.higher_harmonics import ATTRACTED, REPELLED
+from phasemap._kernels.records import assign, record
+from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, modulus, slow_flow_rhs
+from phasemap._kernels.scanning.higher_harmonics import Shares
 from phasemap._kernels.scanning.loop import (
-    AMP,
-    DETECTOR,
+    A_IMAG,
+    A_REAL,
     FILTERS,
-    HARDEST,
     INTEGRAL,
-    KP,
-    PLACE,
-    RATE,
-    SETPOINT,
-    SPEED,
-    SPRING,
-    STATE,
-    STOPPED,
-    SUM_AMPLITUDE,
-    SUM_PHASE,
-    SUM_PLACE,
-    THERMAL,
-    TIME,
-    Path,
+    LOOP_STATE,
+    SCANNER,
+    SCANNER_SPEED,
+    CubicPath,
+    Loop,
+    Setup,
     Stretch,
-    command,
-    drift_of,
-    filter_along,
-    shown,
+    Tally,
+    filter_cubic,
+    lock_in_output,
+    lock_in_rates,
+    scanner_command,
 )
 
-TOLERANCE = 1.5e-4  # of the setpoint amplitude, local error of a step
-FAINT = 0.01  # of the setpoint amplitude: less allows no smaller error of a
-MOST_STEPS, A_PERIOD = 500, 8.0  # between two corners of the surface, and in a period: more follow no averaged lever
-NOISY = 0.25  # in decay times of lever and lock-in: the longest step with noise
+STEP_TOLERANCE = 1.5e-4  # of the setpoint amplitude, local error of a step
+LEAST_SCALE = 0.01  # of the setpoint amplitude: a smaller amplitude allows no smaller error of a
+MOST_FLOW_STEPS = 500  # between two corners of the surface,
+FLOW_STEPS_OF_PERIOD = 8.0  # and as many more in each period: more follow no averaged lever
+NOISY_STEP = 0.25  # in decay times of lever and lock-in: the longest step with noise
 
 STAGES = 5
 _WHEN = np.array([0, 1 / 2, 1 / 2, 1, 1])
 COMPARED = 0.1  # how much of the fourth rate the method of order 3 replaces
 
-# What is noted at an end of a step: Z, R, phase, their rates, whether the scanner is at its end.
-OF_PLACE, OF_AMPLITUDE, OF_PHASE, BY_PLACE, BY_AMPLITUDE, BY_PHASE, AT_END, END = 0, 1, 2, 3, 4, 5, 6, 7
+FIRST_SHARE = col.ROW  # first of the two columns that rows have beyond those of a law: the shares of `share_rows`
 
-LIFT = col.ROW  # first of the two columns that rows have beyond those of a law: those of `lifts`
+
+@record
+class StepEnd:
+    """What is recorded, at one end of a step, and its rates."""
+
+    scanner: float  # Z [m]
+    amplitude: float  # that the lock-in shows [m]
+    phase: float  # that the lock-in shows [rad]
+    scanner_rate: float  # [m per tau]
+    amplitude_rate: float
+    phase_rate: float  # [rad per tau]
+    stopped: int  # whether the scanner is at an end of its range (1 or 0)
 
 
 class Flow(NamedTuple):
-    """The averaged lever under its loop: state, rates at the stages of a step, a state tried, memory, a step's ends."""
+    """The averaged lever under its loop."""
 
-    y: np.ndarray
-    stages: np.ndarray
-    trial: np.ndarray
-    memory: np.ndarray
-    ends: np.ndarray
+    y: np.ndarray  # state, shape (LOOP_STATE,)
+    rates: np.ndarray  # at the stages of a step, shape (STAGES, LOOP_STATE)
+    trial: np.ndarray  # a state that is tried
+    memory: FlowMemory
 
 
-@kernel(light=True)
 def new_flow() -> Flow:
-    """Return an empty one."""
-    return Flow(np.zeros(STATE), np.zeros((STAGES, STATE)), np.zeros(STATE), np.zeros(MEMORY), np.zeros((2, END)))
+    """Return the averaged lever and its loop with all numbers zero."""
+    return Flow(np.zeros(LOOP_STATE), np.zeros((STAGES, LOOP_STATE)), np.zeros(LOOP_STATE), FlowMemory())
 
 
 @kernel
-def place_of(loop: np.ndarray, y: np.ndarray) -> float:
-    """Where the scanner is [m]."""
-    return y[PLACE] if loop[SPRING] != 0.0 else command(loop, y)[0]
+def scanner_height(loop: Loop, y: np.ndarray) -> float:
+    """Height of the scanner [m]."""
+    return y[SCANNER] if loop.spring != 0.0 else scanner_command(loop, y)[0]
 
 
 @kernel
-def _speed_of(loop: np.ndarray, y: np.ndarray, out: np.ndarray) -> float:
-    """Rate of `place_of`, without the derivative's own."""
-    if loop[SPRING] != 0.0:
-        return y[SPEED]
-    return -(loop[KP] * drift_of(loop, y)[0] + out[INTEGRAL])
+def _scanner_rate(loop: Loop, y: np.ndarray, out: np.ndarray) -> float:
+    """Speed of the scanner [m per tau], without what the derivative gain adds to it."""
+    if loop.spring != 0.0:
+        return y[SCANNER_SPEED]
+    return -(loop.proportional * lock_in_rates(loop, y)[0] + out[INTEGRAL])
 
 
 @kernel
-def _look(loop: np.ndarray, y: np.ndarray, out: np.ndarray, end: np.ndarray) -> None:
-    """Note what is recorded, and its rates."""
-    end[OF_PLACE], end[BY_PLACE] = place_of(loop, y), _speed_of(loop, y, out)
-    end[OF_AMPLITUDE], end[OF_PHASE] = shown(loop, y)
-    end[BY_AMPLITUDE], end[BY_PHASE] = drift_of(loop, y)
-    end[AT_END] = 1.0 if command(loop, y)[2] else 0.0
+def _note_end(loop: Loop, y: np.ndarray, out: np.ndarray, end: StepEnd) -> None:
+    """Fill in what is recorded in this state, and its rates."""
+    end.scanner, end.scanner_rate = scanner_height(loop, y), _scanner_rate(loop, y, out)
+    end.amplitude, end.phase = lock_in_output(loop, y)
+    end.amplitude_rate, end.phase_rate = lock_in_rates(loop, y)
+    end.stopped = 1 if scanner_command(loop, y)[2] else 0
 
 
 @kernel
-def _collect(before: np.ndarray, after: np.ndarray, h: float, tally: np.ndarray) -> None:
+def _add_step(before: StepEnd, after: StepEnd, h: float, tally: Tally) -> None:
     """Add a step to the integrals: h/2 (f0 + f1) + h^2/12 (f0' - f1')."""
     half, twelfth = 0.5 * h, h * h / 12.0
-    tally[TIME] += h
-    tally[SUM_PLACE] += half * (before[OF_PLACE] + after[OF_PLACE]) + twelfth * (before[BY_PLACE] - after[BY_PLACE])
-    tally[SUM_AMPLITUDE] += half * (before[OF_AMPLITUDE] + after[OF_AMPLITUDE])
-    tally[SUM_AMPLITUDE] += twelfth * (before[BY_AMPLITUDE] - after[BY_AMPLITUDE])
-    tally[SUM_PHASE] += half * (before[OF_PHASE] + after[OF_PHASE]) + twelfth * (before[BY_PHASE] - after[BY_PHASE])
-    tally[STOPPED] = max(tally[STOPPED], before[AT_END], after[AT_END])
+    tally.time += h
+    tally.scanner += half * (before.scanner + after.scanner) + twelfth * (before.scanner_rate - after.scanner_rate)
+    tally.amplitude += half * (before.amplitude + after.amplitude)
+    tally.amplitude += twelfth * (before.amplitude_rate - after.amplitude_rate)
+    tally.phase += half * (before.phase + after.phase) + twelfth * (before.phase_rate - after.phase_rate)
+    tally.stopped = max(tally.stopped, before.stopped, after.stopped)
 
 
 @kernel(light=True)
-def _moving(loop: np.ndarray) -> int:
-    """How many entries of the state take steps: the filters do not, nor does a scanner that follows at once."""
-    return FILTERS if loop[SPRING] != 0.0 else PLACE
+def _moving(loop: Loop) -> int:
+    """Number of entries of the state that take steps: filters do not, nor does a scanner that follows at once."""
+    return FILTERS if loop.spring != 0.0 else SCANNER
 
 
 @kernel
-def _error(loop: np.ndarray, k: np.ndarray, h: float, size: float) -> float:
+def _error(loop: Loop, k: np.ndarray, h: float, size: float) -> float:
     """Local error of a step to an amplitude of this size [m], over what is allowed.
 
     The method of order 3 knows nothing of what changes with time alone, as where the tip lands within a step. So the
@@ -133,108 +135,106 @@ def _error(loop: np.ndarray, k: np.ndarray, h: float, size: float) -> float:
         local = COMPARED * (abs(k[3, j] - k[4, j]) + abs(bend) / 3.0)
         if math.isnan(local):
             return math.inf
-        scale = loop[SETPOINT]
+        scale = loop.setpoint
         if j < INTEGRAL:
-            scale *= min(1.0, max(size / scale, FAINT))
-        elif j == SPEED:
-            scale *= math.sqrt(loop[SPRING])
-        worst = max(worst, local * h / (TOLERANCE * scale))
+            scale *= min(1.0, max(size / scale, LEAST_SCALE))
+        elif j == SCANNER_SPEED:
+            scale *= math.sqrt(loop.spring)
+        worst = max(worst, local * h / (STEP_TOLERANCE * scale))
     return worst
 
 
 @kernel
-def _path(loop: np.ndarray, k: np.ndarray, stage: int, b: complex, h: float, inverse: complex) -> Path:
-    """The way of a from b at the start of a step, through what rates are known: a = b - b' inverse."""
-    start = complex(k[0, AMP], k[0, AMP + 1])
+def _path(loop: Loop, k: np.ndarray, stage: int, b: complex, h: float, inverse: complex) -> CubicPath:
+    """Path of the amplitude a during a step, through what rates of b are known: a = b - b' inverse."""
+    start = complex(k[0, A_REAL], k[0, A_IMAG])
     bend = twist = complex(0.0, 0.0)  # b' = start + bend x + twist x^2, x = t/h
     if stage == 2 or stage == 3:
-        bend = 2.0 * (complex(k[stage - 1, AMP], k[stage - 1, AMP + 1]) - start)
+        bend = 2.0 * (complex(k[stage - 1, A_REAL], k[stage - 1, A_IMAG]) - start)
     elif stage == 4:
-        half = 0.5 * complex(k[1, AMP] + k[2, AMP], k[1, AMP + 1] + k[2, AMP + 1])
-        end = complex(k[3, AMP], k[3, AMP + 1])
+        half = 0.5 * complex(k[1, A_REAL] + k[2, A_REAL], k[1, A_IMAG] + k[2, A_IMAG])
+        end = complex(k[3, A_REAL], k[3, A_IMAG])
         bend, twist = 4.0 * half - end - 3.0 * start, 2.0 * (end - 2.0 * half + start)
-    a_filter = 1.0 / loop[RATE]
+    a_filter = 1.0 / loop.rate
     a_step = a_filter / h
     bend *= a_step
     twist *= 2.0 * a_step * a_step
-    return Path(
+    return CubicPath(
         b - inverse * start, a_filter * start - inverse * bend, a_filter * bend - inverse * twist, a_filter * twist
     )
 
 
 @kernel
-def _add_noise(lever: np.ndarray, loop: np.ndarray, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
-    """What a time h of noise adds to a and to the first filter: theory, Eq. (slow-flow-7)."""
-    alpha0, rate = lever[col.ALPHA0], loop[RATE]
-    thermal = math.sqrt(-loop[THERMAL] * math.expm1(-2.0 * alpha0 * h))
-    detector = math.sqrt(-0.5 * loop[DETECTOR] * rate * math.expm1(-2.0 * rate * h))
+def _add_noise(lever: np.ndarray, loop: Loop, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
+    """Add noise of a time h to the amplitude a and to the first filter: theory, Eq. (slow-flow-7)."""
+    alpha0, rate = lever[col.ALPHA0], loop.rate
+    thermal = math.sqrt(-loop.thermal_noise * math.expm1(-2.0 * alpha0 * h))
+    detector = math.sqrt(-0.5 * loop.detector_noise * rate * math.expm1(-2.0 * rate * h))
     for part in range(2):
-        y[AMP + part] += thermal * noise.standard_normal()
+        y[A_REAL + part] += thermal * noise.standard_normal()
         y[FILTERS + part] += detector * noise.standard_normal()
 
 
 @kernel
-def flow_on(
-    law: Law, row: np.ndarray, lever: np.ndarray, loop: np.ndarray, stretch: Stretch, flow: Flow, tally: np.ndarray,
-    noise: np.random.Generator,
-) -> int:  # fmt: skip
-    """Let a stretch of ground pass; returns a status."""
+def flow_on(setup: Setup, row: np.ndarray, stretch: Stretch, flow: Flow, tally: Tally) -> int:
+    """Move the averaged lever over a stretch of ground; returns a status."""
     p = parameters(row)
-    sample = Sample(p, reach_of(law, p), (row[LIFT + ATTRACTED], row[LIFT + REPELLED]))
-    flow.memory[KNOWN] = 0.0
-    return _pass(law, sample, lever, loop, stretch, flow, tally, noise)
+    shares = Shares(row[FIRST_SHARE], row[FIRST_SHARE + 1])
+    flow.memory.known = 0
+    return _flow_over(
+        setup, Sample(Oscillator(setup.law, p, setup.lever), reach_of(setup.law, p), shares), stretch, flow, tally
+    )
 
 
 @kernel
-def _pass(
-    law: Law, sample: Sample, lever: np.ndarray, loop: np.ndarray, stretch: Stretch, flow: Flow, tally: np.ndarray,
-    noise: np.random.Generator,
-) -> int:  # fmt: skip
+def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally: Tally) -> int:
     """`flow_on` over one material, which comes by value: read from the row in every step, it takes 3 % longer."""
-    y, k, trial, memory, ends = flow
+    _, lever, loop, noise = setup
+    y, k, trial, memory = flow
     ground, slope, span = stretch
-    noisy = loop[THERMAL] > 0.0 or loop[DETECTOR] > 0.0
-    longest = NOISY / max(loop[RATE], lever[col.ALPHA0]) if noisy else math.inf
-    if not memory[STEP] > 0.0:
-        memory[STEP] = 0.1 / loop[RATE]
+    noisy = loop.thermal_noise > 0.0 or loop.detector_noise > 0.0
+    longest = NOISY_STEP / max(loop.rate, lever[col.ALPHA0]) if noisy else math.inf
+    if not memory.step > 0.0:
+        memory.step = 0.1 / loop.rate
     inverse, moving = 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA]), _moving(loop)
-    rates(law, sample, lever, loop, ground, y, memory, k[0])
-    _look(loop, y, k[0], ends[0])
+    before, after = StepEnd(), StepEnd()
+    slow_flow_rhs(sample, loop, ground, y, memory, k[0])
+    _note_end(loop, y, k[0], before)
     done = 0.0
-    for _ in range(MOST_STEPS + int(A_PERIOD * span * lever[col.OMEGA] / (2.0 * math.pi))):
+    for _ in range(MOST_FLOW_STEPS + int(FLOW_STEPS_OF_PERIOD * span * lever[col.OMEGA] / (2.0 * math.pi))):
         left = span - done
-        steps = max(1.0, math.ceil(left / min(memory[STEP], longest) - 1e-9))
+        steps = max(1.0, math.ceil(left / min(memory.step, longest) - 1e-9))
         h = left / steps
-        shift, lead = memory[SHIFT], complex(memory[LEAD], memory[LEAD + 1])
-        b = complex(y[AMP], y[AMP + 1]) + lead
+        shift, lead = memory.shift, complex(memory.lead_real, memory.lead_imag)
+        b = complex(y[A_REAL], y[A_IMAG]) + lead
         for stage in range(1, STAGES):
             for j in range(moving):
                 way = _WHEN[stage] * k[stage - 1, j]
                 if stage == STAGES - 1:
                     way = (k[0, j] + 2.0 * (k[1, j] + k[2, j]) + k[3, j]) / 6.0
                 trial[j] = y[j] + h * way
-            trial[AMP] += lead.real - memory[LEAD]
-            trial[AMP + 1] += lead.imag - memory[LEAD + 1]
-            filter_along(loop, y, _path(loop, k, stage, b, h, inverse), _WHEN[stage] * h, trial)
+            trial[A_REAL] += lead.real - memory.lead_real
+            trial[A_IMAG] += lead.imag - memory.lead_imag
+            filter_cubic(loop, y, _path(loop, k, stage, b, h, inverse), _WHEN[stage] * h, trial)
             if noisy and stage == STAGES - 1:
                 _add_noise(lever, loop, h, noise, trial)
-            rates(law, sample, lever, loop, ground + slope * (done + _WHEN[stage] * h), trial, memory, k[stage])
-        error = _error(loop, k, h, size_of(complex(trial[AMP], trial[AMP + 1])))
-        memory[STEP] = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
+            slow_flow_rhs(sample, loop, ground + slope * (done + _WHEN[stage] * h), trial, memory, k[stage])
+        error = _error(loop, k, h, modulus(complex(trial[A_REAL], trial[A_IMAG])))
+        memory.step = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
         if error <= 1.0:
-            if abs(memory[PUSH]) > lever[col.BASE] + loop[HARDEST] * size_of(complex(trial[AMP], trial[AMP + 1])):
+            if abs(memory.push) > lever[col.BASE] + loop.most_push * modulus(complex(trial[A_REAL], trial[A_IMAG])):
                 return col.NOT_CONVERGED
-            _look(loop, trial, k[STAGES - 1], ends[1])
-            _collect(ends[0], ends[1], h, tally)
-            copy(ends[1], ends[0])
+            _note_end(loop, trial, k[STAGES - 1], after)
+            _add_step(before, after, h, tally)
+            assign(before, after)
             copy(trial, y)
             copy(k[STAGES - 1], k[0])
             done += h
             if steps == 1.0:
-                y[PLACE] = place_of(loop, y)
+                y[SCANNER] = scanner_height(loop, y)
                 return col.GOOD
         else:
-            memory[SHIFT], memory[LEAD], memory[LEAD + 1] = shift, lead.real, lead.imag
-            if not memory[STEP] > 1e-9 * span:
+            memory.shift, memory.lead_real, memory.lead_imag = shift, lead.real, lead.imag
+            if not memory.step > 1e-9 * span:
                 return col.DIVERGED
     return col.NOT_CONVERGED

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.higher_harmonics import lifts
+from phasemap._kernels.scanning.higher_harmonics import share_rows
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
@@ -19,7 +19,7 @@ MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many 
 
 
 class Lifts(NamedTuple):
-    """The `lifts` of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
+    """Shares of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
 
     stiffness: Array
     shares: Array
@@ -39,7 +39,8 @@ def lifts_of(job: Job, work: Work) -> Lifts:
     shares, rows, amplitudes = np.empty((len(some), 2)), work.rows[some], work.amplitudes[some]
 
     def solve(first: int, last: int) -> None:
-        lifts(work.law, rows, work.lever, amplitudes, limits, first, last, shares)
+        part = slice(first, last)
+        share_rows(work.law, rows[part], work.lever, amplitudes[part], limits, shares[part])
 
     spread(solve, bounds_of(len(some), CHUNK), job.workers, None)
     return Lifts(stiffness[some], shares)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.time.tip import V, Z
-from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import Recorded, Start, scan_line
+from phasemap._kernels.scanning.loop import A_IMAG, A_REAL, Loop, Setup
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.experiment.accuracy import Accuracy
@@ -41,12 +42,12 @@ class TipState:
     def __init__(self, engine: int) -> None:
         self.engine = engine
         self.state = new_flow() if engine == col.AVERAGING else new_periods(ETA)
-        self.loop: Array | None = None  # as long as it is not engaged
+        self.loop: Loop | None = None  # as long as it is not engaged
 
-    def freeze(self) -> dict[str, Array]:
-        """Arrays that say all about it."""
-        arrays = {"engine": np.array(self.engine), **self.state._asdict()}
-        return arrays if self.loop is None else {**arrays, "loop": self.loop}
+    def freeze(self) -> dict[str, Any]:
+        """Arrays and records that say all about it."""
+        numbers = {"engine": np.array(self.engine), **self.state._asdict()}
+        return numbers if self.loop is None else {**numbers, "loop": self.loop}
 
     @classmethod
     def thaw(cls, arrays: Mapping[str, Array]) -> TipState:
@@ -55,20 +56,21 @@ class TipState:
         Raises KeyError, ValueError if it is not that.
         """
         tip = cls(int(arrays["engine"]))
-        tip.state = tip.state._replace(**{name: arrays[name] for name in tip.state._fields})
-        tip.loop = arrays.get("loop")
-        like = cls(tip.engine)
-        like.loop = None if tip.loop is None else np.zeros(of.LOOP)
-        for name, own in like.freeze().items():
+        tip.loop = Loop() if "loop" in arrays else None
+        kept: dict[str, Any] = {}
+        for name, own in tip.freeze().items():
             if (arrays[name].shape, arrays[name].dtype) != (own.shape, own.dtype):  # a kernel would not look
                 raise ValueError(name)
+            kept[name] = arrays[name].astype(own.dtype)[()]
+        tip.state = tip.state._replace(**{name: kept[name] for name in tip.state._fields})
+        tip.loop = kept.get("loop")
         return tip
 
     def march(self, omega: float) -> None:
         """Go on by the equation of motion from where the averaged lever is, which is driven at this frequency."""
         periods, y = new_periods(ETA), self.state.y
         periods.y[:] = y
-        periods.tip[Z], periods.tip[V] = y[of.AMP], -omega * y[of.AMP + 1]
+        periods.tip[Z], periods.tip[V] = y[A_REAL], -omega * y[A_IMAG]
         self.engine, self.state = col.MARCH, periods
 
     def copy(self) -> TipState:
@@ -110,7 +112,7 @@ class Lines:
         realism = job.realism
         noise = realism.temperature or 0.0, realism.detector_noise or 0.0
         self.loop = loop_of(control, job.scope, job.amplitude, *noise, job.accuracy.periods)
-        self.loop[of.HARDEST] = HARDEST if job.solver.name == "auto" else HARDEST_AT_ALL
+        self.loop.most_push = HARDEST if job.solver.name == "auto" else HARDEST_AT_ALL
         tau = tau_per_second(job.scope)
         self.calm = np.ones(len(numbers), np.bool_)  # of each line, whether the feedback was at rest when it began
         self.dwell = control.dwell(job.surface.shape[1]) * tau
@@ -140,10 +142,11 @@ class Lines:
         program = program_of(self.numbers[row], self._ground(row), self.dwell, self.control.overscan)
         made = Recorded(np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8))
         noise = generator(self.job.realism.seed, f"lever, line {self.job.place.row + row}")
-        loop = self.loop.copy() if tip.loop is None else tip.loop
+        loop = copy.deepcopy(self.loop) if tip.loop is None else tip.loop
+        setup = Setup(self.work.law, self.work.lever, loop, noise)
         start = Start(tip.loop is not None, self.orbits[self.first[row]])
-        done = scan_line(self.work.law, self.rows, self.work.lever, loop, program, start, tip.state, made, noise)
-        self.calm[row] = start.engaged or done != col.GOOD or loop[of.CALM] > 0.0
+        done = scan_line(setup, self.rows, program, start, tip.state, made)
+        self.calm[row] = start.engaged or done != col.GOOD or loop.settled > 0
         tip.loop = loop if done == col.GOOD else None
         return made, done
 

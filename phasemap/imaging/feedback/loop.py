@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from phasemap._kernels.scanning import loop as of
+from phasemap._kernels.scanning.loop import Loop
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
-
-Array = np.ndarray
 
 BOLTZMANN = 1.380649e-23  # J/K, exact
 FEWEST_PERIODS = 5.0  # over a pixel: fewer say nothing about it
@@ -65,32 +61,31 @@ def loop_of(
     temperature: float = 0.0,
     detector_noise: float = 0.0,
     periods: int = MOST_PERIODS,
-) -> Array:
+) -> Loop:
     """The loop's numbers; gains that are to be tuned are 0.
 
     `amplitude`: at the setpoint [m].
     `temperature`: of the lever's own noise [K].
     `detector_noise`: One-sided density of the deflection signal's noise [m/sqrt(Hz)].
     `periods`: of the drive, after which an approach is given up.
-    Returns an array of shape (LOOP,).
     """
     tau = tau_per_second(scope)
-    loop = np.zeros(of.LOOP)
-    loop[of.SETPOINT] = amplitude
+    loop = Loop()
+    loop.setpoint = amplitude
     if scope.drive.excitation == "base":
-        loop[of.SHAKER], loop[of.TURN] = scope.base_amplitude, math.atan(2 * scope.cantilever.damping_ratio)
-    loop[of.KP], loop[of.KI] = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
-    loop[of.KD] = control.derivative_gain * tau
+        loop.base_motion, loop.phase_offset = scope.base_amplitude, math.atan(2 * scope.cantilever.damping_ratio)
+    loop.proportional, loop.integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
+    loop.derivative = control.derivative_gain * tau
     # Of n equal filters in a row each is wider than all together.
-    loop[of.RATE] = 2 * math.pi * bandwidth_of(control, scope) / math.sqrt(2 ** (1 / control.order) - 1) / tau
-    loop[of.ORDER] = control.order
+    loop.rate = 2 * math.pi * bandwidth_of(control, scope) / math.sqrt(2 ** (1 / control.order) - 1) / tau
+    loop.order = control.order
     if control.scanner_resonance is not None:
         w = 2 * math.pi * control.scanner_resonance / tau
-        loop[of.SPRING], loop[of.LOSS] = w * w, w / control.scanner_quality
-    loop[of.HIGH] = math.inf if control.scanner_range is None else control.scanner_range / 2
-    loop[of.LOW] = -loop[of.HIGH]
-    loop[of.THERMAL] = BOLTZMANN * temperature / scope.cantilever.stiffness
-    loop[of.DETECTOR] = detector_noise**2 * tau
-    loop[of.HARDEST] = math.inf
-    loop[of.PATIENCE] = periods * 2 * math.pi / scope.frequency_ratio
+        loop.spring, loop.loss = w * w, w / control.scanner_quality
+    loop.highest = math.inf if control.scanner_range is None else control.scanner_range / 2
+    loop.lowest = -loop.highest
+    loop.thermal_noise = BOLTZMANN * temperature / scope.cantilever.stiffness
+    loop.detector_noise = detector_noise**2 * tau
+    loop.most_push = math.inf
+    loop.patience = periods * 2 * math.pi / scope.frequency_ratio
     return loop

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.scanning import line as of
+from phasemap._kernels.scanning.line import Program
 
 Array = np.ndarray
 
 
-def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -> Array:
+def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -> Program:
     """Segments of trace and retrace, with the half turns before and after and the turn between.
 
     The ground is linear between the centres of pixels, and goes on level beyond the outermost; the material is that of
@@ -19,31 +19,31 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     `ground` (shape (nx,)): topography [m].
     `dwell`: time over a pixel [tau].
     `overscan`: o [1].
-    Returns an array of shape (n, PROGRAM): pixel i of the trace has the number i, of the retrace nx + i.
+    Returns segments: pixel i of the trace has the number i, of the retrace nx + i.
 
     Examples
     --------
-    >>> program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0)[:, [of.GROUND, of.SLOPE, of.PIXEL]].tolist()[:4]
-    [[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [2.0, 2.0, 1.0], [4.0, 0.0, 1.0]]
+    >>> program = program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0)
+    >>> program.ground[:4].tolist(), program.slope[:4].tolist(), program.pixel[:4].tolist()
+    ([0.0, 0.0, 2.0, 4.0], [0.0, 2.0, 2.0, 0.0], [0, 0, 1, 1])
     """
-    nx, edges = len(ground), _edges(ground)
-    there = np.zeros((2 * nx, of.PROGRAM))
-    there[:, of.SPAN] = 0.5 * dwell
-    there[:, of.MATERIAL] = np.repeat(materials, 2)
-    there[::2, of.GROUND], there[1::2, of.GROUND] = edges[:-1], ground
-    there[::2, of.SLOPE], there[1::2, of.SLOPE] = ground - edges[:-1], edges[1:] - ground
-    there[:, of.SLOPE] /= 0.5 * dwell
-    there[:, of.PIXEL] = np.repeat(np.arange(nx), 2)
-    back = there[::-1].copy()
-    back[:, of.GROUND] += back[:, of.SLOPE] * back[:, of.SPAN]
-    back[:, of.SLOPE] *= -1
-    back[:, of.PIXEL] += nx
+    nx, edges, half = len(ground), _edges(ground), 0.5 * dwell
+    starts = np.stack([edges[:-1], ground], axis=1).ravel()
+    rises = np.stack([ground - edges[:-1], edges[1:] - ground], axis=1).ravel()
+    pixels = np.repeat(np.arange(nx), 2)
+    there = Program(np.full(2 * nx, half), np.repeat(materials, 2), starts, rises / half, pixels)
+    ends = starts + there.slope * half
+    back = Program(there.span, there.material[::-1], ends[::-1], -there.slope[::-1], pixels[::-1] + nx)
     parts = [there, back]
     if overscan > 0:
-        half = 2 * overscan * nx * dwell
-        left, right = ([[half, materials[i], ground[i], 0.0, -1.0]] for i in (0, -1))
-        parts = [np.array(left), there, np.array(2 * right), back, np.array(left)]
-    return np.concatenate(parts)
+        left, right = (_level(2 * overscan * nx * dwell, materials[i], ground[i]) for i in (0, -1))
+        parts = [left, there, right, right, back, left]
+    return Program(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _level(span: float, material: int, height: float) -> Program:
+    """Level ground beyond the outermost pixel."""
+    return Program(*(np.array([value]) for value in (span, material, height, 0.0, -1)))
 
 
 def mean_ground(ground: Array) -> Array:

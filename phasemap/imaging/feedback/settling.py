@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import engage_in_time
+from phasemap._kernels.scanning.loop import Setup
 from phasemap.experiment.control import Feedback
 from phasemap.imaging.feedback.harmonics import lifts_of
 from phasemap.imaging.feedback.lines import ENGAGED, TipState
@@ -50,8 +50,8 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
 def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndarray, orbit: np.ndarray) -> bool:
     """Whether the feedback comes to rest after a nudge."""
     loop, nudged = loop_of(control, job.scope, job.amplitude), orbit.copy()
-    loop[of.LOW], loop[of.HIGH] = -np.inf, np.inf
+    loop.lowest, loop.highest = -np.inf, np.inf
     nudged[col.TIP_OFFSET] -= NUDGE * job.amplitude
-    quiet = generator(0, "unused: without noise")
-    done = engage_in_time(work.law, row, work.lever, loop, 0.0, nudged, TipState(engine).state, quiet)
-    return bool(done == col.GOOD and loop[of.CALM] > 0.0)
+    setup = Setup(work.law, work.lever, loop, generator(0, "unused: without noise"))
+    done = engage_in_time(setup, row, 0.0, nudged, TipState(engine).state)
+    return bool(done == col.GOOD and loop.settled)

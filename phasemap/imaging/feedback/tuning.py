@@ -19,8 +19,8 @@ from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.rows.derivatives import held_root
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.averaged_lever import MEMORY, SHIFT, Sample, rates
-from phasemap._kernels.scanning.higher_harmonics import TYPICAL, lifted
+from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, slow_flow_rhs
+from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
@@ -72,7 +72,7 @@ class LinearLoop:
             return control
         if not len(self._system[0]):
             return replace(control, proportional_gain=0.0, integral_gain=FREE * self._alpha0 * self._tau)
-        slowest = 1 / self._alpha0 + control.order / loop_of(control, self._scope, 1.0)[of.RATE]
+        slowest = 1 / self._alpha0 + control.order / loop_of(control, self._scope, 1.0).rate
         best = 0.0, 0.0
         for reset in RESETS * slowest:
             integral = _limit(self._system, reset, 1.0, LOUDEST / reset) / BACK
@@ -122,18 +122,20 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
         p, amplitude = parameters(work.rows[i]), float(work.amplitudes[i])
         for orbit in _orbits(work, p, amplitude):
             loop = loop_of(replace(control, proportional_gain=0.0, integral_gain=0.0), scope, amplitude)
-            loop[of.LOW], loop[of.HIGH] = -math.inf, math.inf
+            loop.lowest, loop.highest = -math.inf, math.inf
             state, shift = _steady(work, p, loop, orbit)
             gains = []
             for proportional, integral in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
-                loop[of.KP], loop[of.KI] = proportional, integral
+                loop.proportional, loop.integral = proportional, integral
                 gains.append(_jacobian(work, p, loop, state, shift))
             still = gains[0]
-            lever = still[of.AMP : of.AMP + 2, of.AMP : of.AMP + 2]
+            lever = still[of.A_REAL : of.A_IMAG + 1, of.A_REAL : of.A_IMAG + 1]
             lifted = (
-                still[of.AMP : of.AMP + 2, of.PLACE] if loop[of.SPRING] else -still[of.AMP : of.AMP + 2, of.INTEGRAL]
+                still[of.A_REAL : of.A_IMAG + 1, of.SCANNER]
+                if loop.spring
+                else -still[of.A_REAL : of.A_IMAG + 1, of.INTEGRAL]
             )
-            rising = np.linalg.solve(lever, -lifted) @ (state[of.AMP : of.AMP + 2] - [loop[of.SHAKER], 0.0])
+            rising = np.linalg.solve(lever, -lifted) @ (state[of.A_REAL : of.A_IMAG + 1] - [loop.base_motion, 0.0])
             # The feedback holds an orbit that is stable and whose amplitude grows with distance.
             if (np.linalg.eigvals(lever).real < 0).all() and rising > 0:
                 kept = _moving(loop)
@@ -160,41 +162,41 @@ def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
     return np.array(rows).reshape(-1, 5)
 
 
-def _moving(loop: Array) -> Array:
+def _moving(loop: of.Loop) -> Array:
     """Entries of the state that move."""
-    still = () if loop[of.SPRING] else (of.PLACE, of.SPEED)
-    return np.array([j for j in range(of.used(loop)) if j not in still])
+    still = () if loop.spring else (of.SCANNER, of.SCANNER_SPEED)
+    return np.array([j for j in range(of.state_length(loop)) if j not in still])
 
 
-def _steady(work: Work, p: tuple[float, ...], loop: Array, orbit: Array) -> tuple[Array, float]:
+def _steady(work: Work, p: tuple[float, ...], loop: of.Loop, orbit: Array) -> tuple[Array, float]:
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and what carries the tip there."""
     z0, mean, amplitude, push, drag = orbit[:5]
     c = (z0 - mean) / amplitude
-    more = lifted(Oscillator(work.law, p, work.lever), reach_of(work.law, p), amplitude, c, push, TYPICAL)
+    more = tip_shift(Oscillator(work.law, p, work.lever), reach_of(work.law, p), amplitude, c, push, TYPICAL_SHARES)
     a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
-    state = np.zeros(of.STATE)
-    state[of.AMP : of.AMP + 2] = a.real, a.imag
+    state = np.zeros(of.LOOP_STATE)
+    state[of.A_REAL : of.A_IMAG + 1] = a.real, a.imag
     state[of.FILTERS :: 2], state[of.FILTERS + 1 :: 2] = a.real, a.imag
-    state[of.INTEGRAL], state[of.PLACE] = -(z0 + more), z0 + more
+    state[of.INTEGRAL], state[of.SCANNER] = -(z0 + more), z0 + more
     return state, float(mean + more)
 
 
-def _jacobian(work: Work, p: tuple[float, ...], loop: Array, state: Array, shift: float) -> Array:
+def _jacobian(work: Work, p: tuple[float, ...], loop: of.Loop, state: Array, shift: float) -> Array:
     """Central differences of the loop's rates."""
-    sample = Sample(p, reach_of(work.law, p), TYPICAL)  # will do for ringing
-    size = NUDGE * loop[of.SETPOINT]
-    out = np.zeros((of.STATE, of.STATE))
-    rate = np.zeros(of.STATE)
-    for j in range(of.STATE):
+    sample = Sample(Oscillator(work.law, p, work.lever), reach_of(work.law, p), TYPICAL_SHARES)  # will do for ringing
+    size = NUDGE * loop.setpoint
+    out = np.zeros((of.LOOP_STATE, of.LOOP_STATE))
+    rate = np.zeros(of.LOOP_STATE)
+    for j in range(of.LOOP_STATE):
         for sign in (1.0, -1.0):
-            there, memory = state.copy(), np.zeros(MEMORY)
+            there, memory = state.copy(), FlowMemory()
             there[j] += sign * size
-            memory[SHIFT] = shift
+            memory.shift = shift
             for _ in range(2):  # the second time with the a that belongs to its b
-                rates(work.law, sample, work.lever, loop, 0.0, there, memory, rate)
-            before = there[of.AMP : of.AMP + 2]
-            for k in range(of.FILTERS, of.used(loop), 2):
-                rate[k : k + 2] = loop[of.RATE] * (before - there[k : k + 2])
+                slow_flow_rhs(sample, loop, 0.0, there, memory, rate)
+            before = there[of.A_REAL : of.A_IMAG + 1]
+            for k in range(of.FILTERS, of.state_length(loop), 2):
+                rate[k : k + 2] = loop.rate * (before - there[k : k + 2])
                 before = there[k : k + 2]
             out[:, j] += sign * rate / (2 * size)
     return out
