@@ -132,6 +132,8 @@ def record(cls: type[T]) -> type[T]:
     layout: list[tuple[str, Any]] = []
     words = 0
     for name, annotated in typing.get_type_hints(cls).items():
+        if hasattr(np.record, name):
+            raise TypeError(f"{cls.__name__}.{name}: in Python that is a method of every record")
         count = cls.__dict__.get(name)
         inner = getattr(annotated, "record_type", None)
         kind = inner or (NUMBERS[annotated] if count is None else COLUMN)

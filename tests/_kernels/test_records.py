@@ -67,3 +67,11 @@ def test_a_record_that_is_too_large_for_a_stack_is_refused() -> None:
         @record
         class Large:
             row: np.ndarray = column(MOST_BYTES)
+
+
+def test_a_field_that_has_the_name_of_a_method_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"Bad\.mean: in Python that is a method"):
+
+        @record
+        class Bad:
+            mean: float

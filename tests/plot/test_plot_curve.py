@@ -269,7 +269,7 @@ def test_what_cannot_be_drawn_is_said(sweeps: dict[str, xr.Dataset], tmp_path: P
     ds = sweeps["distance"]
     with pytest.raises(InputError, match=r"quantities is 'phse'; allowed: some of amplitude, phase, height"):
         curve(ds, quantities=["phse"])
-    with pytest.raises(InputError, match="quantities is 'phase'; allowed: a list of amplitude"):
+    with pytest.raises(InputError, match="quantities is 'phase'; allowed: a list of texts"):
         curve(ds, quantities="phase")
     with pytest.raises(InputError, match="what a sweep such as sweep_distance returned"):
         curve(xr.Dataset({"height": ("x", [1.0])}))

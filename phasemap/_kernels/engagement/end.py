@@ -151,7 +151,7 @@ def beside_end(oscillator: Oscillator, reach: float, amplitude: float, guess: np
         h = held(oscillator, reach, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
         if abs(h) < END_MISMATCH * highest and state.push < 0.0:
-            guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean, -state.mean, amplitude
+            guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean_force, -state.mean_force, amplitude
             guess[G_P], guess[G_S], guess[G_SLOPE] = state.push, state.drag, 2.0 * fall * x
             return True
     return False

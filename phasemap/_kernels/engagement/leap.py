@@ -66,7 +66,7 @@ class FoldPoint:
 
     amplitude: float  # [m]
     gap: float  # e - A [m]
-    mean: float  # mean deflection [m]
+    mean_deflection: float  # [m]
     push: float  # in-phase force P over stiffness [m]
 
 
@@ -86,7 +86,7 @@ def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at
         if square < 0.0:
             return False
         before, amplitude = amplitude, (math.sqrt(square) - push * stiff) / whole
-        at.amplitude, at.gap, at.mean, at.push = amplitude, gap, mean, push
+        at.amplitude, at.gap, at.mean_deflection, at.push = amplitude, gap, mean, push
         if abs(amplitude - before) < 1e-3 * reach:
             break
     return push + amplitude * stiff > 0.0
@@ -99,7 +99,7 @@ def fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> in
     x0 = x1 = z0 = z1 = math.inf
     while risen(oscillator, reach, gap, amplitude, at):
         amplitude = at.amplitude
-        z = amplitude + gap + at.mean
+        z = amplitude + gap + at.mean_deflection
         if z > z1:
             if not math.isfinite(z0):
                 return FOLD_TOO_FAR
@@ -139,7 +139,7 @@ def fall_from_fold(oscillator: Oscillator, reach: float, at: FoldPoint, below: f
     """
     lever = oscillator.lever
     omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    stiff, mean = 1.0 - omega * omega, at.mean + lift * at.push
+    stiff, mean = 1.0 - omega * omega, at.mean_deflection + lift * at.push
     z0 = at.amplitude + at.gap + mean - below * reach
     # u0 = (X - i Y) a/|a| on an orbit.
     begun = (
@@ -204,7 +204,7 @@ def lands(oscillator: Oscillator, reach: float, free: float) -> int:
     status = fold(oscillator, reach, free, at)
     if status != FOUND:
         return ATTRACTIVE if status == NO_FOLD else UNCLEAR
-    height = at.amplitude + at.gap + at.mean - highest_repelled(oscillator, reach)
+    height = at.amplitude + at.gap + at.mean_deflection - highest_repelled(oscillator, reach)
     if height > CLEAR * reach:
         return ATTRACTIVE
     landed = UNCLEAR

@@ -44,7 +44,7 @@ def _touches_once(oscillator: Oscillator, reach: float, f: Nodes, state: PassSta
         lay_nodes(f, lever, f.theta[ENTRY], f.theta[EXIT], True)
         for j in range(N):
             f.g[IN + j], f.g[OUT + j] = 0.0, 0.0
-        respond(f, lever, state.mean, state.push, state.drag, True, True)
+        respond(f, lever, state.mean_force, state.push, state.drag, True, True)
     for k in range(N * parts_of(f)):
         deepest = max(deepest, amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e)
     aside = ASIDE * max(deepest, reach)

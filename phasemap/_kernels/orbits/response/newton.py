@@ -187,7 +187,7 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
     amplitude, e, longrange, n = state.amplitude, state.centre, p[LONGRANGE] != 0.0, N * parts_of(f)
     old, new, middle = bench.motions[:2], bench.motions[2:], middle_of(f)
     copy_motion(f, old)
-    respond(f, lever, state.mean, state.push, state.drag, True, longrange)
+    respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
     if anew:
         fill_system(oscillator, f, state, old, True, m)
         if not factor(m, n, order):
@@ -206,7 +206,7 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
         slope -= to_h * per_e[j]
     move = -change / slope
     state.slope = slope
-    mean, push, drag = state.mean, state.push, state.drag
+    mean, push, drag = state.mean_force, state.push, state.drag
     for j in range(n):
         i = contact_node(j)
         more = right[j] - move * per_e[j]

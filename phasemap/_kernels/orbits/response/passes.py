@@ -60,7 +60,7 @@ class PassState:
     amplitude: float  # of the first harmonic [m]
     centre: float  # e: height of the middle of the oscillation over the surface, z0 less the mean deflection [m]
     slope: float  # change of the mismatch with e [1/m]
-    mean: float  # mean of the force over stiffness [m]
+    mean_force: float  # over stiffness [m]
     push: float  # P [m]
     drag: float  # S [m]
     work: float  # of the conservative force over a period, over stiffness [m2]
@@ -77,7 +77,7 @@ class PassState:
     phase_change: float  # by the last pass [rad]
     tip_offset_change: float  # [m]
     last_ratio: float  # of the changes of the pass before
-    mean_slope: float  # change of `mean`, `push` and `drag` with e [1]
+    mean_slope: float  # change of `mean_force`, `push` and `drag` with e [1]
     push_slope: float
     drag_slope: float
     move: float  # of e, to where no mismatch is left [m]
@@ -90,7 +90,7 @@ def evaluate_nodes(oscillator: Oscillator, f: Nodes, state: PassState, touching:
     lever = oscillator.lever
     amplitude = state.amplitude
     mean, push, drag, work, loss, virial = force(oscillator, f, amplitude, state.centre, touching)
-    state.mean, state.push, state.drag = mean, push, drag
+    state.mean_force, state.push, state.drag = mean, push, drag
     state.work, state.loss, state.virial = work, loss, virial
     return mismatch(lever, amplitude, push, drag)
 
@@ -182,7 +182,7 @@ def balance(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, 
     for _ in range(MOST_MOVES):
         if abs(h) < LIFT_LEFT * abs(lift * state.slope) and state.push_slope != 0.0:
             break
-        before = (h, state.mean, state.push, state.drag)
+        before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
         move_nodes(f, lever, amplitude, state.centre, touching, longrange)
@@ -196,7 +196,7 @@ def learn(state: PassState, move: float, h: float, before: tuple[float, float, f
     """Take the changes with e from a move of it: of the mismatch, `h` now, and of what the nodes give."""
     h_before, mean, push, drag = before
     if 0.3 < (h - h_before) / move / state.slope < 3.0:
-        state.slope, state.mean_slope = (h - h_before) / move, (state.mean - mean) / move
+        state.slope, state.mean_slope = (h - h_before) / move, (state.mean_force - mean) / move
         state.push_slope, state.drag_slope = (state.push - push) / move, (state.drag - drag) / move
 
 
@@ -220,7 +220,7 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
     push, drag = state.push + move * state.push_slope, state.drag + move * state.drag_slope
     phase, height = (
         phase_of(lever, state.amplitude, push, drag),
-        state.centre + move - (state.mean + move * state.mean_slope),
+        state.centre + move - (state.mean_force + move * state.mean_slope),
     )
     # What is taken off to first order may be wrong by as much, and the next w is that of a force that lacks it.
     lacks, taken_off = state.lacks, abs(phase - phase_of(lever, state.amplitude, state.push, state.drag))
@@ -260,12 +260,12 @@ def converge(
     first_pass(state)
     if harmonic:  # which the first pass changes
         state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
-        state.tip_offset = state.centre - state.mean
+        state.tip_offset = state.centre - state.mean_force
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
         if beside:
             keep_motion(f, past)
-        respond(f, lever, state.mean, state.push, state.drag, touching, longrange)
+        respond(f, lever, state.mean_force, state.push, state.drag, touching, longrange)
         lift = f.w[nearest] - before
         if beside and passes > 0:
             state.centre += mix(f, 0.0 if hold else lift - h / state.slope, passes - 1, past)
@@ -311,13 +311,13 @@ def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state.amplitude, lever[STIFFNESS]
     move = state.move
-    mean, push = -(state.mean + move * state.mean_slope), state.push + move * state.push_slope
+    mean, push = -(state.mean_force + move * state.mean_slope), state.push + move * state.push_slope
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN] = state.tip_offset, mean
     row[col.PHASE], row[col.AMPLITUDE] = state.phase, amplitude
     row[col.INDENTATION] = (state.apex if state.apex > 0.0 else apex_of(f, amplitude)) - state.centre
     row[col.DISSIPATION] = stiffness * state.loss
-    row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean * mean)
+    row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
     row[col.STIFFENING] = push / amplitude
     row[col.CLOSURE] = closure(lever, state)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state.phase_error, state.tip_offset_error

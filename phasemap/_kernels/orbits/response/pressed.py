@@ -105,7 +105,7 @@ def _force(oscillator: Oscillator, f: EvenNodes, state: PassState) -> float:
             g += drop
         f.g[j] = g
         mean, push, drag, virial = mean + g, push + g * _COS[j], drag + g * _SIN[j], virial + g * at
-    state.mean, state.push, state.drag = mean / EVEN_NODES, 2.0 / EVEN_NODES * push, 2.0 / EVEN_NODES * drag
+    state.mean_force, state.push, state.drag = mean / EVEN_NODES, 2.0 / EVEN_NODES * push, 2.0 / EVEN_NODES * drag
     share = 2.0 * math.pi / EVEN_NODES
     state.work, state.loss, state.virial = share * work, share * loss, share * virial
     return mismatch(lever, amplitude, state.push, state.drag)

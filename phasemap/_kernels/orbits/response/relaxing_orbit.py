@@ -84,7 +84,7 @@ def evaluate_relaxing(oscillator: Oscillator, bench: Bench) -> float:
     follow_contact(p, lever, f, state.amplitude, state.centre, m)
     look_back(p, lever, f, m)
     mean, push, drag, work, virial = relaxing_force(oscillator, f, state.amplitude, state.centre, m)
-    state.mean, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
+    state.mean_force, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
     return mismatch(lever, state.amplitude, push, drag)
 
 
@@ -130,7 +130,7 @@ def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float
     for _ in range(MOST_MOVES):
         if abs(h) < LIFT_LEFT * abs(lift * state.slope) and state.push_slope != 0.0:
             break
-        before = (h, state.mean, state.push, state.drag)
+        before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
         relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
@@ -163,10 +163,10 @@ def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) 
     slow, longrange = 0, p[LONGRANGE] != 0.0
     first_pass(state)
     state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
-    state.tip_offset = state.centre - state.mean
+    state.tip_offset = state.centre - state.mean_force
     for passes in range(MOST_PASSES):
         before = f.w[LATE]
-        respond(f, lever, state.mean, state.push, state.drag, True, longrange)
+        respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
         h = balance_relaxing(oscillator, bench, f.w[LATE] - before)
         state.passes += 1
         nodes = unresolved(lever, f, True, longrange) + unfollowed(p, f, m)
@@ -230,18 +230,18 @@ def damped(oscillator: Oscillator, bench: Bench) -> bool:
     """
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
-    loss, mean, push, drag, virial = state.loss, state.mean, state.push, state.drag, state.virial
+    loss, mean, push, drag, virial = state.loss, state.mean_force, state.push, state.drag, state.virial
     amplitude, e, step = state.amplitude, state.centre, AMPLITUDE_STEP * m.depth[N - 1]
     state.amplitude += step
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     evaluate_relaxing(oscillator, bench)
-    respond(f, lever, state.mean, state.push, state.drag, True, p[LONGRANGE] != 0.0)
-    state.centre = e - mean + state.mean
+    respond(f, lever, state.mean_force, state.push, state.drag, True, p[LONGRANGE] != 0.0)
+    state.centre = e - mean + state.mean_force
     relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
     evaluate_relaxing(oscillator, bench)
     more = (state.loss - loss) / step
     state.amplitude, state.centre = amplitude, e
-    state.loss, state.mean, state.push, state.drag, state.virial = loss, mean, push, drag, virial
+    state.loss, state.mean_force, state.push, state.drag, state.virial = loss, mean, push, drag, virial
     return more > -UNDAMPED * 4.0 * math.pi * lever[col.ALPHA0] * lever[OMEGA] * amplitude
 
 

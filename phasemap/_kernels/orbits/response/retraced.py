@@ -63,7 +63,7 @@ def _press(f: Nodes, state: PassState, push: float) -> None:
         return
     for j in range(N):
         f.g[TOUCH + j] *= 1.0 + more
-    state.mean, state.push, state.drag = state.mean + more * mean, push, state.drag + more * drag
+    state.mean_force, state.push, state.drag = state.mean_force + more * mean, push, state.drag + more * drag
 
 
 @kernel
@@ -96,13 +96,13 @@ def retrace(oscillator: Oscillator, row: np.ndarray, f: Nodes, state: PassState)
     if touching:
         _press(f, state, push)
     for _ in range(RETRACING_PASSES):
-        respond(f, lever, state.mean, state.push, state.drag, touching, longrange)
+        respond(f, lever, state.mean_force, state.push, state.drag, touching, longrange)
         move_nodes(f, lever, amplitude, e, touching, longrange)
         if touching and not f.theta[EXIT] > f.theta[ENTRY]:
             return False
         evaluate_nodes(oscillator, f, state, touching)
         if not abs(_apex(f, amplitude, touching) - e - depth) < near:
             continue
-        if max(abs(state.mean - mean), abs(state.push - push)) < FORCE_ALIKE * _strength(f):
+        if max(abs(state.mean_force - mean), abs(state.push - push)) < FORCE_ALIKE * _strength(f):
             return True
     return False
