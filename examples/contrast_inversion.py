@@ -54,7 +54,7 @@ def main(folder: Path = Path()) -> None:
         axes.fill_between(setpoints[part], contrast[part], color=color, alpha=0.5, linewidth=0, label=label)
         axes.plot(setpoints[part], contrast[part], color="0.2", linewidth=1)
     axes.set(
-        xlabel="setpoint (amplitude / free amplitude)", ylabel="difference (degrees)", title="Particle less matrix"
+        xlabel="setpoint (amplitude / free amplitude)", ylabel="difference (degrees)", title="Particle minus matrix"
     )
     axes.legend(frameon=False, loc="lower right")
 

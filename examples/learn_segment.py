@@ -44,7 +44,7 @@ setpoint = 0.7              # amplitude over free amplitude
 
 [control]
 kind = "feedback"           # lock-in, PI controller and scanner; gains are tuned
-line_rate = 50.0            # lines a second, of 40 pixels: 0.2 ms a pixel
+line_rate = 50.0            # [Hz], of 40 pixels: 0.2 ms a pixel
 
 [realism]
 temperature = 300.0         # K, of the lever

@@ -29,7 +29,7 @@ def main(folder: Path = Path()) -> None:
     assert package is not None and package.origin is not None, "pip install nsfopen"
     measured = pm.read_image(Path(package.origin).parent / "example" / "Plotting_Data" / "MoS2.nid").isel(y=LINES)
     scene = pm.scene_from(measured, folder / "measured_twin.toml", 2, ASSUMED, overwrite=True)
-    print(f"recorded: setpoint {measured.attrs['setpoint']:g}, {measured.attrs['line_rate']:.3g} lines a second")
+    print(f"recorded: setpoint {measured.attrs['setpoint']:g}, line rate {measured.attrs['line_rate']:.3g} Hz")
 
     control = pm.Feedback(line_rate=measured.attrs["line_rate"])
     noise = pm.Realism(phase_offset=0.13, seed=1)  # degree, as lines of a homogeneous sample differ

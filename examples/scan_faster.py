@@ -45,7 +45,7 @@ def main(folder: Path = Path()) -> None:
             axes.set(xticks=[], yticks=[])
             if rate == LINE_RATES[-1]:
                 figure.colorbar(picture, ax=axes, shrink=0.9)
-        column[0].set_title(f"{rate:g} lines a second")
+        column[0].set_title(f"line rate {rate:g} Hz")
         wrong = float(np.sqrt((trace.amplitude_error**2).mean())) * 1e9
         print(f"{rate:3g} Hz: root-mean-square error of the amplitude {wrong:.2f} nm")
     for axes, label in zip(panels[:, 0], ("height (nm)", "amplitude error (nm)", "phase (degrees)"), strict=True):

@@ -33,7 +33,7 @@ CLASSES = (
 KINDS = {
     "None": Kind("None", "None", lambda value: value is None),
     "bool": Kind("True or False", "True and False", lambda value: type(value).__name__ == "bool"),
-    "str": Kind("a text", "texts", lambda value: isinstance(value, str)),
+    "str": Kind("a string", "strings", lambda value: isinstance(value, str)),
     "os.PathLike[str]": Kind("a path", "paths", lambda value: isinstance(value, os.PathLike)),
     "Progress": Kind(
         "a function, called as progress(done, total)",

@@ -23,8 +23,8 @@ class ResultWarning(UserWarning):
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
     ...     image = pm.simulate(surface, scope, setpoint=0.7)
-    >>> str(caught[0].message)[:60]
-    '1 of 2 pixels (50 %): The maps have no valid material here ('
+    >>> str(caught[0].message)[:61]
+    '1 of 2 pixels (50 %): The material has a property that is not'
     """
 
     __module__ = "phasemap"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any, ClassVar
 
@@ -36,7 +36,7 @@ class Shown:
 
     def _repr_html_(self) -> str:
         """A table of everything that is set, with units."""
-        return table(type(self).__name__, dict(_rows(self)))
+        return table(type(self).__name__, dict(_rows(self, _in_html)))
 
 
 def in_words(thing: Shown) -> str:
@@ -49,7 +49,7 @@ def in_words(thing: Shown) -> str:
     'modulus 3 GPa, damping 0.01'
     """
     given = {field.name.replace("_", " ") for field in _given(thing)}
-    return ", ".join(f"{name} {said}" for name, said in _rows(thing) if name in given)
+    return ", ".join(f"{name} {said}" for name, said in _rows(thing, str) if name in given)
 
 
 def table(caption: str, rows: Mapping[str, str]) -> str:
@@ -89,16 +89,22 @@ def _python(value: object) -> str:
     return short if "e" in short and float(short) == value else repr(value)
 
 
-def _rows(thing: Shown) -> Iterator[tuple[str, str]]:
-    """What is set, in words."""
+def _in_html(value: Any) -> str:
+    """A value as a table where it has one, else as text."""
+    return value._repr_html_() if hasattr(value, "_repr_html_") else html.escape(str(value))
+
+
+def _rows(thing: Shown, written: Callable[[Any], str]) -> Iterator[tuple[str, str]]:
+    """What is set, in words.
+
+    `written`: how values that are not numbers are written.
+    """
     for field in fields(thing):
         value = getattr(thing, field.name)
         if not field.init or (value is None and field.default is None):
             continue
         number = vars(type(thing)).get(field.name)
-        said = "none" if value is None else html.escape(str(value))
+        said = "none" if value is None else written(value)
         if isinstance(number, Number) and value is not None:
             said = say(value, UDUNITS.get(number.unit, number.unit), 6)
-        elif hasattr(value, "_repr_html_"):
-            said = value._repr_html_()
         yield field.name.replace("_", " "), said

@@ -37,7 +37,7 @@ def add_scene(parser: argparse.ArgumentParser, about: str = "the scene file", ov
 def add_overrides(parser: argparse.ArgumentParser) -> None:
     """Declare keys of a scene to be set."""
     parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="sets a key of the scene, such as tip.radius=20nm"
+        "overrides", metavar="key=value", nargs="*", help="set a key of the scene, such as tip.radius=20nm"
     )
 
 
@@ -51,7 +51,7 @@ def add_files(
     parser.add_argument("-o", "--output", metavar=metavar, type=Path, help=output)
     if plot is not None:
         parser.add_argument("--plot", metavar="OUT.png", type=Path, help=plot)
-    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--overwrite", action="store_true", help="replace existing files")
 
 
 def add_quiet(parser: argparse.ArgumentParser, about: str = "no progress and no summary") -> None:
@@ -61,12 +61,12 @@ def add_quiet(parser: argparse.ArgumentParser, about: str = "no progress and no 
 
 def add_threads(parser: argparse.ArgumentParser) -> None:
     """Declare --threads."""
-    parser.add_argument("--threads", type=whole, metavar="N", help="how many threads; default: all cores")
+    parser.add_argument("--threads", type=whole, metavar="N", help="number of threads; default: all cores")
 
 
 def add_strict_units(parser: argparse.ArgumentParser) -> None:
     """Declare --strict-units."""
-    about = "numbers outside all practice are errors, not warnings"
+    about = "refuse values outside the usual range instead of warning of them"
     parser.add_argument("--strict-units", action="store_true", help=about)
 
 

@@ -13,9 +13,9 @@ def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
 
     `of`: what limits and colour map belong to.
     """
-    parser.add_argument("--vmin", metavar="VALUE", help=f"of {of}: where colours begin, such as {example}")
-    parser.add_argument("--vmax", metavar="VALUE", help=f"of {of}: where they end")
-    parser.add_argument("--cmap", metavar="NAME", help=f"of {of}: colour map of matplotlib, such as gray")
+    parser.add_argument("--vmin", metavar="VALUE", help=f"lowest value of the colours of {of}, such as {example}")
+    parser.add_argument("--vmax", metavar="VALUE", help=f"highest value of the colours of {of}")
+    parser.add_argument("--cmap", metavar="NAME", help=f"matplotlib colour map of {of}, such as gray")
 
 
 def colours_of(arguments: argparse.Namespace) -> dict[str, Any]:

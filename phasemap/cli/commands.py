@@ -159,32 +159,32 @@ def _parser() -> argparse.ArgumentParser:
 def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParser], None], str, str]]:
     """Name, what it does, what declares its arguments, what it is, and examples, of every command."""
     yield "run", run.run, run.add_arguments, "simulate the image of a scene and write it as netCDF", run.EXAMPLES
-    about = "draw height and phase of an image side by side, or curves, a contrast, a comparison or an inversion"
+    about = "draw an image (height and phase), a sweep, a contrast map, a comparison, a series or an inversion"
     yield "plot", plot.plot, plot.add_arguments, about, plot.EXAMPLES
-    about = "open a page with a slider for every knob, and see at once what it does"
+    about = "open a page in the browser with a slider for every parameter"
     yield "explore", explore.explore, explore.add_arguments, about, explore.EXAMPLES
-    about = "compile ahead what is otherwise compiled when it is first used"
+    about = "compile the numerical code in advance, so that no later command has to wait for it"
     yield "warm", warm.warm, warm.add_arguments, about, warm.EXAMPLES
-    about = "sweep distance, setpoint, frequency or a parameter over one material"
+    about = "sweep distance, setpoint, frequency or a parameter on one material"
     yield "sweep", sweep.sweep, sweep.add_arguments, about, sweep.EXAMPLES
-    about = "map the phase contrast between two materials, and say where to work"
+    about = "map the phase contrast between two materials and recommend a setpoint"
     yield "contrast", contrast.contrast, contrast.add_arguments, about, contrast.EXAMPLES
-    about = "lay a simulated image on a measured one, and say how much of it the simulation explains"
+    about = "compare a measured image with a simulated one, and say how much of it the simulation explains"
     yield "compare", compare.compare, compare.add_arguments, about, compare.EXAMPLES
     about = "find modulus, adhesion and damping from images at several setpoints or amplitudes"
     yield "invert", invert.invert, invert.add_arguments, about, invert.EXAMPLES
     about = "explain the contrast in several measured files of one sample"
     yield "series", series.series, series.add_arguments, about, series.EXAMPLES
-    about = "make a scene of a measured image: topography, materials and microscope"
+    about = "make a scene file from a measured image: topography, materials and microscope"
     yield "scene", measured.scene, measured.add_scene, about, measured.SCENE_EXAMPLES
     about = "write an image for Gwyddion, as .gwy or .gsf"
     yield "export", measured.export, measured.add_export, about, measured.EXPORT_EXAMPLES
-    about = "solve an image's pixels again, and say whether what it says of itself holds"
+    about = "verify a simulated image: test what it states, and solve its pixels again"
     yield "check", check.check, check.add_arguments, about, check.EXAMPLES
-    about = "list usual materials and levers, or one of them with its sources"
+    about = "list the presets of materials and levers, or show one with its sources"
     yield "presets", presets.presets, presets.add_arguments, about, presets.EXAMPLES
-    yield "validate", run.validate, run.add_validate, "check a scene and say what would be simulated", ""
-    about = "measure time against error of every solver, and of general tools (in a clone of the repository)"
+    yield "validate", run.validate, run.add_validate, "check a scene file and print what would be simulated", ""
+    about = "measure time and error of every solver and of general-purpose integrators (in a clone of the repository)"
     yield "bench", bench.bench, bench.add_arguments, about, ""
 
 

@@ -27,31 +27,37 @@ Files are netCDF (.nc), or what an instrument wrote: pip install "afm-phasemap[r
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument("measured", metavar="MEASURED", type=Path, help="the image that is to be explained")
-    parser.add_argument("simulated", metavar="SIMULATED", type=Path, help="the image that is to explain it")
+    parser.add_argument("measured", metavar="MEASURED", type=Path, help="measured image: a microscope's file or netCDF")
+    parser.add_argument("simulated", metavar="SIMULATED", type=Path, help="simulated image, or a second measured one")
     parser.add_argument(
         "--offset", default="recorded", metavar="DEGREES",
-        help="recorded phase where the simulated is 0: a number, free, fixed (as recorded in free air), or recorded "
-        "(default: the same where it was, else free)",
+        help="zero of the recorded phase: a number, free (fitted), fixed (the phase recorded in free air), or recorded "
+        "(default: the same if the file has it, else fitted)",
     )  # fmt: skip
     parser.add_argument(
         "--sign", default="recorded", choices=("recorded", "free", "1", "-1"),
-        help="of the recorded phase; default: what the file says, else what fits better, and that is said",
+        help="sign of the recorded phase; default: from the file, else the one that fits better",
     )  # fmt: skip
     parser.add_argument(
-        "--regions", type=whole, default=2, metavar="N", help="materials told apart, at most 4; default: 2"
+        "--regions",
+        type=whole,
+        default=2,
+        metavar="N",
+        help="number of materials to distinguish, at most 4; default: 2",
     )
     parser.add_argument(
         "--limit",
         type=number_in("--limit", "m"),
         metavar="METRES",
-        help="longest shift; 0 for none; default: a tenth of the side",
+        help="longest shift to align the images; 0 for none; default: a tenth of the side",
     )
     parser.add_argument(
         "--direction", metavar="NAME", help="trace (default) or retrace; or one for each, such as trace,retrace"
     )
-    parser.add_argument("--names", metavar="A,B", help="what the images are called; default: measured,simulated")
-    parser.add_argument("--row", type=int, metavar="N", help="of the line profile, from 0; default: the middle")
+    parser.add_argument("--names", metavar="A,B", help="names of the images in the answer; default: measured,simulated")
+    parser.add_argument(
+        "--row", type=int, metavar="N", help="row of the line profile, counted from 0; default: the middle"
+    )
     add_files(parser, plot="page to draw (.png, .pdf, .svg)")
     add_colours(parser, "both phases on the page", "-30")
     add_quiet(parser, "no summary")

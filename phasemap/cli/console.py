@@ -102,7 +102,7 @@ def remarks(found: xr.Dataset, what: str = "pixels") -> list[str]:
 
     said = {
         "motion": describe_irregular(found, what),
-        "beyond": describe_validity(found, what),
+        "validity": describe_validity(found, what),
         "failed": describe_failures(found, what) or ["none"],
     }
     return [f"{word:<12}{line}" for word, lines in said.items() for line in lines]

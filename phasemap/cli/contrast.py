@@ -31,7 +31,7 @@ SETPOINTS = "0.3:0.95:40"
 VALUES = {"--setpoints": "1", "--free-amplitudes": "m", "--frequencies": "Hz"}
 EXAMPLE = {"--setpoints": SETPOINTS, "--free-amplitudes": "10nm:60nm:26", "--frequencies": "299kHz:301kHz:21"}
 AXES = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
-EXAMPLES = """Values are START:STOP:N in SI units or with one (10nm:60nm:26), N values between, or one number.
+EXAMPLES = """Values are START:STOP:N in SI units or with a unit (10nm:60nm:26), N values between, or one number.
 
 examples:
   phasemap contrast samples/blend.toml --materials ps,ldpe --plot contrast.png
@@ -46,12 +46,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "%(prog)s SCENE.toml [--materials FIRST,SECOND] [options] [key=value ...]"
     add_scene(parser, SURFACE_UNUSED)
     parser.add_argument(
-        "--materials", metavar="FIRST,SECOND", help="of [materials.NAME]; not needed if there are only two"
+        "--materials", metavar="FIRST,SECOND", help="names of two materials of the scene; not needed if it has only two"
     )
-    parser.add_argument("--setpoints", default=SETPOINTS, metavar="VALUES", help=f"default: {SETPOINTS}")
-    parser.add_argument("--free-amplitudes", metavar="VALUES", help="at resonance, in m; default: the scene's")
-    parser.add_argument("--frequencies", metavar="VALUES", help="of the drive, in Hz; default: the scene's")
-    parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
+    parser.add_argument(
+        "--setpoints", default=SETPOINTS, metavar="VALUES", help=f"setpoints of the map; default: {SETPOINTS}"
+    )
+    parser.add_argument(
+        "--free-amplitudes", metavar="VALUES", help="free amplitudes at resonance [m]; default: the scene's"
+    )
+    parser.add_argument("--frequencies", metavar="VALUES", help="drive frequencies [Hz]; default: the scene's")
+    parser.add_argument(
+        "--solver", default="auto", metavar="NAME", help="solver: auto (default), averaging, orbit or march"
+    )
     add_files(parser)
     add_colours(parser, "the map's contrast", "-60")
     add_quiet(parser)
@@ -74,7 +80,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     }  # fmt: skip
     check_files(arguments)
     found = _map(setup, names, options, arguments.quiet)
-    found.attrs["title"] = f"{names[1]} less {names[0]} of {arguments.scene.name}"
+    found.attrs["title"] = f"{names[1]} minus {names[0]} of {arguments.scene.name}"
     write_files(arguments, found, "contrast", **colours_of(arguments))
     if not arguments.quiet:
         print("\n".join(summary(found)))
@@ -130,7 +136,7 @@ def summary(found: xr.Dataset) -> list[str]:
     from phasemap.results.words import describe_flags
 
     names = [str(name) for name in found["material"].values]
-    lines = [f"contrast    {names[1]} less {names[0]}"]
+    lines = [f"contrast    {names[1]} minus {names[0]}"]
     sizes = [f"{found.sizes[dim]} {AXES[str(dim)]}" for dim in found["contrast"].dims]
     lines.append(f"mapped      {' x '.join(sizes)}")
     for word, name, unit, size in (("phase", "contrast", "degrees", 1.0), ("height", "height_contrast", "nm", 1e-9)):

@@ -21,8 +21,8 @@ GRACE = 0.5  # seconds that an answer which is being made has to end
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scene(parser)
-    parser.add_argument("--no-browser", action="store_true", help="print the address, and open nothing")
-    parser.add_argument("--port", type=_port, metavar="N", default=0, help="to listen on; default: any that is free")
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    parser.add_argument("--port", type=_port, metavar="N", default=0, help="port of the page; default: any free one")
 
 
 def explore(arguments: argparse.Namespace) -> None:

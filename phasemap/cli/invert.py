@@ -63,37 +63,63 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="an image; key=value sets a key of the scene, such as tip.radius=20e-9",
     )
-    parser.add_argument("--setpoints", metavar="LIST", help="of the images; default: as recorded")
+    parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the images; default: as recorded")
     parser.add_argument(
-        "--free-amplitudes", metavar="LIST", help="at resonance [m]; default: as recorded, else the scene's"
+        "--free-amplitudes",
+        metavar="LIST",
+        help="free amplitudes at resonance [m]; default: as recorded, else the scene's",
     )
     parser.add_argument(
-        "--regions", metavar="N or LABELS.nc", help="one material a region: N populations of the first phase, or a map"
+        "--regions",
+        metavar="N or LABELS.nc",
+        help="fit one material per region: N regions found by the first phase, or those of a map",
     )
     parser.add_argument(
-        "--zeros-from", metavar="N or LABELS.nc", help="by pixel, with zeros that a fit by such regions finds first"
+        "--zeros-from",
+        metavar="N or LABELS.nc",
+        help="fit every pixel, with the zeros that a fit by such regions finds first",
     )
     parser.add_argument(
-        "--known", metavar="LABEL=NAME", help="regions of known materials, of the scene's, such as 0=ps"
+        "--known", metavar="LABEL=NAME", help="region whose material is known, one of the scene's, such as 0=ps"
     )
     parser.add_argument(
-        "--phase-zero", metavar="LIST", help="what is recorded where the phase is 0; by regions also shared or free"
+        "--phase-zero", metavar="LIST", help="zero of the recorded phase [degree]; by regions also shared or free"
     )
-    parser.add_argument("--phase-zero-error", metavar="LIST", help="its standard error; default: 0")
-    parser.add_argument("--phase-error", metavar="LIST", help="default: 0.4 of a pixel, 0.1 of a region's median")
-    parser.add_argument("--height-error", metavar="LIST", help="default: 0.1e-9 of a pixel, 0.05e-9 of a median")
+    parser.add_argument("--phase-zero-error", metavar="LIST", help="standard error of that zero [degree]; default: 0")
+    parser.add_argument(
+        "--phase-error",
+        metavar="LIST",
+        help="standard error [degree]; default: 0.4 of a pixel, 0.1 of a region's median",
+    )
+    parser.add_argument(
+        "--height-error",
+        metavar="LIST",
+        help="standard error [m]; default: 0.1e-9 of a pixel, 0.05e-9 of a region's median",
+    )
     parser.add_argument(
         "--height-zero-error", metavar="LIST",
-        help="how well heights of different images compare [m]; by pixel, measured heights count only if it is given",
+        help="standard error of the height offset between images [m]; by pixel, heights count only if it is given",
     )  # fmt: skip
-    parser.add_argument("--flat", action="store_true", help="the regions are at one level, apart from indentation")
     parser.add_argument(
-        "--branch", choices=("attractive", "repulsive"), help="of all regions, where the zero is unknown"
+        "--flat", action="store_true", help="the true surface is flat: heights of regions differ by indentation only"
     )
-    parser.add_argument("--sign", default="1", choices=("1", "-1"), help="of the recorded phase; default: 1")
-    parser.add_argument("--prior", metavar="NAME", help="of the scene's materials: a guess; default: 1 GPa, 0.05, 0.01")
-    parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help="how good a guess; default: 10")
-    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
+    parser.add_argument(
+        "--branch",
+        choices=("attractive", "repulsive"),
+        help="branch of all regions, where the zero of the phase is unknown",
+    )
+    parser.add_argument("--sign", default="1", choices=("1", "-1"), help="sign of the recorded phase; default: 1")
+    parser.add_argument(
+        "--prior", metavar="NAME", help="material of the scene as first guess; default: 1 GPa, 0.05 J/m2, damping 0.01"
+    )
+    parser.add_argument(
+        "--prior-factor",
+        type=float,
+        default=10.0,
+        metavar="F",
+        help="factor within which the first guess is right; default: 10",
+    )
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
     add_files(parser)
     add_quiet(parser)
     add_threads(parser)

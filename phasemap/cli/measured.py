@@ -34,14 +34,20 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
     add_overrides(parser)
     parser.add_argument(
-        "--phases", type=whole, metavar="N", help="materials that are told apart; default: 2, or 1 if it shows one only"
+        "--phases",
+        type=whole,
+        metavar="N",
+        help="number of materials to distinguish; default: 2, or 1 if the image shows only one",
     )
     parser.add_argument(
-        "--by", choices=("phase", "height"), default="phase", help="what tells the materials apart; default: phase"
+        "--by",
+        choices=("phase", "height"),
+        default="phase",
+        help="channel that distinguishes the materials; default: phase",
     )
     parser.add_argument("--height", metavar="NAME", help="channel of the height; default: the first")
     parser.add_argument("--phase", metavar="NAME", help="channel of the phase; default: the first")
-    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
     add_files(parser, "scene to write; default: IMAGE.toml", plot=None, metavar="SCENE.toml")
     add_strict_units(parser)
 
@@ -50,9 +56,9 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``phasemap export``."""
     parser.add_argument("image", metavar="IMAGE", type=Path, help="an image in netCDF, or a microscope's file")
     parser.add_argument("output", metavar="OUT", type=Path, help="file to write, .gwy or .gsf")
-    parser.add_argument("--variable", metavar="NAME", help="the only one to write; a .gsf file holds one")
-    parser.add_argument("--direction", metavar="NAME", help="trace or retrace, the only one to write")
-    parser.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
+    parser.add_argument("--variable", metavar="NAME", help="write this variable only; a .gsf file holds one")
+    parser.add_argument("--direction", metavar="NAME", help="write trace or retrace only")
+    parser.add_argument("--overwrite", action="store_true", help="replace an existing file")
 
 
 def scene(arguments: argparse.Namespace) -> None:

@@ -24,18 +24,16 @@ EXAMPLES = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    about = "what `phasemap run`, `sweep`, `contrast`, `compare`, `series` or `invert` wrote"
+    about = "file that `phasemap run`, `sweep`, `contrast`, `compare`, `series` or `invert` wrote"
     parser.add_argument("file", metavar="FILE.nc", type=Path, help=about)
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
-        "--quantities", metavar="A,B", help="of a sweep or an image, such as phase,dissipation; a panel each"
+        "--quantities", metavar="A,B", help="variables of an image or a sweep to draw, such as phase,dissipation"
     )
-    what.add_argument("--sample", metavar="N", type=int, help="of an ensemble: which image, from 0")
-    what.add_argument("--trace", metavar="AT", help="of a sweep with --samples: one period at this value")
-    parser.add_argument(
-        "--mark-irregular", action="store_true", help="of an image: dots where amplitude and phase are means (motion)"
-    )
-    add_colours(parser, "a map", "-30 or height=0,phase=-30; alone, of the phase")
+    what.add_argument("--sample", metavar="N", type=int, help="image of an ensemble, counted from 0")
+    what.add_argument("--trace", metavar="AT", help="draw one period at this value, of a sweep made with --samples")
+    parser.add_argument("--mark-irregular", action="store_true", help="mark pixels with irregular motion by dots")
+    add_colours(parser, "a map", "-30 (of the phase) or height=0,phase=-30")
     add_files(parser, "picture to write (.png, .pdf, .svg); default: FILE.png", plot=None, metavar="OUT.png")
 
 

@@ -23,7 +23,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument("name", metavar="NAME", nargs="?", help="of one, to be shown with ranges and sources")
+    parser.add_argument("name", metavar="NAME", nargs="?", help="preset to show with its ranges and sources")
 
 
 def presets(arguments: argparse.Namespace) -> None:

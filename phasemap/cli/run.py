@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser, "file to write; default: [output] file", plot=None)
     add_quiet(parser)
     add_threads(parser)
-    parser.add_argument("--workers", type=whole, metavar="N", help="processes for an ensemble; default: all cores")
+    parser.add_argument(
+        "--workers", type=whole, metavar="N", help="number of processes for an ensemble; default: all cores"
+    )
     parser.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
     add_strict_units(parser)
 
@@ -160,22 +162,22 @@ def _print_scene(scene: Scene, modelled: str) -> None:
 
 
 def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:
-    """Gains of a feedback, and what they are worth."""
+    """Gains of a feedback and their margin of stability."""
     gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
     factor = notes["gain_margin"]
-    rings = "it rings: lower the gains" if factor < 1 else f"it rings at {factor:.3g} times the gains"
+    rings = "unstable: lower the gains" if factor < 1 else f"stable up to {factor:.3g} times these gains"
     if factor != factor:
-        rings = "nothing is known of when it rings"
+        rings = "stability limit not known"
     if notes["ringing_lines"] and not noisy:  # noise leaves no feedback at rest
-        rings = f"it did not come to rest before {notes['ringing_lines']} lines: lower the gains"
-    return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods a pixel"
+        rings = f"still oscillating at the start of {notes['ringing_lines']} lines: lower the gains"
+    return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods per pixel"
 
 
 def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """What was simulated, and what came of it."""
     import numpy as np
 
-    from phasemap.results.words import describe_alike, describe_flags
+    from phasemap.results.words import describe_alike, describe_flags, describe_solvers
 
     _print_scene(scene, image.attrs["modelled"])
     realism = scene.options["realism"]
@@ -183,11 +185,11 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     if "gain_margin" in image.attrs:
         print(f"feedback    {_in_words(image.attrs, noisy)}")
     if "solver" in image:
-        print(f"used        {describe_flags(image['solver'])}")
+        print(f"solved by   {describe_solvers(image['solver'])}")
     if "branch" in image:
         print(f"regime      {describe_flags(image['branch'])}")
     above = "nm above the lowest pixel"
-    shown = (("phase", "degrees", 1.0), ("height", above, 1e9), ("dissipation", "eV a cycle", 1 / ELECTRONVOLT))
+    shown = (("phase", "degrees", 1.0), ("height", above, 1e9), ("dissipation", "eV per cycle", 1 / ELECTRONVOLT))
     for name, unit, factor in shown:
         if name in image:
             values: Any = image[name].values[np.isfinite(image[name].values)] * factor

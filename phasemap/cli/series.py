@@ -40,26 +40,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = "%(prog)s FILE FILE [FILE ...] [--plot PAGE.png] [options] [key=value ...]"
     parser.set_defaults(overrides=[])
-    parser.add_argument("files", metavar="FILE", nargs="+", help="two or more; key=value sets a part of the microscope")
-    parser.add_argument("--regions", type=whole, default=2, metavar="N", help="how many to find; default: 2")
+    parser.add_argument(
+        "files", metavar="FILE", nargs="+", help="two or more measured images; key=value sets a part of the microscope"
+    )
+    parser.add_argument("--regions", type=whole, default=2, metavar="N", help="number of regions to find; default: 2")
     parser.add_argument(
         "--by",
         choices=("phase", "height", "both"),
-        help="what tells regions apart; default: phase, or height where it is far sharper and the phase shows the same",
+        help="channel that distinguishes regions; default: phase, or height where it shows the same far more sharply",
     )
     parser.add_argument(
         "--labels", metavar="LIST", help="netCDF files with maps of regions, as phasemap scene writes them"
     )
-    parser.add_argument("--setpoints", metavar="LIST", help="of the files; default: as recorded")
+    parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the files; default: as recorded")
     parser.add_argument(
-        "--free-amplitudes", metavar="LIST", help="at the drive frequency [m], or shared or free; default: as recorded"
+        "--free-amplitudes",
+        metavar="LIST",
+        help="free amplitudes at the drive frequency [m], or shared or free; default: as recorded",
     )
     parser.add_argument("--phase-zero", metavar="LIST", help="phase of the free lever, or shared or free")
-    parser.add_argument("--phase-error", type=float, default=1.0, metavar="DEGREES", help="of a median; default: 1")
-    parser.add_argument("--sign", type=int, choices=(1, -1), help="-1 if lag counts positive; default: both are tried")
-    parser.add_argument("--scene", metavar="SCENE.toml", type=Path, help="a scene that says the microscope")
-    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first there is")
-    parser.add_argument("--seed", type=int, default=0, help="of the draws; default: 0")
+    parser.add_argument(
+        "--phase-error",
+        type=float,
+        default=1.0,
+        metavar="DEGREES",
+        help="standard error of a region's median phase; default: 1",
+    )
+    parser.add_argument(
+        "--sign",
+        type=int,
+        choices=(1, -1),
+        help="sign of the recorded phase where the tip is repulsive; default: both are tried",
+    )
+    parser.add_argument("--scene", metavar="SCENE.toml", type=Path, help="scene file that describes the microscope")
+    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random draws; default: 0")
     add_files(parser, plot="page to draw (.png, .pdf, .svg)")
     add_quiet(parser)
     add_strict_units(parser)

@@ -45,7 +45,7 @@ EXAMPLES = """AXIS, and what START and STOP are if they are not given (SI units)
   distance   tip offset, approach and retract; from 5 nm beyond the free amplitude to 0
   setpoint   with the feedback on; from 0.98 to 0.1
   frequency  of the drive, feedback off; 10 half widths on either side of the resonance; the tip
-             stays where it is engaged to the setpoint, or at --tip-offset
+             stays where the feedback held the setpoint, or at --tip-offset
   NAME       one of modulus, adhesion, damping, viscosity, poisson_ratio, thickness, relaxed_modulus,
              relaxation_time, stiffness, quality_factor, radius, free_amplitude, decay_length, bias, with
              the setpoint (or --tip-offset) held; half a decade on either side of what the scene says
@@ -67,25 +67,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("axis", metavar="AXIS", help="distance, setpoint, frequency or a parameter; see below")
     parser.add_argument(
         "overrides", metavar="START STOP key=value", nargs="*",
-        help="first and last value, in SI units or with one, such as 60nm 0nm, or START:STOP:N; keys of the scene to "
-        "set, such as tip.radius=20nm",
+        help="first and last value, in SI units or with a unit, such as 60nm 0nm, or START:STOP:N; keys of the scene "
+        "to set, such as tip.radius=20nm",
     )  # fmt: skip
-    parser.add_argument("-n", "--points", type=whole, default=200, metavar="N", help="values; default: 200")
+    parser.add_argument("-n", "--points", type=whole, default=200, metavar="N", help="number of values; default: 200")
     parser.add_argument("--log", action="store_true", help="space the values logarithmically")
-    parser.add_argument("--material", metavar="NAME", help="of [materials.NAME]; not needed if there is only one")
+    parser.add_argument(
+        "--material", metavar="NAME", help="name of a material of the scene; not needed if it has only one"
+    )
     held = parser.add_mutually_exclusive_group()
     held.add_argument(
         "--setpoint",
         type=number_in("--setpoint", "1"),
         metavar="S",
-        help="amplitude over free amplitude; default: the scene's",
+        help="setpoint, amplitude over free amplitude; default: the scene's",
     )
     held.add_argument(
         "--tip-offset", type=number_in("--tip-offset", "m"), metavar="Z",
-        help="rest position of the tip that is held, in m or such as 35nm",
+        help="hold the tip at this rest position, in m or such as 35nm",
     )  # fmt: skip
     parser.add_argument(
-        "--samples", type=int, default=0, metavar="N", help="keep N points of deflection and force over a period"
+        "--samples", type=int, default=0, metavar="N", help="also keep N points of deflection and force over a period"
     )
     add_files(parser)
     add_quiet(parser, "no summary")

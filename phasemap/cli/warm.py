@@ -12,13 +12,13 @@ EXAMPLES = """examples:
   phasemap warm
   phasemap warm --all
 
-Kernels are compiled when they are first used, and kept on disk. This compiles them ahead, in a container for example.
+Numerical code is compiled when it is first used, and kept on disk. This compiles it in advance, as for a container.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument("--all", action="store_true", help="march, inversion and every contact law too")
+    parser.add_argument("--all", action="store_true", help="compile march, inversion and every contact law too")
 
 
 def warm(arguments: argparse.Namespace) -> None:

@@ -160,7 +160,7 @@ def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) 
         return Registration(shift, before, before, phase_before, phase_before, False, said)
     both = _overlap(fixed, moving, shift)
     if both is None:
-        said = f"the best shift, {say(length, 'm', 3)}, leaves hardly anything that both images show"
+        said = f"the best shift, {say(length, 'm', 3)}, leaves hardly any overlap of the images"
         return Registration(shift, before, before, phase_before, phase_before, False, said)
     after, phase_after = _correlations(*both)
     period = _period(first, limit)
@@ -168,11 +168,11 @@ def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) 
     if period is not None:
         reason = f"the height repeats itself after {say(period, 'm', 3)}, so that another shift would fit as well"
     elif not 1 - after <= (1 - GAIN) * (1 - before):
-        reason = f"it does not help enough: heights correlate {after:.3f} with it and {before:.3f} without"
+        reason = f"a shift would not help enough: correlation of the heights {after:.3f} with it, {before:.3f} without"
     elif abs(phase_after) < abs(phase_before) - LOSS:
         reason = f"the phase contradicts: its correlation falls from {phase_before:.2f} to {phase_after:.2f}"
     accepted = not reason
-    reason = reason or f"heights correlate {after:.3f} with it and {before:.3f} without"
+    reason = reason or f"correlation of the heights {after:.3f} with it, {before:.3f} without"
     return Registration(shift, before, after, phase_before, phase_after, accepted, reason)
 
 

@@ -259,7 +259,7 @@ def _record(
     if not moved.accepted:
         stage["after"] = stage["before"]
     words = {"measured": "measured phase, as the simulation counts it", "simulated": "simulated phase",
-             "residual": "measured less simulated phase"}  # fmt: skip
+             "residual": "measured minus simulated phase"}  # fmt: skip
 
     def one(value: float, long_name: str, units: str = "1") -> tuple[tuple[()], float, dict[str, str]]:
         return (), value, {"long_name": long_name, "units": units}
@@ -284,7 +284,7 @@ def _record(
         "region_contrast": (
             ("map", "region"),
             medians - medians[:, :1],
-            {"long_name": "median phase less that of region 0", **DEGREE},
+            {"long_name": "median phase relative to that of region 0", **DEGREE},
         ),
         "region_share_of_variance": one(
             between / spread if varies else math.nan, "share of the measured variance between regions"

@@ -56,7 +56,7 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     lines = [
         ("phases", _alike(value["correlation"], value["ssim"]) + ("" if value["sign"] > 0 else ", SIGN TURNED")),
         ("residual", f"{value['rmse']:.3g}° rms; histograms {value['wasserstein']:.3g}° apart (Wasserstein)"),
-        ("offset, sign", f"the {first} 0° is {value['offset']:.2f}° as recorded, with {counts}"),
+        ("zero, sign", f"zero of the {first} phase: {value['offset']:.2f}°; {counts}"),
         ("registration", _shift(found)),
         ("left out", f"{left_out} of {found['label'].size} pixels" + _failed(int(value["failed_lines"]))),
     ]

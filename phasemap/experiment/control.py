@@ -11,7 +11,7 @@ from phasemap._shared.fields import Number
 from phasemap._shared.shown import Shown
 
 LINES = ("trace", "retrace")
-_WHEN = {"line": "engaged before each line", "image": "engaged once"}
+_WHEN = {"line": "tip lowered anew before each line", "image": "tip lowered once, before the first line"}
 
 
 class Control(Protocol):
@@ -52,7 +52,7 @@ class Engage(Shown):
 
     def __str__(self) -> str:
         """What it does, in words."""
-        return "each pixel engaged from far"
+        return "tip lowered onto each pixel (no memory of its neighbours)"
 
 
 @dataclass(frozen=True, repr=False)
@@ -171,7 +171,7 @@ class Feedback(Shown):
 
     def __str__(self) -> str:
         """What it does, in words."""
-        return f"feedback in time, {self.line_rate:g} lines a second, {_WHEN[self.engage]}"
+        return f"feedback in time, line rate {self.line_rate:g} Hz, {_WHEN[self.engage]}"
 
     def dwell(self, pixels: int) -> float:
         """Time over each of the pixels of a line [s].

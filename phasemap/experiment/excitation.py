@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 DETECTED = {
     "direct": "position of the tip: the drive's force acts on it",
-    "base": "deflection of the lever: position of the tip less that of the base, which the drive moves",
+    "base": "deflection of the lever: position of the tip minus that of the base, which the drive moves",
 }
 """What amplitude, phase and setpoint are of, by excitation."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.plausible import question
-from phasemap._shared.shown import Shown
+from phasemap._shared.shown import Shown, in_words
+from phasemap._shared.units import say
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS
 
@@ -53,6 +54,10 @@ class TipChange(Shown):
 
     def __post_init__(self) -> None:
         whole("tip_change line", self.line, 1)
+
+    def __str__(self) -> str:
+        """What it is, in words."""
+        return f"to radius {say(self.radius, 'm')} from line {self.line} on"
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,10 +121,9 @@ class Realism(Shown):
         whole("seed", self.seed, 0)
 
     def __str__(self) -> str:
-        """What is on, in the words of the arguments; empty where nothing is."""
-        given = [(field, getattr(self, field.name)) for field in fields(self) if field.name != "seed"]
-        on = [f"{field.name} {value}" for field, value in given if value != field.default]
-        return "; ".join([*on, f"seed {self.seed}"] if on else [])
+        """What is on, with units; empty where nothing is."""
+        on = in_words(self).removesuffix(f"seed {self.seed}").removesuffix(", ")
+        return f"{on}, seed {self.seed}" if on else ""
 
 
 def _drift(value: object) -> tuple[float, float, float]:

@@ -116,7 +116,7 @@ def explore(
     port: int = 0,
     browser: bool | None = None,
 ) -> Explorer:
-    """Open a page with a slider for every knob of the microscope and of the materials.
+    """Open a page with a slider for every parameter of the microscope and of the materials.
 
     It shows height and phase image with histogram and profile, amplitude and phase against the distance with all
     branches, a period of deflection and force, the map of the contrast, and says why the contrast has its sign. What

@@ -50,7 +50,7 @@ KINDS = {
     ),
     "amplitude_error": Kind(
         re.compile(r"amplitude[\s_]*error", re.IGNORECASE),
-        _AMPLITUDE, "a length or a voltage", "recorded amplitude less setpoint",
+        _AMPLITUDE, "a length or a voltage", "recorded amplitude minus setpoint",
     ),
 }  # fmt: skip
 """By the variable of the Dataset."""

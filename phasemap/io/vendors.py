@@ -23,6 +23,7 @@ OTHER_MODES = (  # ... of whose words only these are known
     "qi", "quantitative imaging", "force mapping", "force volume", "force distance",
     "peakforce tapping", "peak force tapping", "scanasyst",
 )  # fmt: skip
+NO_SENSITIVITY = "and the file has no sensitivity to convert it to metres"
 ASYLUM_NUMBERS = {"0": "Contact", "1": "AC Mode"}  # as older software wrote them
 PRACTICE = {
     "drive_frequency": (1e3, 1e7), "resonance_frequency": (1e3, 1e7), "stiffness": (1e-3, 1e3),
@@ -72,8 +73,8 @@ def _doubt(scan: ScanData) -> None:
         unit = CANONICAL[name]
         what = name.replace("_", " ")
         scan.warnings.append(
-            f"The file says {what} {say(value, unit, 3)}, which is outside all practice ({say(low, unit, 3)} to "
-            f"{say(high, unit, 3)}): it is left out."
+            f"The file says {what} {say(value, unit, 3)}, which is outside the usual range ({say(low, unit, 3)} to "
+            f"{say(high, unit, 3)}): it is ignored."
         )
 
 
@@ -117,10 +118,10 @@ def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     )
     if "free_amplitude_voltage" in scan.values:
         volts = scan.values["free_amplitude_voltage"]
-        said = f"The free amplitude is {volts:g} V, without a sensitivity that makes metres of it"
+        said = f"The free amplitude is {volts:g} V, {NO_SENSITIVITY}"
         if len(inputs) == 2:
             nanometres = inputs["TipSignalDC"] / inputs["TipSignalDC1"] * 1e9
-            said += f"; that of the deflection, {nanometres:.4g} nm/V, would make it {volts * nanometres:.4g} nm"
+            said += f"; with that of the deflection, {nanometres:.4g} nm/V, it would be {volts * nanometres:.4g} nm"
         scan.warnings.append(said + ".")
     lever = _section(path, rb"\[DataSet\\Calibration\\Cantilever\](.*?)\n\[", rb"(Prop[014])=D\[([^\]]+)\]")
     if len(lever) == 3:
@@ -143,7 +144,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         number = quantity(metadata.get(key))
         default = _ASYLUM_DEFAULTS.get(key)
         if number is not None and default is not None and math.isclose(number, default, rel_tol=1e-6):
-            scan.warnings.append(f"{key} = {number:g} is the vendor's default, not a calibration; it is left out.")
+            scan.warnings.append(f"{key} = {number:g} is the vendor's default, not a calibration, and is ignored.")
             return None
         return number
 
@@ -171,7 +172,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
             setpoint_amplitude=volts * sensitivity if volts else None,
         )
     elif "AmpInvOLS" in metadata:
-        scan.warnings.append("Recorded amplitudes in metres rest on that default sensitivity AmpInvOLS.")
+        scan.warnings.append("Recorded amplitudes in metres are based on that default sensitivity AmpInvOLS.")
     thermal = value("ThermalFrequency"), value("ThermalQ")
     for resonance, quality in (thermal, (value("TuneFreqResult"), value("TuneQResult"))):
         if resonance and quality and _near(resonance, frequency):
@@ -203,8 +204,8 @@ def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     )
     if volts:
         scan.warnings.append(
-            f"The setpoint is {volts:g} V of a free amplitude that NanoScope files do not keep"
-            + ("." if sensitivity else ", without a sensitivity that makes metres of it.")
+            f"The setpoint is {volts:g} V of a free amplitude that NanoScope files do not record"
+            + ("." if sensitivity else f", {NO_SENSITIVITY}.")
         )
 
 
@@ -233,7 +234,7 @@ def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
             setpoint_amplitude=volts * sensitivity if volts else None,
         )
     elif free:
-        scan.warnings.append(f"The free amplitude is {free:.4g} V, without a sensitivity that makes metres of it.")
+        scan.warnings.append(f"The free amplitude is {free:.4g} V, {NO_SENSITIVITY}.")
 
 
 def _park(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:

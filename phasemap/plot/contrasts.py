@@ -148,7 +148,7 @@ def _head(ds: xr.Dataset) -> list[str]:
         return titles(Dataset(attrs={"configuration": json.dumps(configuration)}))
 
     names = [str(name) for name in ds["material"].values]
-    lines = [str(ds.attrs.get("title", f"phase contrast, {names[1]} less {names[0]}"))]
+    lines = [str(ds.attrs.get("title", f"phase contrast, {names[1]} minus {names[0]}"))]
     for name, which in zip(names, ("first", "second"), strict=True):
         lines += [f"{name}: {line}" for line in said(material=about.get(which, {}))]
     return lines + said(microscope=scope)
@@ -267,6 +267,6 @@ def _draw_maps(ds: xr.Dataset, colours: Colours) -> Page:
             axes.set_xlabel("setpoint", fontsize=9)
         if column == 0:
             axes.set_ylabel(unit.label(str(ds[y_name].attrs["long_name"])), fontsize=9)
-    what = f"phase contrast, {names[1]} less {names[0]}" if split == len(keys) else "phase contrast"
+    what = f"phase contrast, {names[1]} minus {names[0]}" if split == len(keys) else "phase contrast"
     page.bar(mesh, page.axes, f"{what} (degrees)", ticks=ticks_of(norm), format="{x:g}").minorticks_off()
     return page

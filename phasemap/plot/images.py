@@ -19,7 +19,7 @@ from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
 from phasemap.results.validity import describe_validity
-from phasemap.results.words import describe_failures, describe_flags, describe_irregular
+from phasemap.results.words import describe_failures, describe_irregular, describe_solvers
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -277,8 +277,8 @@ def _title(ds: xr.Dataset) -> str:
         setpoints = configuration["setpoint"] if "setpoint" not in ds.dims else []
         said += [f"setpoint {one:g}" for one in np.atleast_1d(setpoints)]
     if "solver" in ds:
-        said.append("solver " + describe_flags(ds["solver"]))
+        said.append("solved by " + describe_solvers(ds["solver"]))
     if "line_rate" in (control := configuration.get("control", {})):
-        said.append(f"{control['line_rate']:g} lines a second")
+        said.append(f"line rate {control['line_rate']:g} Hz")
     said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
     return "   ·   ".join(said)

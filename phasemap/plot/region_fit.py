@@ -41,7 +41,7 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
     _draw_map(page.picture(LEFT, TITLE, SIDE, SIDE, "regions"), ds)
     for column, name in enumerate(curves, 1):
         factor, unit = (1.0, "degrees") if name == "phase" else (1e9, "nm")
-        said = f"{'phase, less its zero' if name == 'phase' else 'height, less its zeros'} ({unit})"
+        said = f"{'phase relative to its zero' if name == 'phase' else 'height relative to its zeros'} ({unit})"
         _draw_curves(page.panel(LEFT + column * (SIDE + GAP), TITLE, SIDE, SIDE, said), ds, name, factor)
     for column, (name, (label, factor)) in enumerate(SHOWN.items()):
         top = TITLE + SIDE + AXIS + TITLE

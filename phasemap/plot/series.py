@@ -77,7 +77,7 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
             for panel, said in zip(panels, ("measured", "simulated"), strict=True):
                 panel.set_ylabel(said, fontsize=9)
     bar = page.colorbar(drawn, cax=page.place(left + wide + 0.1, top, 0.1, 2 * tall + 0.1))
-    bar.set_label("phase less that of region 0 (degrees)", fontsize=8)
+    bar.set_label("phase relative to region 0 (degrees)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     return page.finished(path, overwrite)
 

@@ -88,7 +88,7 @@ def comparison(
     >>> channels = {"height": (("y", "x"), 1e-9 * hills), "phase": (("y", "x"), hills)}
     >>> image = xr.Dataset(channels, {"y": 4e-9 * np.arange(40), "x": 4e-9 * np.arange(43)})
     >>> [axes.get_title(loc="left") for axes in comparison(pm.compare(image, image)).axes[:3]]
-    ['measured phase', 'simulated phase', 'residual: measured less simulated']
+    ['measured phase', 'simulated phase', 'residual: measured minus simulated']
     """
     from phasemap.plot.page import LINE, Page
 
@@ -107,7 +107,7 @@ def comparison(
     page = Page(WIDTH, words + LINE * (len(lines) + 1), [*verdict, _source(ds)], titles=len(verdict))
     first, second = (shortened(name, SHORT) for name in names_of(ds))
     lefts = [MARGIN, MARGIN + MAP + GAP, MARGIN + 2 * MAP + GAP + BAR]
-    titles = (f"{first} phase", f"{second} phase", f"residual: {first} less {second}")
+    titles = (f"{first} phase", f"{second} phase", f"residual: {first} minus {second}")
     pictures = [page.picture(left, TITLE, MAP, tall, title) for left, title in zip(lefts, titles, strict=True)]
     _draw_maps(page, pictures, ds, row, asked)
     _draw_histograms(page.panel(MARGIN + LABELS, below, MAP - LABELS, PANEL), ds, (first, second))
@@ -195,7 +195,7 @@ def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None
     axes.set_xlim(edges[0], edges[-1])
     axes.set_ylim(0, 1.05 * top)
     zero = float(ds["offset"])
-    shifted = f", 0 is {zero:.4g} as recorded" if zero else ""
+    shifted = f"; zero at {zero:.4g} in the file" if zero else ""
     axes.set_xlabel(f"phase (degrees){shifted}", fontsize=8.5)
     axes.set_ylabel("share of pixels (%)", fontsize=8.5)
     axes.legend(

@@ -44,7 +44,7 @@ def curve(
     path: str | os.PathLike[str] | None = None,
     overwrite: bool | Sequence[str] = False,
     *,
-    quantities: Sequence[str] | None = None,
+    quantities: Sequence[str] | str | None = None,
 ) -> Figure:
     """Draw a sweep: one panel for each quantity, over the axis that is swept.
 
@@ -62,7 +62,7 @@ def curve(
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
         Whether an existing file may be replaced.
-    quantities : sequence of str, optional
+    quantities : str or sequence of str, optional
         Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
         holds the amplitude, tip offset and phase. As third argument, where they stood, they go on for a release.
 
@@ -122,14 +122,16 @@ def holds_amplitude(ds: xr.Dataset) -> bool:
     return "setpoint" in ds.dims or "setpoint" in json.loads(ds.attrs.get("configuration", "{}"))
 
 
-def _check(ds: xr.Dataset, quantities: Sequence[str] | None) -> list[str]:
+def _check(ds: xr.Dataset, quantities: Sequence[str] | str | None) -> list[str]:
     """The quantities to draw."""
     if not is_sweep(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what a sweep such as sweep_distance returned")
     dims = ds["status"].dims
     known = [str(n) for n in ds.data_vars if ds[n].dims == dims and f"curve_{n}" in ds and "units" in ds[n].attrs]
     names = ("tip_offset" if holds_amplitude(ds) else "amplitude", "phase") if quantities is None else quantities
-    if isinstance(names, str) or not names:
+    if isinstance(names, str):
+        names = (names,)
+    if not names:
         raise InputError("quantities", names, "a list of " + ", ".join(known))
     for name in names:
         if name not in known:

@@ -32,7 +32,7 @@ def titles(ds: xr.Dataset) -> list[str]:
         [
             *_said(material, swept, modulus=("modulus {}", "Pa"), adhesion=("adhesion {}", "J m-2")),
             *_said(material, swept, **_loss(material)),
-            *_said(about, swept, setpoint=("setpoint {} held", "1"), tip_offset=("tip offset {} held", "m")),
+            *_said(about, swept, setpoint=("setpoint held at {}", "1"), tip_offset=("tip offset held at {}", "m")),
         ],
         [
             *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),

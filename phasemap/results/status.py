@@ -10,36 +10,32 @@ class Status(Enum):
 
     good = "A stable orbit, or irregular motion whose mean amplitude and phase are steady."
     no_stable_orbit = (
-        "No stable orbit holds this setpoint, or is left here: the amplitude jumps across it. "
+        "No stable orbit has the setpoint amplitude: the amplitude jumps across it. "
         "Raise the free amplitude, or take another setpoint."
     )
-    not_converged = (
-        "The solver did not converge. An image can be had with solver='march'; please report the parameters."
-    )
+    not_converged = "The solver did not converge. Use solver='march', and please report the parameters."
     unstable = (
         "The orbit at this setpoint repeats only every second period or drifts. "
         "Raise the setpoint or lower the amplitude."
     )
     not_settled = (
-        "What the tip does here was not decided within the periods of the drive that may be integrated. "
+        "The motion did not become steady within the number of drive periods that may be integrated. "
         "Allow more with Accuracy(periods=...), in a scene accuracy.periods."
     )
     invalid = (
-        "The maps have no valid material here (NaN), or adhesion without stiffness, "
+        "The material has a property that is not a number (NaN), or adhesion without stiffness, "
         "which a contact law with a neck cannot have."
     )
-    too_many_contacts = "The tip bounces more often per period than the solver follows. Use solver='march'."
-    no_averaged_orbit = "First-order averaging has no orbit on the branch the tip takes. Use solver='orbit'."
+    too_many_contacts = "The tip touches the sample more often per period than the solver follows. Use solver='march'."
+    no_averaged_orbit = "First-order averaging finds no orbit on the branch that the tip reaches. Use solver='orbit'."
     creates_energy = (
         "The neck of this contact law breaks within reach of the long-range force, so that a loop would create energy. "
         "Use contact='maugis' or 'dmt', a shorter decay_length, or decay_length=None (in a scene 'none')."
     )
-    out_of_range = "The scanner came to the end of its range. Give a larger scanner_range, or level the surface."
-    diverged = (
-        "The feedback blew up, or the tip was driven into the surface for good. Lower the gains or the line rate."
-    )
+    out_of_range = "The scanner reached the end of its range. Give a larger scanner_range, or level the surface."
+    diverged = "The feedback became unstable, or the tip stays in the surface. Lower the gains or the line rate."
     not_engaged = (
-        "The tip did not reach the setpoint when it was engaged at the start of this line. "
+        "The tip did not reach the setpoint when it was lowered at the start of this line. "
         "Change the setpoint, or lower the gains."
     )
 

@@ -79,7 +79,7 @@ FLOATS: dict[str, Variable] = {
     ),
     "phase": Variable("phase, 0 at free resonance, positive repulsive", "degree", _column(col.PHASE, 180 / np.pi)),
     "amplitude": Variable("amplitude of the first harmonic", "m", _column(col.AMPLITUDE)),
-    "amplitude_error": Variable("amplitude less setpoint amplitude", "m", _column(col.AMPLITUDE_ERROR)),
+    "amplitude_error": Variable("amplitude minus setpoint amplitude", "m", _column(col.AMPLITUDE_ERROR)),
     "tip_offset": Variable("tip offset (rest position of the tip above the surface)", "m", _column(col.TIP_OFFSET)),
     "amplitude_spread": Variable(
         "standard deviation of the amplitude behind the lock-in", "m", _spread(col.SPREAD_AMPLITUDE)
@@ -98,7 +98,7 @@ FLOATS: dict[str, Variable] = {
     "contact_storage": Variable("energy that the contact stores, without its adhesion", "J", _column(STORAGE)),
     "error_phase": Variable("estimated error of the phase", "degree", _column(col.ERROR_PHASE, 180 / np.pi)),
     "error_height": Variable("estimated error of the height", "m", _column(col.ERROR_HEIGHT)),
-    "energy_closure": Variable("energy in less energy out, over energy in", "1", _column(col.CLOSURE)),
+    "energy_closure": Variable("energy in minus energy out, over energy in", "1", _column(col.CLOSURE)),
     "floquet": Variable("largest modulus of the Floquet multipliers", "1", _column(col.FLOQUET)),
     "feedback_slope": Variable("change of amplitude with tip offset", "1", _column(col.SLOPE)),
     "mean_force": Variable("mean force of the surface on the tip, positive repulsive", "N", _column(col.MEAN_FORCE)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from phasemap._shared.asked import asked_as
@@ -12,6 +13,14 @@ from phasemap.results.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
+SOLVED_BY = {
+    "averaging": "averaging (first order)",
+    "orbit": "orbit (exact)",
+    "corrected": "orbit (exact)",
+    "march": "integration in time",
+    "interpolated": "interpolation between materials",
+}
+"""What summaries and titles call the solvers of `phasemap.results.variables.SOLVER_NAMES`."""
 NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phase image
 
 
@@ -34,8 +43,8 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     Examples
     --------
     >>> import xarray as xr
-    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 4])}))[0][:44]
-    '1 of 4 pixels (25 %): What the tip does here'
+    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 4])}))[0][:47]
+    '1 of 4 pixels (25 %): The motion did not become'
     """
     import numpy as np
 
@@ -94,8 +103,22 @@ def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
         return []
     return [
         f"the phases of the {materials} materials are within {apart:.2g} degrees: they take nearly the same energy "
-        "from the tip at this amplitude. `phasemap contrast` says at which setpoint and free amplitude they do not."
+        "from the tip at this amplitude. `phasemap contrast` finds a setpoint and free amplitude that distinguish them."
     ]
+
+
+def describe_solvers(solver: xr.DataArray) -> str:
+    """Say which methods solved the pixels and how many each, most frequent first.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> attrs = {"flag_values": [0, 1, 4], "flag_meanings": "averaging orbit corrected"}
+    >>> describe_solvers(xr.DataArray([0, 1, 4, 4], dims="x", attrs=attrs))
+    'orbit (exact) 75 %, averaging (first order) 25 %'
+    """
+    meanings = [SOLVED_BY.get(name, name) for name in solver.attrs["flag_meanings"].split()]
+    return _shares(solver, meanings)
 
 
 @asked_as()
@@ -118,12 +141,17 @@ def describe_flags(flags: xr.DataArray) -> str:
     >>> describe_flags(xr.DataArray([0, 0, 0, 1], dims="x", attrs=attrs))
     'averaging 75 %, orbit 25 %'
     """
+    return _shares(flags, flags.attrs["flag_meanings"].split())
+
+
+def _shares(flags: xr.DataArray, meanings: list[str]) -> str:
+    """The meanings that occur, with the share of each where there are several."""
     import numpy as np
 
-    meanings = flags.attrs["flag_meanings"].split()
     names: dict[int, str] = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), meanings, strict=True))
-    values, counts = np.unique(flags.values, return_counts=True)
-    order = np.argsort(-counts)
-    if len(values) == 1:
-        return names.get(int(values[0]), "none")
-    return ", ".join(f"{names.get(int(values[i]), 'none')} {100 * counts[i] / flags.size:.3g} %" for i in order)
+    shares: Counter[str] = Counter()
+    for value, count in zip(*np.unique(flags.values, return_counts=True), strict=True):
+        shares[names.get(int(value), "none")] += int(count)
+    if len(shares) == 1:
+        return next(iter(shares))
+    return ", ".join(f"{name} {100 * count / flags.size:.3g} %" for name, count in shares.most_common())

@@ -262,7 +262,7 @@ def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, 
         return labels, ""
     said = (
         f"The {by} shows one population (parts of it are {say(distance, UNITS_OF[by], 2)} apart, {ratio:.2g} times the "
-        f"spread within them; materials are {APART:g} times or more)"
+        f"spread within them; materials are distinguished from {APART:g} times on)"
     )
     if phases is not None:
         other = "height" if by == "phase" else "phase"

@@ -90,7 +90,10 @@ def test_run_says_the_regimes_and_that_materials_look_alike(tmp_path: Path, caps
     assert main(["run", *gentle, "-o", str(tmp_path / "gentle.nc")]) == 0
     said = capsys.readouterr().out
     assert "regime      attractive\n" in said
-    assert "alike       the phases of the 2 materials are within " in said and "`phasemap contrast` says at" in said
+    assert (
+        "alike       the phases of the 2 materials are within " in said
+        and "`phasemap contrast` finds a setpoint" in said
+    )
     assert main(["run", *gentle[:3], "-o", str(tmp_path / "hard.nc")]) == 0
     said = capsys.readouterr().out
     assert "regime      repulsive\n" in said and "alike" not in said
@@ -147,7 +150,7 @@ def test_failed_pixels_are_counted_with_advice(
     monkeypatch.setattr(phasemap.scenes.scene.Scene, "simulate", image_with_failures)
     assert main(["run", STEP, SMALL, "-o", str(tmp_path / "step.nc")]) == 0
     out = capsys.readouterr().out
-    assert "failed      3 of 48 pixels (6.25 %): No stable orbit holds this setpoint" in out
+    assert "failed      3 of 48 pixels (6.25 %): No stable orbit has the setpoint amplitude" in out
     assert "failed      1 of 48 pixels (2.08 %): The solver did not converge" in out
 
 
@@ -192,7 +195,7 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         "modelled    dmt contact; inverse-square attraction; damping with depth^0.5; topography",
         "setpoint    0.7 of 20 nm",
         "solver      auto",
-        "control     each pixel engaged from far",
+        "control     tip lowered onto each pixel (no memory of its neighbours)",
         "output      to be named with -o",
         "The scene is valid.",
     ]

@@ -81,7 +81,7 @@ HOSTILE: dict[str, Callable[[], Any]] = {
     "bytes": lambda: b"hostile",
     "an empty list": list,
     "a list": lambda: [0.3, 0.4, 0.5],
-    "a list of texts": lambda: ["a", "b"],
+    "a list of strings": lambda: ["a", "b"],
     "a tuple of None": lambda: (None, None),
     "a list of lists": lambda: [[0.3, 0.4], [0.5, 0.6]],
     "a ragged list": lambda: [[0.3], [0.4, 0.5]],

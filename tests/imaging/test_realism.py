@@ -348,4 +348,4 @@ def test_the_command_says_what_was_added(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["run", scene, "-o", output]) == 0
     assert "realism" not in capsys.readouterr().out
     assert main(["run", scene, "-o", output, "--overwrite", "realism.line_offset=1e-10", "realism.seed=2"]) == 0
-    assert "realism     line_offset 1e-10; seed 2\n" in capsys.readouterr().out
+    assert "realism     line offset 100 pm, seed 2\n" in capsys.readouterr().out

@@ -131,7 +131,7 @@ def image_of_setpoint(setpoint: object) -> xr.Dataset:
 def test_unknown_names_are_refused_with_what_is_allowed() -> None:
     with pytest.raises(pm.InputError, match="variables is 'hight'; allowed: names out of height, phase"):
         image_of(variables=["hight"])
-    with pytest.raises(pm.InputError, match="variables is 5; allowed: a text, a list of texts or None"):
+    with pytest.raises(pm.InputError, match="variables is 5; allowed: a string, a list of strings or None"):
         image_of(variables=5)
     with pytest.raises(pm.InputError, match="threads is 0; allowed: a whole number of at least 1"):
         image_of(threads=0)

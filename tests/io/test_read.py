@@ -195,7 +195,7 @@ def test_a_jpk_setpoint_in_other_volts_has_no_sensitivity(tmp_path: Path, slot: 
     (tmp_path / "scan.jpk").write_bytes(data.replace(told, slot))
     image = read_image(tmp_path / "scan.jpk")
     assert "amplitude_sensitivity" not in image.attrs and "free_amplitude" not in image.attrs
-    assert "The free amplitude is 2 V, without a sensitivity" in image.attrs["warnings"]
+    assert "The free amplitude is 2 V, and the file has no sensitivity" in image.attrs["warnings"]
 
 
 @needs_reader
@@ -432,7 +432,7 @@ def test_a_nanoscope_file_tells_its_scan_in_si() -> None:
     scan = scan_data(NOWHERE, metadata)
     assert scan.values["drive_frequency"] == pytest.approx(157.66e3)
     assert scan.values["setpoint_amplitude"] == pytest.approx(0.2468933 * 62e-9)
-    assert "setpoint" not in scan.values and "free amplitude that NanoScope files do not keep" in scan.warnings[0]
+    assert "setpoint" not in scan.values and "free amplitude that NanoScope files do not record" in scan.warnings[0]
     uncalibrated = scan_data(NOWHERE, metadata | {"Sens. AmplSens": "1.000000 "})
     assert "setpoint_amplitude" not in uncalibrated.values and uncalibrated.values["setpoint_voltage"] == 0.2468933
 
@@ -448,7 +448,7 @@ def test_a_number_outside_all_practice_is_doubted_and_left_out() -> None:
     scan = scan_data(NOWHERE, {"Image mode": "Tapping", "Set point": "13.5 um"})
     assert "setpoint_amplitude" not in scan.values
     assert any(
-        "setpoint amplitude 13.5 µm, which is outside all practice (50 pm to 1 µm)" in one for one in scan.warnings
+        "setpoint amplitude 13.5 µm, which is outside the usual range (50 pm to 1 µm)" in one for one in scan.warnings
     )
     assert scan_data(NOWHERE, {"Image mode": "Tapping", "Set point": "13.5 nm"}).values["setpoint_amplitude"] == 13.5e-9
     assert "setpoint" not in scan_data(NOWHERE, {"Op. mode": "Dynamic Force", "Setpoint": "250 %"}).values

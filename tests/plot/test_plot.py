@@ -54,7 +54,11 @@ def test_height_and_phase_have_units_scale_bars_and_a_title() -> None:
     assert {"height (nm)", "phase (degrees)"} <= labels
     said = words(figure)
     assert said.count("50 nm") == 2  # of 256 nm
-    assert "setpoint 0.7" in said and "averaging 50 %, orbit 50 %" in said and "64 × 48 pixels" in said
+    assert (
+        "setpoint 0.7" in said
+        and "solved by averaging (first order) 50 %, orbit (exact) 50 %" in said
+        and "64 × 48 pixels" in said
+    )
 
 
 def test_row_0_is_drawn_at_the_top() -> None:
@@ -142,7 +146,7 @@ def test_failed_pixels_are_marked_counted_and_given_advice() -> None:
         assert shown is not None
         assert np.ma.count(shown) == 6
         assert overlay.get_cmap()(0.0)[:3] == pytest.approx([int(FAILED[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    assert "6 of 3072 pixels (0.195 %): No stable orbit holds this setpoint" in words(figure)
+    assert "6 of 3072 pixels (0.195 %): No stable orbit has the setpoint amplitude" in words(figure)
     assert len(plot(image()).axes[0].images) == 1
 
 

@@ -130,6 +130,8 @@ def test_averaging_in_a_liquid_is_questioned_and_another_solver_is_not() -> None
 
 def test_an_image_that_is_not_what_it_seems_warns_at_the_line_that_asked_for_it() -> None:
     surface = pm.Surface([[1e9, np.nan]], pixel_size=4e-9, allow_nan=True)
-    with pytest.warns(pm.ResultWarning, match=r"^1 of 2 pixels \(50 %\): The maps have no valid material") as caught:
+    with pytest.warns(
+        pm.ResultWarning, match=r"^1 of 2 pixels \(50 %\): The material has a property that is not a number"
+    ) as caught:
         pm.simulate(surface, SCOPE, 0.7)
     assert caught[0].filename == __file__

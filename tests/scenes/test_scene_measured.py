@@ -218,7 +218,7 @@ def test_bad_values_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
             measured().assign(height=measured()["height"].assign_attrs(units="nm")),
             "units of height of the image is 'nm'",
         ),
-        (measured()["height"], "image is of type DataArray; allowed: an xarray.Dataset, a text or a path"),
+        (measured()["height"], "image is of type DataArray; allowed: an xarray.Dataset, a string or a path"),
     ):
         with pytest.raises(InputError, match=why):
             scene_from(image, path, 1, [TIP])

@@ -164,7 +164,7 @@ def test_the_point_recommended_is_safe(jumping: xr.Dataset) -> None:
     assert float(here.contrast) == jumping.attrs["best_contrast"]
     same = jumping.jump_free_amplitude.values == best["free_amplitude"]
     assert np.abs(jumping.jump_setpoint.values[same] - best["setpoint"]).min(initial=1.0) >= 0.03
-    words = rf"setpoint {best['setpoint']:.3g}, free amplitude {best['free_amplitude'] * 1e9:.3g} nm: particle less "
+    words = rf"setpoint {best['setpoint']:.3g}, free amplitude {best['free_amplitude'] * 1e9:.3g} nm: particle minus "
     assert re.match(words + r"matrix is \d\.\d degrees, both repulsive, ", jumping.attrs["recommendation"])
 
 
@@ -253,7 +253,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"free_amplitudes": [20e-9, -1e-9]}, "free_amplitudes is -1e-09"),
     ({"frequencies": 0.0}, "frequencies is 0.0; allowed: a finite number above 0 Hz"),
     ({"names": ("a", "a")}, "two different names"),
-    ({"names": "ab"}, "a list of texts"),
+    ({"names": "ab"}, "a list of strings"),
     ({"accuracy": 0.1}, "an Accuracy"),
     ({"solver": "best"}, "one of auto"),
 ]
@@ -302,7 +302,7 @@ def test_points_without_an_orbit_are_drawn_and_explained() -> None:
     found = pm.contrast(STICKY, LOSSY, SCOPE, [0.4, 0.5, 0.9], 15e-9, 298.5e3)
     figure = plot(found)
     assert parts(figure, "failed")[0].get_xdata().tolist() == [0.4, 0.5]
-    assert any("No stable orbit holds this setpoint" in text.get_text() for text in figure.texts)
+    assert any("No stable orbit has the setpoint amplitude" in text.get_text() for text in figure.texts)
 
 
 def test_a_panel_is_drawn_for_each_of_a_few_frequencies() -> None:

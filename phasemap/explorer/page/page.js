@@ -7,11 +7,11 @@ const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9
 const EV = 1.602176634e-19, SLOW = 600, PATIENT = 3000, SETTLED = 350; // J, ms
 const TOO_LONG = 503; // status of an answer that has no time left
 const LEAST = 1; // degrees of phase between black and white, not to blow up last digits
-const SOLVERS = {
-  averaging: "First-order averaging, within the accuracy",
-  corrected: "Averaging corrected by the lever's response to the force: the exact orbit, within the error that is estimated",
-  orbit: "The exact periodic orbit",
-  march: "The equation of motion, integrated in time",
+const SOLVERS = { // what they are called, and what they do
+  averaging: ["averaging", "First-order averaging, within the requested accuracy"],
+  corrected: ["orbit (exact)", "The exact periodic orbit, from the lever's response to the force"],
+  orbit: ["orbit (exact)", "The exact periodic orbit, by shooting"],
+  march: ["in time", "The equation of motion, integrated in time"],
 };
 const $ = (id) => document.getElementById(id);
 const round = (value, digits) => Number(value.toPrecision(digits));
@@ -151,7 +151,7 @@ function askForMap() {
       const answer = await ask("contrast", setting(), question.signal);
       now.map = await answer.json();
       $("map-figure").classList.remove("waiting");
-      $("map-state").textContent = `${about.materials[now.pair[1]]} less ${about.materials[now.pair[0]]}`;
+      $("map-state").textContent = `${about.materials[now.pair[1]]} minus ${about.materials[now.pair[0]]}`;
       $("advice").textContent = `Where to work (◆): ${now.map.recommendation}`;
       drawMap();
     } catch (error) {
@@ -190,7 +190,7 @@ function drawImages() {
   const notes = shown.materials ? [] : [...shown.failed]; // the words say it of each material
   if (shown.far_off) notes.push(shown.far_off);
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
-  if (about.control) notes.push(shown.materials ? `Shown is each pixel engaged anew from far${about.sharp ? ", with sharp edges" : ""}.` : "Shown is the trace as the scene takes it, until a slider moves.");
+  if (about.control) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.sharp ? ", with sharp edges" : ""}.` : "This is the trace of the scan that the scene describes, until a slider moves.");
   $("note").textContent = notes.join(" ");
 }
 
@@ -201,12 +201,13 @@ function drawWords() {
     if (!found) return [];
     if (found.phase === null) Object.assign(found, { regime: "no orbit", solver: "–" });
     const regime = found.regime + (found.bistable ? ", bistable" : "") + (found.motion === "irregular" ? ", irregular" : "");
+    const [solver, about_solver] = SOLVERS[found.solver] ?? [found.solver, ""];
     const cells = [
       found.name, regime, number(found.phase, 3), number(found.lost === null ? null : found.lost / EV, 3),
-      number(found.indentation === null ? null : Math.max(found.indentation, 0) * 1e9, 3), found.solver,
+      number(found.indentation === null ? null : Math.max(found.indentation, 0) * 1e9, 3), solver,
     ].map((text) => Object.assign(document.createElement("td"), { textContent: text }));
     cells[0].prepend(dot(i));
-    cells.at(-1).title = SOLVERS[found.solver] ?? "";
+    cells.at(-1).title = about_solver;
     const row = document.createElement("tr");
     row.append(...cells);
     return [row];

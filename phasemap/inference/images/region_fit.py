@@ -261,7 +261,7 @@ def _add_data(ds: xr.Dataset, joint: Joint, found: Fitted, stack: Stack, plan: P
     if joint.weights[..., HEIGHT].any():
         drawn = plan.height_given + found.drawn @ columns[0, :, HEIGHT].T
         zero, error = _moments(found, drawn - drawn.mean(axis=1, keepdims=True))
-        about = {"long_name": "zero of the height, less its mean over the images", "units": "m"}
+        about = {"long_name": "zero of the height, relative to its mean over the images", "units": "m"}
         ds["height_zero"] = ("image", zero, about)
         ds["height_zero_error"] = ("image", error, {"long_name": "its standard error", "units": "m"})
     seen, free = np.isfinite(stack.errors), np.array(stack.setpoints) * [one.driven_amplitude for one in stack.scopes]
@@ -276,7 +276,7 @@ def _add_data(ds: xr.Dataset, joint: Joint, found: Fitted, stack: Stack, plan: P
         fitted = scale * (found.values[:, :, channel] - below)
         error = scale * stack.errors[:, :, channel]
         for word, values, said in (
-            (f"measured_{name}", measured, f"median {name} less its zero"),
+            (f"measured_{name}", measured, f"median {name} relative to its zero"),
             (f"fitted_{name}", fitted, f"{name} of the fit"),
             (f"{name}_error", error, f"standard error of the median {name}"),
         ):

@@ -131,7 +131,7 @@ def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: _Fit) -
         ("phase", seen.values, "median recorded phase", "degree"),
         ("phase_error", np.where(np.isfinite(problem.errors), problem.errors, np.nan), "its standard error", "degree"),
         ("share", seen.shares, "share of the pixels", "1"),
-        ("measured_contrast", measured, "recorded phase less that of region 0", "degree"),
+        ("measured_contrast", measured, "recorded phase relative to that of region 0", "degree"),
         ("contrast_error", np.where(np.isfinite(error), error, np.nan), "its standard error", "degree"),
     ):
         ds[name] = (dims, values, {"long_name": said, "units": unit})

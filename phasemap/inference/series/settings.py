@@ -135,7 +135,9 @@ def scope_of(
     if frequencies and max(frequencies) > (1 + SAME_DRIVE) * min(frequencies):
         listed = ", ".join(f"{name}: {float(one['drive_frequency']) / 1e3:.4g} kHz"
                            for name, one in zip(names, known, strict=True) if "drive_frequency" in one)  # fmt: skip
-        raise InputError("drive frequencies", listed, "those of one lever", "A series is of one sample and one lever.")
+        raise InputError(
+            "the drive frequency", Word(listed), "the same in all files", "A series is of one sample and one lever."
+        )
     if scope is not None:
         return scope, []
     said, told = _of_lever(known, names, given)
@@ -198,9 +200,9 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
     if sign is not None and not is_sign(sign):
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
-        told.append("Which way the instrument counts phase is not known: both ways are tried.")
+        told.append("The sign of the recorded phase is not known: both signs are tried.")
     if all(float(one.max()) < (1 + SAME) * float(one.min()) for one in (relative, ratios)):
-        told.append("All files have the same setting: they say what one of them says, with less noise.")
+        told.append("All files have the same setpoint and free amplitude: they add no more than a lower noise.")
     return Settings(
         tuple(names), ratios, relative, scale, factor, amplitude, setpoint, zero, metres,
         np.broadcast_to(zeros, (count,)).astype(float), np.broadcast_to(errors, (count,)).astype(float), sign,
@@ -242,7 +244,7 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
         scale = float(np.exp(np.log(metres).mean()))
         told.append("Free amplitudes as recorded, and a calibration within 5 %.")
         return HELD, scale, CALIBRATED, metres / scale
-    relative, words = np.ones(count), "taken to be the same in all files"
+    relative, words = np.ones(count), "assumed to be the same in all files"
     if given != FREE:
         for recorded, said in ((metres, "recorded in metres"), (volts, "recorded in volts"), (drive, "of the drive")):
             if recorded is not None:
@@ -250,7 +252,7 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
                 break
     else:
         words = "unknown in each file"
-    told.append(f"Free amplitudes: {words}; {GUESS * 1e9:g} nm within a factor of {GUESS_FACTOR:g} beforehand.")
+    told.append(f"Free amplitudes: {words}; {GUESS * 1e9:g} nm within a factor of {GUESS_FACTOR:g} as a first guess.")
     return (FREE if given == FREE else SHARED), GUESS, GUESS_FACTOR, relative
 
 
@@ -276,8 +278,8 @@ def _setpoints(
         allowed = "ratios to the free amplitude in all files, or voltages in all"
         raise InputError("what files say of the setpoint", Word(listed), allowed, "Give the ratios (setpoints).")
     told.append(
-        "Setpoints are recorded without the free amplitude: the highest is taken to be anywhere from "
-        f"{HIGHEST[0]:g} to {HIGHEST[1]:g}."
+        "Setpoints are recorded without the free amplitude: the highest is assumed to be between "
+        f"{HIGHEST[0]:g} and {HIGHEST[1]:g} of it."
     )
     same = bool(np.ptp(relative) == 0)
     return SHARED, metres is not None and same and amplitude == SHARED, values / relative

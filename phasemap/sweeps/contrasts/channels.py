@@ -43,7 +43,7 @@ def derived(
         channel = CHANNELS[name]
         about = {"units": channel.units, "references": channel.source, "ancillary_variables": "status"}
         found[name] = xr.Variable(("material", *DIMS), values[name], {"long_name": channel.long_name, **about})
-        long_name = f"contrast of the {channel.long_name}, {labels[1]} less {labels[0]}"
+        long_name = f"contrast of the {channel.long_name}, {labels[1]} minus {labels[0]}"
         contrast = values[name][1] - values[name][0]
         found[f"{name}_contrast"] = xr.Variable(DIMS, contrast, {"long_name": long_name, **about})
     return found

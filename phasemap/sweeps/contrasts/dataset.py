@@ -43,7 +43,7 @@ def record(
     coords: dict[str, Any] = {dim: (dim, values, ABOUT[dim]) for dim, values in zip(DIMS, axes, strict=True)}
     coords["material"] = ("material", list(names), {"long_name": "material"})
     dims = ("material", *DIMS)
-    both = f"{names[1]} less {names[0]}"
+    both = f"{names[1]} minus {names[0]}"
     status = {"ancillary_variables": "status"}
     value = {name: FLOATS[name].value(engaged.rows) for name in ("phase", "height", "indentation", "phase_spread")}
     phase, height = (value[name][1] - value[name][0] for name in ("phase", "height"))

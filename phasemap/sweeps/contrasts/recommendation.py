@@ -62,7 +62,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, ju
         if largest >= NOTABLE:
             place = _first(np.where(allowed & (size >= min(SHARE * largest, AMPLE)), depth, np.inf))
             words = (
-                f"{names[1]} less {names[0]} is {contrast[place]:.1f} degrees",
+                f"{names[1]} minus {names[0]} is {contrast[place]:.1f} degrees",
                 _regimes(names, regime[(slice(None), *place)]),
                 _caution(grade, float(distance[place])),
             )
@@ -73,7 +73,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, ju
     return Choice(
         place,
         f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[found].max():.2g} degrees "
-        f"anywhere); use the height, where {names[1]} less {names[0]} is {say(height[place], 'm', 3)}.",
+        f"anywhere); use the height, where {names[1]} minus {names[0]} is {say(height[place], 'm', 3)}.",
     )
 
 

@@ -137,7 +137,7 @@ def _amplitude_error(picture: Picture) -> Claim:
     apart = np.abs(picture["amplitude"] - wanted - picture["amplitude_error"])
     coarse = picture.coarse("amplitude") + picture.coarse("amplitude_error")
     bad = ~(apart <= ROUNDING * wanted + coarse)
-    about = "amplitude error is amplitude less setpoint"
+    about = "amplitude error is amplitude minus setpoint"
     return judged(about, picture, bad, apart, picture.solved, _metres(apart))
 
 
