@@ -8,12 +8,16 @@ if TYPE_CHECKING:
     import numpy as np
 
 # Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11.
-CONTACT, LONGRANGE, DAMPING, ROW = 0, 4, 8, 12
+CONTACT = 0
+LONGRANGE = 4
+DAMPING = 8
+ROW = 12
 INVERSE_REACH = 5  # 1/d0 [1/m] of the built-in long-range law, whose strength [N] stands at LONGRANGE
 EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
 PULL = 1  # attraction [N] in contact of DMT's law
-RELAXATION, RELAXING = 2, 3  # of a law that may remember: tau [1/omega_c] if above 0, and 1 - E_inf/E_0 [1]
+RELAXATION = 2  # of a law that may remember: tau [1/omega_c] if above 0
+RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 
 # Entries of the lever, shape (5,): omega [1], alpha0 [1], stiffness [N/m], amplitude u0 of the drive [m], and that of
@@ -51,7 +55,9 @@ HARMONIC = 19  # amplitudes of the harmonics 2 ... 6 of the deflection [m]
 HARMONICS = 5
 TRACE = 24  # of the monodromy matrix [1]
 PRODUCT = 25  # of the two multipliers [1]
-START_Z, START_V, START_HELD = 26, 27, 28  # z [m], dz/dtau [m], whether in contact or neck, at drive phase 0
+START_Z = 26  # z [m] at drive phase 0
+START_V = 27  # dz/dtau [m] there
+START_HELD = 28  # whether in contact or neck there
 PARAMETER = 29  # m [1]
 KIND = 30  # what made the row: one of those below
 INDEX = 31  # of the value asked for
@@ -88,7 +94,8 @@ MARCH = 2
 INTERPOLATED = 3
 CORRECTED = 4
 
-ATTRACTING, REPELLING = 0, 1  # on each branch, in the order of the codes of `branch`
+ATTRACTING = 0  # on each branch, in the order of the codes of `branch`
+REPELLING = 1
 ENGAGED = 2  # what engagement from far finds
 SLOTS = 3
 NOWHERE = -1  # of a tip that has not been engaged

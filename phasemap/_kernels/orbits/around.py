@@ -21,23 +21,37 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.quadrature import gauss
+from phasemap._kernels.records import column, record
 
-HARMONIC_NODES, NODES_ALL_ROUND = 20, 48
+HARMONIC_NODES = 20  # of each part of a harmonic orbit
+NODES_ALL_ROUND = 48  # of one that is always in contact
 HARMONIC_X, HARMONIC_WEIGHTS = gauss(HARMONIC_NODES)
 _COS2, _SIN2 = np.cos(0.5 * np.pi * HARMONIC_X) ** 2, np.sin(0.5 * np.pi * HARMONIC_X) ** 2
 _HARMONIC_TOUCH_W = HARMONIC_WEIGHTS * np.pi * np.cos(0.5 * np.pi * HARMONIC_X)
-# Rows of the nodes: cos and sin of theta, depth [m], its change with theta [m], weight [rad], whether in contact.
-COS, SIN, DEPTH, RATE, WEIGHT, TOUCHES, ROWS = 0, 1, 2, 3, 4, 5, 6
+MOST_TAP_STEPS = 80  # of each part of a tap that is followed
+MOST_NODES = 5 * (2 * MOST_TAP_STEPS + 1)
+
+
+@record
+class OrbitNodes:
+    """Nodes along an orbit, those in contact first."""
+
+    cos: np.ndarray = column(MOST_NODES)  # of the angle theta of the first harmonic
+    sin: np.ndarray = column(MOST_NODES)
+    depth: np.ndarray = column(MOST_NODES)  # d [m]
+    rate: np.ndarray = column(MOST_NODES)  # dd/d(theta) [m]
+    weight: np.ndarray = column(MOST_NODES)  # [rad]
+    touches: np.ndarray = column(MOST_NODES)  # 1 in contact or neck, else 0
 
 
 @kernel
-def _put(at: np.ndarray, j: int, amplitude: float, c: float, s: float, depth: float, weight: float, on: float) -> None:
-    at[COS, j], at[SIN, j], at[DEPTH, j], at[RATE, j] = c, s, depth, -amplitude * s
-    at[WEIGHT, j], at[TOUCHES, j] = weight, on
+def _put(at: OrbitNodes, j: int, amplitude: float, c: float, s: float, depth: float, weight: float, on: float) -> None:
+    at.cos[j], at.sin[j], at.depth[j], at.rate[j] = c, s, depth, -amplitude * s
+    at.weight[j], at.touches[j] = weight, on
 
 
 @kernel
-def _outside(reach: float, amplitude: float, c: float, begin: float, side: float, first: int, at: np.ndarray) -> int:
+def _outside(reach: float, amplitude: float, c: float, begin: float, side: float, first: int, at: OrbitNodes) -> int:
     """Nodes from tan(theta/2) = `begin` to theta = pi, way in (side -1) or out (1); returns how many there are."""
     ratio = 0.5 * (max(c - 1.0, 0.0) + reach / amplitude) * (1.0 + begin * begin) ** 2
     delta = math.sqrt(begin * begin + ratio) - begin
@@ -56,7 +70,7 @@ def _outside(reach: float, amplitude: float, c: float, begin: float, side: float
 
 
 @kernel
-def _contact(amplitude: float, c: float, at: np.ndarray) -> int:
+def _contact(amplitude: float, c: float, at: OrbitNodes) -> int:
     """Nodes in contact, |theta| < theta0, |c| < 1."""
     m2 = 0.5 * (1.0 - c)
     for i in range(HARMONIC_NODES):
@@ -69,7 +83,7 @@ def _contact(amplitude: float, c: float, at: np.ndarray) -> int:
 
 
 @kernel
-def _neck(amplitude: float, c: float, release: float, first: int, at: np.ndarray) -> int:
+def _neck(amplitude: float, c: float, release: float, first: int, at: OrbitNodes) -> int:
     """Nodes in the neck, on the way out from d = 0 to d = `release` < 0."""
     begin, end = math.acos(c), math.acos(c + release / amplitude)
     for i in range(HARMONIC_NODES):
@@ -81,8 +95,8 @@ def _neck(amplitude: float, c: float, release: float, first: int, at: np.ndarray
 
 
 @kernel
-def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, whole: bool, at: np.ndarray) -> int:
-    """Fill the nodes of a harmonic orbit, shape (ROWS, 6 N or more), or of its contact if not `whole`.
+def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, whole: bool, at: OrbitNodes) -> int:
+    """Fill the nodes of a harmonic orbit, or of its contact if not `whole`.
 
     Returns how many there are.
     """

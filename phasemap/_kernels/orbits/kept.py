@@ -11,7 +11,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, ROWS, SIN, TOUCHES, WEIGHT
+from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.response import nodes as response
 from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, GAUSS_WEIGHTS, TOUCH, N, Nodes
 
@@ -19,12 +19,12 @@ MOST_KEPT_NODES = 3 * N  # nodes
 FAINT_DRIVE = 0.01  # of the amplitude: the largest drive
 # Columns of the row: how many nodes there are, |dd/dtheta| [m] where contact begins and ends, and the nodes
 KEPT_COUNT, KEPT_BEGINS, KEPT_ENDS, KEPT_NODES = range(col.COLUMNS, col.COLUMNS + 4)
-KEEPING = KEPT_NODES + ROWS * MOST_KEPT_NODES
+KEEPING = KEPT_NODES + 6 * MOST_KEPT_NODES
 
 
 @kernel(fastmath=ANY_ORDER)
 def nodes_from_response(
-    f: Nodes, amplitude: float, e: float, longrange: bool, at: np.ndarray
+    f: Nodes, amplitude: float, e: float, longrange: bool, at: OrbitNodes
 ) -> tuple[int, float, float]:
     """Fill nodes from those of the response, those in contact first; returns what `solved.nodes_of` does."""
     touching = f.theta[EXIT] > f.theta[ENTRY]
@@ -35,10 +35,10 @@ def nodes_from_response(
             continue
         for j in range(N):
             i, k = first + j, count + j
-            at[COS, k], at[SIN, k] = f.cos[i], f.sin[i]
-            at[DEPTH, k] = amplitude * f.cos[i] + f.w[i] - e
-            at[RATE, k] = f.u[i] - amplitude * f.sin[i]
-            at[WEIGHT, k], at[TOUCHES, k] = GAUSS_WEIGHTS[j] * f.weight[i], 1.0 if part == 0 else 0.0
+            at.cos[k], at.sin[k] = f.cos[i], f.sin[i]
+            at.depth[k] = amplitude * f.cos[i] + f.w[i] - e
+            at.rate[k] = f.u[i] - amplitude * f.sin[i]
+            at.weight[k], at.touches[k] = GAUSS_WEIGHTS[j] * f.weight[i], 1.0 if part == 0 else 0.0
         count += N
     if not touching:
         return count, 0.0, 0.0
@@ -47,12 +47,20 @@ def nodes_from_response(
 
 
 @kernel
-def nodes_in(row: np.ndarray) -> np.ndarray:
-    """The nodes behind a row, shape (ROWS, MOST)."""
-    return row[KEPT_NODES:KEEPING].reshape((ROWS, MOST_KEPT_NODES))
+def read_nodes(row: np.ndarray, at: OrbitNodes) -> tuple[int, float, float]:
+    """Fill nodes with those behind a row; returns what `solved.nodes_of` does."""
+    for j in range(MOST_KEPT_NODES):
+        first = KEPT_NODES + 6 * j
+        at.cos[j], at.sin[j], at.depth[j] = row[first], row[first + 1], row[first + 2]
+        at.rate[j], at.weight[j], at.touches[j] = row[first + 3], row[first + 4], row[first + 5]
+    return int(row[KEPT_COUNT]), row[KEPT_BEGINS], row[KEPT_ENDS]
 
 
 @kernel
-def keep_nodes(f: Nodes, amplitude: float, e: float, longrange: bool, row: np.ndarray) -> None:
+def keep_nodes(f: Nodes, amplitude: float, e: float, longrange: bool, at: OrbitNodes, row: np.ndarray) -> None:
     """Put the nodes of the response behind a row."""
-    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = nodes_from_response(f, amplitude, e, longrange, nodes_in(row))
+    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = nodes_from_response(f, amplitude, e, longrange, at)
+    for j in range(MOST_KEPT_NODES):
+        first = KEPT_NODES + 6 * j
+        row[first], row[first + 1], row[first + 2] = at.cos[j], at.sin[j], at.depth[j]
+        row[first + 3], row[first + 4], row[first + 5] = at.rate[j], at.weight[j], at.touches[j]

@@ -10,33 +10,33 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.around import RATE, ROWS, TOUCHES, harmonic
+from phasemap._kernels.orbits.around import OrbitNodes, harmonic
 from phasemap._kernels.orbits.kept import nodes_from_response
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.response.retraced import retrace
-from phasemap._kernels.orbits.tap import MOST_TAP_NODES, tap
+from phasemap._kernels.orbits.tap import tap
 
 
 class Path(NamedTuple):
     """Room for the nodes of an orbit, and for those of the lever's response."""
 
-    at: np.ndarray  # shape (ROWS, MOST)
+    at: OrbitNodes
     nodes: Nodes
     state: PassState
 
 
 @kernel
-def new_path(nodes: Nodes, state: PassState) -> Path:
+def new_path(at: OrbitNodes, nodes: Nodes, state: PassState) -> Path:
     """Room for an orbit, with these nodes and this state for passes of the response."""
-    return Path(np.zeros((ROWS, MOST_TAP_NODES)), nodes, state)
+    return Path(at, nodes, state)
 
 
 @kernel
 def nodes_of(
-    oscillator: Oscillator, row: np.ndarray, averaged: bool, whole: bool, at: np.ndarray
+    oscillator: Oscillator, row: np.ndarray, averaged: bool, whole: bool, at: OrbitNodes
 ) -> tuple[int, float, float]:
-    """Fill the nodes of a result row of the tip, shape (ROWS, MOST), of an orbit that may be `averaged` only.
+    """Fill the nodes of a result row of the tip, of an orbit that may be `averaged` only.
 
     If not `whole`, depths and rates in contact are what is wanted.
 
@@ -48,8 +48,8 @@ def nodes_of(
     if not averaged:
         count = tap(oscillator, row, whole, at)
         for j in range(count - 1):
-            if at[TOUCHES, j] > at[TOUCHES, j + 1]:
-                entry, release = release, abs(at[RATE, j])  # the way in is first
+            if at.touches[j] > at.touches[j + 1]:
+                entry, release = release, abs(at.rate[j])  # the way in is first
         return count, entry, release
     amplitude, depth = row[col.AMPLITUDE], row[col.INDENTATION]
     c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude

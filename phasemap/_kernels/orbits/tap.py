@@ -20,7 +20,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, damping, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT
+from phasemap._kernels.orbits.around import MOST_TAP_STEPS, OrbitNodes
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
@@ -31,8 +31,6 @@ FIRST_FLIGHT_STEP = 0.5  # the first step outside, over that in which the distan
 MOST_FLIGHT, MOST_DRIVEN = 0.8, 0.6  # any step there; where the drive is not faint, as in liquid
 FLIGHT_GROWTH = 1.2  # from step to step there, for the force has its slope near the pole
 NECK_STEP = 0.2  # a step in the neck, over that in which it is left behind
-MOST_TAP_STEPS = 80
-MOST_TAP_NODES = 5 * (2 * MOST_TAP_STEPS + 1)
 MOST_TAP_TURNS = 8
 DRIVE_ALIKE = 2e-4  # of the amplitude: what drives may differ by between two turns
 HARMONIC_ALIKE = 0.02  # of the first harmonic: what an orbit that was followed may differ by from the row
@@ -97,16 +95,16 @@ def _moved(y: Numbers, h: float, r: Numbers) -> Numbers:
 
 
 @kernel
-def _put(lever: np.ndarray, end: float, y: Numbers, weight: float, at: np.ndarray, j: int) -> None:
+def _put(lever: np.ndarray, end: float, y: Numbers, weight: float, at: OrbitNodes, j: int) -> None:
     """A node: the angle stands for its cosine."""
-    at[COS, j], at[DEPTH, j] = lever[col.OMEGA] * y[2], _depth(end, y[0])
-    at[RATE, j], at[WEIGHT, j] = y[1] / lever[col.OMEGA], abs(weight)
-    at[TOUCHES, j] = 0.0 if 0.0 < end < math.inf else 1.0
+    at.cos[j], at.depth[j] = lever[col.OMEGA] * y[2], _depth(end, y[0])
+    at.rate[j], at.weight[j] = y[1] / lever[col.OMEGA], abs(weight)
+    at.touches[j] = 0.0 if 0.0 < end < math.inf else 1.0
 
 
 @kernel
 def _way(
-    oscillator: Oscillator, held: Numbers, end: float, y: Numbers, h: float, at: np.ndarray, first: int
+    oscillator: Oscillator, held: Numbers, end: float, y: Numbers, h: float, at: OrbitNodes, first: int
 ) -> tuple[Numbers, int]:
     """Follow the tip with steps `h`, back in time where negative, up to the end of contact or half a period away.
 
@@ -133,7 +131,7 @@ def _way(
             0.5 * (y[1] + new[1]) + 0.125 * size * (r[1] - after[1]),
             0.5 * (y[2] + new[2]) + 0.125 * size * (r[2] - after[2]),
         )
-        at[WEIGHT, j] += abs(share * size * r[2])
+        at.weight[j] += abs(share * size * r[2])
         _put(lever, end, between, 4.0 * share * size * _turn(held[0], end, between), at, j + 1)
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
@@ -148,7 +146,7 @@ def _way(
 
 @kernel
 def _out(
-    oscillator: Oscillator, row: np.ndarray, lag: float, side: float, whole: bool, at: np.ndarray, first: int
+    oscillator: Oscillator, row: np.ndarray, lag: float, side: float, whole: bool, at: OrbitNodes, first: int
 ) -> int:
     """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
     law, p, lever = oscillator
@@ -177,7 +175,7 @@ def _out(
 
 @kernel
 def _followed(
-    oscillator: Oscillator, row: np.ndarray, late: float, whole: bool, at: np.ndarray
+    oscillator: Oscillator, row: np.ndarray, late: float, whole: bool, at: OrbitNodes
 ) -> tuple[int, float, float]:
     """Nodes of a period, or of its contact if not `whole`, with angles from where the tip is deepest.
 
@@ -191,16 +189,16 @@ def _followed(
         return count, 0.0, 0.0
     even, odd = 0.0, 0.0
     for j in range(count):
-        x = at[WEIGHT, j] * (at[DEPTH, j] + amplitude)
-        at[COS, j], at[SIN, j] = _circle(at[COS, j])
-        even += x * at[COS, j]
-        odd -= x * at[SIN, j]
+        x = at.weight[j] * (at.depth[j] + amplitude)
+        at.cos[j], at.sin[j] = _circle(at.cos[j])
+        even += x * at.cos[j]
+        odd -= x * at.sin[j]
     return count, math.atan2(odd, even), math.hypot(odd, even) / (math.pi * amplitude)
 
 
 @kernel
-def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: np.ndarray) -> int:
-    """Fill the nodes of a result row of the tip, shape (ROWS, MOST); 0 where it cannot be followed.
+def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: OrbitNodes) -> int:
+    """Fill the nodes of a result row of the tip; 0 where it cannot be followed.
 
     If not `whole`, those in contact will do, and where the drive is small their angles against the drive are not told.
     """
@@ -223,7 +221,7 @@ def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: np.ndarray) ->
                     break
                 c, s = math.cos(late + move), math.sin(late + move)
                 for j in range(count):
-                    at[COS, j], at[SIN, j] = c * at[COS, j] - s * at[SIN, j], s * at[COS, j] + c * at[SIN, j]
+                    at.cos[j], at.sin[j] = c * at.cos[j] - s * at.sin[j], s * at.cos[j] + c * at.sin[j]
                 return count
             last, last_off = late, off
             late += min(max(move, -MOST_MOVE), MOST_MOVE)

@@ -9,10 +9,14 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, contact_slope, longrange_force, parameters
-from phasemap._kernels.orbits.around import COS, DEPTH, HARMONIC_WEIGHTS, HARMONIC_X, RATE, ROWS, TOUCHES, WEIGHT, moves
-from phasemap._kernels.orbits.kept import KEPT_COUNT, KEPT_ENDS, nodes_in
+from phasemap._kernels.orbits.around import (
+    HARMONIC_WEIGHTS,
+    HARMONIC_X,
+    OrbitNodes,
+    moves,
+)
+from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
 from phasemap._kernels.orbits.solved import nodes_of
-from phasemap._kernels.orbits.tap import MOST_TAP_NODES
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
 
 
@@ -38,7 +42,7 @@ def adhesion_rows(
     only. The virial is filled in only if orbits are followed as a `whole`. `kept` are rows with nodes of their orbits
     where COUNT is above 0, shape (n, KEEPING) or (0, 0).
     """
-    room = np.zeros((ROWS, MOST_TAP_NODES))
+    at = OrbitNodes()
     for i in range(len(rows)):
         row = out[i]
         if not moves(row):
@@ -46,26 +50,25 @@ def adhesion_rows(
         p, without = parameters(rows[i]), parameters(bare[i])
         virial, storage = 0.0, 0.0
         follow = whole or p[col.RELEASE] < 0.0
-        at = room
         if len(kept) > 0 and kept[i, KEPT_COUNT] > 0.0:
-            at, count, release = nodes_in(kept[i]), int(kept[i, KEPT_COUNT]), kept[i, KEPT_ENDS]
+            count, _, release = read_nodes(kept[i], at)
         else:
             count, _, release = nodes_of(Oscillator(law, p, lever), row, averaged[i], follow, at)
         if count == 0:
             continue
         for j in range(count):
-            d, weight = at[DEPTH, j], at[WEIGHT, j]
+            d, weight = at.depth[j], at.weight[j]
             if d > 0.0:
-                storage += weight * contact_slope(law, d, without) * at[RATE, j] ** 2
+                storage += weight * contact_slope(law, d, without) * at.rate[j] ** 2
             if not follow:
                 continue
-            if at[TOUCHES, j] == 0.0:
+            if at.touches[j] == 0.0:
                 f = longrange_force(law, min(d, 0.0), p)
             else:
                 f = contact_force(law, d, p)
                 if d > 0.0:
                     f -= contact_force(law, d, without)
-            virial -= weight * f * at[COS, j]
+            virial -= weight * f * at.cos[j]
         if whole:
             row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
         row[ADHESION_LOSS] = _neck(law, p) if release > 0.0 else 0.0

@@ -18,6 +18,7 @@ from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, Maximu
 from phasemap._kernels.engagement.response import cheap_orbit, engage_by_response
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
+from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.kept import FAINT_DRIVE, KEPT_COUNT, keep_nodes
@@ -71,7 +72,7 @@ def cheap_rows(
     stand. Rows that wait with the status STIFF hold `guess`. Rows with room keep the nodes of the orbit (`kept`).
     """
     out, status, solver = answers
-    room, guess, waiting = Room(), np.zeros(col.GUESS), 0
+    room, at, guess, waiting = Room(), OrbitNodes(), np.zeros(col.GUESS), 0
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
@@ -86,7 +87,7 @@ def cheap_rows(
             if out.shape[1] > col.COLUMNS:
                 out[i, KEPT_COUNT] = 0.0
                 if room.state.parts == 1.0 and lever[col.BASE] < FAINT_DRIVE * amplitude:
-                    keep_nodes(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, out[i])
+                    keep_nodes(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, at, out[i])
     return waiting
 
 

@@ -18,12 +18,11 @@ from phasemap._kernels.law import (
     longrange_slope,
     parameters,
 )
-from phasemap._kernels.orbits.around import COS, DEPTH, RATE, SIN, TOUCHES, WEIGHT, moves
-from phasemap._kernels.orbits.kept import KEPT_BEGINS, KEPT_COUNT, KEPT_ENDS, nodes_in
+from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
+from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.solved import all_nodes_of, new_path
-from phasemap._kernels.orbits.tap import MOST_TAP_NODES
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
 
 TURNS = 20  # harmonics of the force's slope that are looked at
@@ -40,7 +39,7 @@ def _jumps(law: Law, p: np.ndarray, entry: float, release: float) -> float:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _harmonics(at: np.ndarray, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
+def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
     """Harmonics `first` ... of what is at the nodes with their weights: sums of it with cos(n theta) and -sin(n theta).
 
     By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
@@ -48,14 +47,14 @@ def _harmonics(at: np.ndarray, count: int, load: np.ndarray, first: int, out: np
 
     Parameters
     ----------
-    at : ndarray, shape (ROWS, MOST)
+    at : OrbitNodes
         The nodes.
     load : ndarray, shape (5, MOST)
         First the load of each node; the rest is room.
     out : ndarray, shape (2, any)
         Filled.
     """
-    cosine, sine, even, odd, even_last, odd_last = at[COS], at[SIN], load[1], load[2], load[3], load[4]
+    cosine, sine, even, odd, even_last, odd_last = at.cos, at.sin, load[1], load[2], load[3], load[4]
     for j in range(count):
         even[j], odd[j] = load[0, j] * cosine[j], load[0, j] * sine[j]
         even_last[j], odd_last[j] = load[0, j], 0.0
@@ -117,15 +116,15 @@ def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
 
 
 @kernel
-def _slopes(law: Law, p: np.ndarray, at: np.ndarray, count: int, load: np.ndarray) -> tuple[float, float]:
+def _slopes(law: Law, p: np.ndarray, at: OrbitNodes, count: int, load: np.ndarray) -> tuple[float, float]:
     """Integrals over theta of the force's slope [N/m] and of 2 alpha_s [1]; each node's share of the former over 2 pi.
 
     Jumps of the force are left out.
     """
     gradient, drag = 0.0, 0.0
     for j in range(count):
-        d, weight = at[DEPTH, j], at[WEIGHT, j]
-        if at[TOUCHES, j] == 0.0:
+        d, weight = at.depth[j], at.weight[j]
+        if at.touches[j] == 0.0:
             slope = longrange_slope(law, min(d, 0.0), p)
         else:
             d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
@@ -138,20 +137,20 @@ def _slopes(law: Law, p: np.ndarray, at: np.ndarray, count: int, load: np.ndarra
 
 
 @kernel
-def _pushes(oscillator: Oscillator, at: np.ndarray, count: int, load: np.ndarray) -> None:
+def _pushes(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.ndarray) -> None:
     """Each node's share of twice the mean of g [m]."""
     law, p, lever = oscillator
     inverse_k = 1.0 / lever[col.STIFFNESS]
     for j in range(count):
-        d = at[DEPTH, j]
-        if at[TOUCHES, j] == 0.0:
+        d = at.depth[j]
+        if at.touches[j] == 0.0:
             g = inverse_k * longrange_force(law, min(d, 0.0), p)
         else:
             d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
             g = inverse_k * contact_force(law, d, p)
             if d > 0.0:
-                g += 2.0 * damping(law, d, p) * lever[col.OMEGA] * at[RATE, j]
-        load[0, j] = at[WEIGHT, j] * g / math.pi
+                g += 2.0 * damping(law, d, p) * lever[col.OMEGA] * at.rate[j]
+        load[0, j] = at.weight[j] * g / math.pi
 
 
 @kernel
@@ -177,10 +176,10 @@ def force_rows(
     motion are wanted. `kept` are rows with nodes of their orbits where COUNT is above 0, shape (n, KEEPING) or (0, 0).
     """
     path, slopes, waves, load = (
-        new_path(Nodes(), PassState()),
+        new_path(OrbitNodes(), Nodes(), PassState()),
         np.zeros((2, TURNS)),
         np.zeros((2, col.HARMONICS)),
-        np.zeros((5, MOST_TAP_NODES)),
+        np.zeros((5, MOST_NODES)),
     )
     bimodal = second[col.STIFFNESS] > 0.0
     yields = _yields(lever, second) if bimodal else np.zeros((2, 1 + TURNS))
@@ -190,8 +189,7 @@ def force_rows(
             continue
         at = path.at
         if len(kept) > 0 and kept[i, KEPT_COUNT] > 0.0:
-            at, count = nodes_in(kept[i]), int(kept[i, KEPT_COUNT])
-            entry, release = kept[i, KEPT_BEGINS], kept[i, KEPT_ENDS]
+            count, entry, release = read_nodes(kept[i], at)
         else:
             count, entry, release = all_nodes_of(Oscillator(law, p, lever), row, averaged[i], path)
         if count == 0:

@@ -2,7 +2,7 @@
 
 Whether there is one is asked at the setpoint's amplitude, as engagement asks it at every amplitude on its way: far from
 the end of the branch averaging tells, and the lever's response gives the orbit; what is near is left PENDING for exact
-orbits (`others`).
+orbits (`other_branch_exact`).
 """
 
 from __future__ import annotations

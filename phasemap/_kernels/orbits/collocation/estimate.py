@@ -5,7 +5,7 @@ what the step changes there is the error of the orbit: that of the elements, of 
 beside the contacts, for the halves are laid where the contacts are: theory, Eq. (errors-4).
 
 The step itself leaves the square of what its start is wrong by. Between its nodes the orbit is a polynomial of xi, not
-of the angle (see `tables`): carried over by that polynomial it is about as exact as at the nodes.
+of the angle (see `quadrature`): carried over by that polynomial it is about as exact as at the nodes.
 """
 
 from __future__ import annotations

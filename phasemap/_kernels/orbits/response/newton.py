@@ -56,7 +56,8 @@ from phasemap._kernels.orbits.response.passes import (
     unresolved,
 )
 
-MOST_RESPONSE_STEPS, MOST_STEP_HALVINGS = 16, 6
+MOST_RESPONSE_STEPS = 16
+MOST_STEP_HALVINGS = 6
 REUSED = 0.1  # ratio of changes with which a step may do with the stiffness of the one before
 SETTLED_PHASE = 0.02  # [rad], change of the phase that leaves the nodes about where they will be
 LONGEST_RESPONSE_STEP = 0.5  # step, over the depth of the contact or
@@ -229,7 +230,7 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
 
 @kernel
 def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray, bench: Bench) -> int:
-    """Repeat steps from a motion that touches until its estimated errors are below the limits: FOUND, LOST or COARSE.
+    """Repeat steps from a motion that touches until its estimated errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED.
 
     The error left is taken from the last two changes, as that of passes is.
     """

@@ -10,7 +10,7 @@ omega and nu = Im lambda the sum over all harmonics is
 H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi): theory,
 Eqs. (response-4), (response-5) and (response-6). In air w is some
 hundredths of the indentation, and the passes w -> -G g converge fast; each also moves e to where the drive is the one
-given (`mismatch`; averaging is the pass with w = 0). This file has one pass; `corrected` repeats it.
+given (`mismatch`; averaging is the pass with w = 0). This file has one pass; `passes` repeats it.
 """
 
 from __future__ import annotations

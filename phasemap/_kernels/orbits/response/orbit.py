@@ -171,7 +171,7 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
 
 @kernel
 def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
-    """Whether the tip offset clearly falls with the amplitude along the exact orbits at the one of room.state."""
+    """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of room.state."""
     law, p = oscillator.law, oscillator.p
     f, here, there = solved(room), room.state, room.other
     if here.parts == 0:

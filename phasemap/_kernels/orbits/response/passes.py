@@ -1,4 +1,4 @@
-"""Exact orbits by passes of the lever's response (`response`), with an estimate of the error that is left."""
+"""Exact orbits by passes of the lever's response (`nodes`), with an estimate of the error that is left."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.quadrature import barycentric
 from phasemap._kernels.records import record
 
-NO_ORBIT, FOUND, UNRESOLVED = 0, 1, 2  # COARSE: an orbit, but the nodes do not resolve it well enough
+NO_ORBIT = 0  # how passes end
+FOUND = 1
+UNRESOLVED = 2  # an orbit, but the nodes do not resolve it well enough
 MOST_PASSES = 24
 MOST_MOVES = 4  # of e within a pass
 MOST_SLOW = 4  # passes that leave more than 0.7 of the change before
@@ -246,7 +248,7 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
 def converge(
     oscillator: Oscillator, f: Nodes, state: PassState, hold: bool, limit_phase: float, limit_height: float
 ) -> int:
-    """Repeat passes until estimated errors are below the limits: FOUND, LOST or COARSE; with `hold`, drive is found.
+    """Repeat passes until estimated errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, drive is found.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes in contact contract slowly, so that all but the first are mixed.

@@ -61,7 +61,8 @@ DENT_LEFT = 1e-15  # [m] of dents that a tap may meet
 THINNEST = 40.0  # relaxation times before the turn that the nodes may have to resolve
 AIR_HARMONICS = 32  # fewer than these are summed
 UNFOLLOWED = 0.3  # of what the nodes may miss of D, that is taken for missed
-MOST_ENDS, MOST_LOOK_BACKS = 6, 5  # steps to the end of the harmonic orbit's contact, and to early angles
+MOST_ENDS = 6  # steps to the end of the harmonic orbit's contact
+MOST_LOOK_BACKS = 5  # steps to the early angles
 END_TOLERANCE = 1e-6  # of the contact, error of its end
 AMPLITUDE_STEP = 1e-3  # of the depth, a step of the amplitude
 UNDAMPED = 0.5  # of what air takes more at a larger amplitude, that a tap may take less there
@@ -157,7 +158,7 @@ def unfollowed(p: np.ndarray, f: Nodes, m: ContactMemory) -> float:
 
 @kernel
 def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) -> int:
-    """Repeat passes from a harmonic orbit that touches until estimated errors are below the limits: FOUND or LOST."""
+    """Repeat passes from a harmonic orbit that touches until estimated errors are below the limits: FOUND or NO_ORBIT."""
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     slow, longrange = 0, p[LONGRANGE] != 0.0
