@@ -1,6 +1,6 @@
 """Averaged orbits on a branch that is known, with their derivatives with respect to the material.
 
-At a given amplitude the averaged orbit is a root c of one scalar equation, the mismatch of the drive (`orbits.averaged`), so
+At a given amplitude the averaged orbit is a root c of one equation, the mismatch of the drive (`orbits.averaged`), so
 that by the implicit function theorem phase and tip offset change with a parameter at fixed c, and by what c changes:
 theory, Eq. (inversion-1).
 Where the detector sees the deflection, that holds at a given A; what A is follows from the amplitude that is seen.

@@ -25,7 +25,7 @@ def exact_near_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, amplitudes: np.ndarray,
     first: int, last: int, answers: Answers,
 ) -> int:  # fmt: skip
-    """Exact orbits for what `other_branch.other_rows` left PENDING, where they are found; returns how many rows still wait.
+    """Exact orbits for what `other_branch.other_rows` left PENDING, where they are found; returns how many still wait.
 
     A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
     are tried too.

@@ -230,7 +230,7 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
 
 @kernel
 def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray, bench: Bench) -> int:
-    """Repeat steps from a motion that touches until its estimated errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED.
+    """Repeat steps from a motion that touches until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED.
 
     The error left is taken from the last two changes, as that of passes is.
     """

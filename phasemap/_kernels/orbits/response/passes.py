@@ -248,7 +248,7 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
 def converge(
     oscillator: Oscillator, f: Nodes, state: PassState, hold: bool, limit_phase: float, limit_height: float
 ) -> int:
-    """Repeat passes until estimated errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, drive is found.
+    """Repeat passes until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, drive is found.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes in contact contract slowly, so that all but the first are mixed.

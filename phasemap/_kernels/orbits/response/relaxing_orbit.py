@@ -158,7 +158,7 @@ def unfollowed(p: np.ndarray, f: Nodes, m: ContactMemory) -> float:
 
 @kernel
 def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) -> int:
-    """Repeat passes from a harmonic orbit that touches until estimated errors are below the limits: FOUND or NO_ORBIT."""
+    """Repeat passes from a harmonic orbit that touches until errors are below the limits: FOUND or NO_ORBIT."""
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     slow, longrange = 0, p[LONGRANGE] != 0.0

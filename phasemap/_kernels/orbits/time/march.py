@@ -2,7 +2,7 @@
 
     z'' + 2 (alpha0 + alpha_s(d)) z' + z + F(d)/k = u0 cos(omega tau),    d = z - z0          (Wang 1999, Eq. 1)
 
-by an explicit Runge-Kutta method of order 8 (`runge_kutta`) on steps laid out by a smooth density; no error control repeats
+by an explicit Runge-Kutta method of order 8 (`runge_kutta`) on steps laid out by a smooth density; no control repeats
 them, so the error is C eta^8 (theory, Eqs. (time-1) and (time-2)). Order 8 needs an analytic right-hand side, and F ~
 d^(3/2), alpha_s ~ d^(1/2) are not:
 
