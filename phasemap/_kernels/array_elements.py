@@ -8,10 +8,17 @@ from typing import Any
 from llvmlite import ir
 from numba.core import types
 
-_MEMINFO, _PARENT, _ITEMS, _ITEM_SIZE, _DATA, _SHAPE, _STRIDES = range(7)  # numba's structure of an array
+# Places in numba's structure of an array.
+_MEMINFO = 0
+_PARENT = 1
+_ITEMS = 2
+_ITEM_SIZE = 3
+_DATA = 4
+_SHAPE = 5
+_STRIDES = 6
 
 
-def simple(array: types.Type, index: types.Type) -> tuple[types.Type, ...]:
+def index_types(array: types.Type, index: types.Type) -> tuple[types.Type, ...]:
     """The types of the indices, where they are whole numbers into a contiguous array; none otherwise."""
     if type(array) is not types.Array or array.layout != "C" or not array.aligned:
         return ()
@@ -20,8 +27,8 @@ def simple(array: types.Type, index: types.Type) -> tuple[types.Type, ...]:
     return kinds if whole and 0 < len(kinds) <= array.ndim else ()
 
 
-def place_of(builder: Any, array: Any, dimensions: int, kinds: Sequence[Any], index: Any) -> tuple[Any, list[Any]]:
-    """Pointer to what an index leads to, and how long the axes are that are left."""
+def element_place(builder: Any, array: Any, dimensions: int, kinds: Sequence[Any], index: Any) -> tuple[Any, list[Any]]:
+    """Pointer to the element or part at an index, and the sizes of the axes that are left."""
     sizes = [builder.extract_value(array, (_SHAPE, axis)) for axis in range(dimensions)]
     offset = None
     for axis, kind in enumerate(kinds):
@@ -35,8 +42,8 @@ def place_of(builder: Any, array: Any, dimensions: int, kinds: Sequence[Any], in
     return builder.gep(builder.extract_value(array, _DATA), [offset]), sizes[len(kinds) :]
 
 
-def view(builder: Any, array: Any, kind: Any, place: Any, sizes: Sequence[Any]) -> Any:
-    """The part of an array that begins at a place and has these sizes, as LLVM knows it."""
+def part_of(builder: Any, array: Any, kind: Any, place: Any, sizes: Sequence[Any]) -> Any:
+    """Part of an array that begins at a pointer and has these sizes, as a structure of LLVM."""
     dimensions, items, made = array.type.elements[_SHAPE].count, None, ir.Constant(kind, ir.Undefined)
     for field in (_MEMINFO, _PARENT, _ITEM_SIZE):
         made = builder.insert_value(made, builder.extract_value(array, field), field)

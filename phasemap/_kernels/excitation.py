@@ -1,4 +1,4 @@
-"""What the detector sees of the tip's motion: its first harmonic less that of the lever's base.
+"""Amplitude and phase that the detector sees: the first harmonic of the tip less the motion of the lever's base.
 
 With z = Re(Z exp(i omega tau)), Z = -i A exp(i phase), and a base that moves by b cos(omega tau), b = lever[SHAKER], it
 sees Z - b; b is 0 where the drive's force acts on the tip itself. Orbits obey u0 sin(phase) = P + A (1 - omega^2) and
@@ -15,7 +15,8 @@ import numpy as np
 from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, SHAKER
 from phasemap._kernels.compilation import kernel
 
-LOOKS, HALVINGS = 64, 50  # along the orbits without losses, and between two of them
+CIRCLE_POINTS = 64  # along the orbits without losses
+CIRCLE_HALVINGS = 50  # between two of these points
 LEAST_SLOPE = 0.05  # of the amplitude seen with A: a flatter secant is not believed
 
 
@@ -31,7 +32,7 @@ def seen_amplitude(lever: np.ndarray, amplitude: float, push: float) -> float:
 
 @kernel
 def seen_rate(lever: np.ndarray, amplitude: float, push: float, by_amplitude: float, by_push: float) -> float:
-    """Rate of the amplitude that the detector sees, from those of A and P."""
+    """Rate of the amplitude that the detector sees, from the rates of A and P."""
     base = lever[SHAKER]
     if base == 0.0:
         return by_amplitude
@@ -51,13 +52,13 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     if base == 0.0:
         return seen
     low, high = 0.0, 0.5 * math.pi
-    for i in range(1, LOOKS):
-        at = 0.5 * math.pi * i / LOOKS
+    for i in range(1, CIRCLE_POINTS):
+        at = 0.5 * math.pi * i / CIRCLE_POINTS
         if _on_circle(most, base, side, at) < seen:
             high = at
             break
         low = at
-    for _ in range(HALVINGS):
+    for _ in range(CIRCLE_HALVINGS):
         at = 0.5 * (low + high)
         if _on_circle(most, base, side, at) < seen:
             high = at
@@ -68,7 +69,7 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
 
 @kernel
 def _on_circle(most: float, base: float, side: int, at: float) -> float:
-    """Amplitude [m] seen of the orbit without losses whose phase is `at`, up to the sign that is its side."""
+    """Amplitude [m] that the detector sees of the orbit without losses whose phase is `at` times its side."""
     amplitude = most * math.cos(at)
     return math.sqrt(amplitude * amplitude + base * base - 2.0 * side * base * amplitude * math.sin(at))
 
@@ -87,7 +88,7 @@ def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, floa
 def next_amplitude(
     lever: np.ndarray, seen: float, amplitude: float, phase: float, miss: float, before: tuple[float, float]
 ) -> float:
-    """The next A [m] to try after one of this phase of z was seen with an amplitude off by `miss`; NaN without one.
+    """Next amplitude A [m] to try after an orbit of this phase was seen with an amplitude off by `miss`, or NaN.
 
     By the secant from `before`, the A before this one and its miss, or else as if the phase stayed.
     """

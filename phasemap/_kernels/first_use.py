@@ -1,4 +1,4 @@
-"""A word on stderr while kernels are compiled: what for, how far it is, and about how long it will take.
+"""A line on stderr while kernels are compiled: how far that is, and about how long it will take.
 
 One line after two seconds; on a terminal it has a bar that moves. The environment variable PHASEMAP_QUIET, set to
 anything, keeps it away.
@@ -12,13 +12,14 @@ import threading
 import time
 from typing import Any
 
-PATIENCE, EVERY = 2.0, 0.5  # seconds before the first word, and between two of a bar
-WIDTH = 24
+FIRST_WORD = 2.0  # seconds before anything is said
+NEXT_WORD = 0.5  # seconds between two of a bar
+BAR_WIDTH = 24  # characters
 SHARE_OF_THE_END = 0.25  # of the whole time, in which what is typed is optimised and emitted: measured, 0.15 to 0.35
 
 
 class FirstUse:
-    """The kernels that one entry needs, as they are compiled.
+    """Progress of compiling the kernels that one entry needs.
 
     Parameters
     ----------
@@ -36,26 +37,26 @@ class FirstUse:
 
     def __enter__(self) -> FirstUse:
         if not os.environ.get("PHASEMAP_QUIET"):
-            threading.Thread(target=self._speak, daemon=True).start()
+            threading.Thread(target=self._print, daemon=True).start()
         return self
 
     def __exit__(self, *_: Any) -> None:
         self._ended.set()
 
     def line(self) -> str:
-        """What to say now."""
+        """The line that is said now: how far the compilation is, and how long it will take."""
         spent = time.monotonic() - self._started
         share = (1.0 - SHARE_OF_THE_END) * min(self.done / self.expected, 1.0)
         left = f", about {max(spent / share - spent, 1.0):.0f} s left" if share > 0.1 else ""
-        filled = round(WIDTH * share)
-        bar = f" [{'#' * filled}{'.' * (WIDTH - filled)}]" if self._bar else ""
+        filled = round(BAR_WIDTH * share)
+        bar = f" [{'#' * filled}{'.' * (BAR_WIDTH - filled)}]" if self._bar else ""
         return f"phasemap: compiling kernels for their first use{bar}{left}; later runs load them."
 
-    def _speak(self) -> None:
-        """Say it until the work has ended."""
-        longest, wait = 0, PATIENCE
+    def _print(self) -> None:
+        """Print the line until the work has ended."""
+        longest, wait = 0, FIRST_WORD
         while not self._ended.wait(wait):
-            line, wait = self.line(), EVERY
+            line, wait = self.line(), NEXT_WORD
             if not self._bar:
                 if not FirstUse.said:
                     print(line, file=sys.stderr, flush=True)

@@ -144,14 +144,14 @@ class _Lower(lowering.Lower):
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
         """An element or a row."""
         of, at = self.typeof(value.name), self.typeof(index.name)
-        kinds = array_elements.simple(of, at)
+        kinds = array_elements.index_types(of, at)
         if not kinds or self.context.enable_boundscheck:
             return super().lower_getitem(resty, expr, value, index, signature)
         array = self.loadvar(value.name)
-        place, sizes = array_elements.place_of(self.builder, array, of.ndim, kinds, self.loadvar(index.name))
+        place, sizes = array_elements.element_place(self.builder, array, of.ndim, kinds, self.loadvar(index.name))
         given = signature.return_type
         if sizes:
-            found = array_elements.view(self.builder, array, self.context.get_value_type(given), place, sizes)
+            found = array_elements.part_of(self.builder, array, self.context.get_value_type(given), place, sizes)
             self.incref(given, found)
         else:
             found = self.context.unpack_value(self.builder, of.dtype, place)
@@ -160,11 +160,11 @@ class _Lower(lowering.Lower):
     def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
         """An element is given a value."""
         of, at, value = (self.typeof(one.name) for one in (target_var, index_var, value_var))
-        kinds = array_elements.simple(of, at)
+        kinds = array_elements.index_types(of, at)
         if len(kinds) != getattr(of, "ndim", -1) or not isinstance(value, types.Number | types.Boolean):
             return super().lower_setitem(target_var, index_var, value_var, signature)
         array = self.loadvar(target_var.name)
-        place, _ = array_elements.place_of(self.builder, array, of.ndim, kinds, self.loadvar(index_var.name))
+        place, _ = array_elements.element_place(self.builder, array, of.ndim, kinds, self.loadvar(index_var.name))
         number = self.context.cast(self.builder, self.loadvar(value_var.name), value, of.dtype)
         self.context.pack_value(self.builder, of.dtype, number, place)
         return None

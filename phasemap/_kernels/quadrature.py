@@ -25,11 +25,22 @@ CONTACT_COUNTS = np.array([2, 3, 4, 6, 8, 12, 16])  # elements that a contact ma
 GRADED_WIDTHS = np.array([1.2, 0.8, 0.5])  # of a graded element in x, by level of refinement
 GRADED_REACH = 14.0  # graded elements run to x = 14: lengths over five decades
 
-# Rows of an element. At the nodes: S, the weights that integrate once and twice to the element's end, the row sums of
-# M1, barycentric weights in S. NUMBERS: S at xi = 0 and 1, sum of END1, barycentric weights of both ends.
-# M1, M2: eight rows each, integration once and twice from the element's start to the nodes.
-T_S, T_END1, T_END2, T_SUM1, T_BARY, T_NUMBERS, T_M1, T_M2, T_ROWS = 0, 1, 2, 3, 4, 5, 6, 14, 22
-T_FIRST, T_LAST, T_TOTAL, T_BARY_FIRST, T_BARY_LAST = 0, 1, 2, 3, 4
+# Rows of an element, NODES numbers each.
+T_S = 0  # S at the nodes
+T_END1 = 1  # weights that integrate once to the element's end
+T_END2 = 2  # weights that integrate twice
+T_SUM1 = 3  # row sums of M1
+T_BARY = 4  # barycentric weights in S
+T_NUMBERS = 5  # numbers of the element, in the columns below
+T_M1 = 6  # NODES rows: integration once from the element's start to the nodes
+T_M2 = 14  # NODES rows: integration twice
+T_ROWS = 22
+
+T_FIRST = 0  # S at xi = 0
+T_LAST = 1  # S at xi = 1
+T_TOTAL = 2  # sum of T_END1
+T_BARY_FIRST = 3  # barycentric weights of both ends
+T_BARY_LAST = 4
 
 
 def gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -54,8 +65,8 @@ def barycentric(x: np.ndarray) -> np.ndarray:
     return 1 / difference.prod(axis=1)
 
 
-_X, _WEIGHT = gauss(NODES)
-_MATRIX = integration_matrix(_X)
+_ELEMENT_X, _ELEMENT_WEIGHT = gauss(NODES)
+_MATRIX = integration_matrix(_ELEMENT_X)
 
 
 def _contact(first: float, width: float) -> Map:
@@ -73,12 +84,12 @@ def _incoming(e: int, width: float) -> Map:
 
 def _element(mapped: Map, low: float, high: float) -> np.ndarray:
     """Rows of the part of an element between two values of xi."""
-    s, t = mapped(low + (high - low) * _X)
+    s, t = mapped(low + (high - low) * _ELEMENT_X)
     t = (high - low) * t
     ends = mapped(np.array([low, high]))[0]
     row = np.zeros((T_ROWS, NODES))
     m1 = _MATRIX * t
-    row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, _WEIGHT * t, (_WEIGHT * t) @ m1, m1.sum(axis=1)
+    row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, _ELEMENT_WEIGHT * t, (_ELEMENT_WEIGHT * t) @ m1, m1.sum(axis=1)
     bary = barycentric(np.concatenate([ends[:1], s, ends[1:]]) / (ends[1] - ends[0]))
     row[T_BARY] = bary[1:-1]
     row[T_NUMBERS, :5] = *ends, row[T_END1].sum(), bary[0], bary[-1]
@@ -105,7 +116,7 @@ def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
 
 def _into_halves() -> np.ndarray:
     """Polynomials of xi that are 1 at an element's start, a node, or its end, at the nodes of its halves."""
-    given, at = np.concatenate([[0], _X, [1]]), np.concatenate([_X, 1 + _X]) / 2
+    given, at = np.concatenate([[0], _ELEMENT_X, [1]]), np.concatenate([_ELEMENT_X, 1 + _ELEMENT_X]) / 2
     shares = barycentric(given) / (at[:, None] - given)
     return np.asarray(shares / shares.sum(axis=1, keepdims=True))
 

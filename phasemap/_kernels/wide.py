@@ -1,5 +1,11 @@
 """Columns of a result row that hold integrals over its orbit: they follow those of a full row."""
 
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
 from phasemap._kernels.columns import FULL, HARMONICS
 
 ADHESION_VIRIAL = FULL  # -<F_att A cos> [J], F_att the force less that of the same contact without adhesion or bias
@@ -10,3 +16,11 @@ DRAG = FULL + 4  # <2 alpha_s> [1]
 SIDEBANDS = FULL + 5  # what the second mode finds softer, for the first yields at sidebands: real, imaginary [N/m]
 WAVES = FULL + 7  # harmonics 2 ... 6 of z as complex amplitudes Z_n, z = Re(Z_n exp(i n theta)), real, imaginary [m]
 WIDE = WAVES + 2 * HARMONICS
+
+
+class SolvedRows(NamedTuple):
+    """Wide rows of the tip, whose integrals are to be filled in."""
+
+    rows: np.ndarray  # shape (n, WIDE)
+    averaged: np.ndarray  # bool, shape (n,); whether a row has the harmonic orbit only
+    kept: np.ndarray  # rows with nodes of the orbits where COUNT is above 0, shape (n, KEEPING) or (0, 0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS
-from phasemap._kernels.scanning.slots import UNKNOWN, Orbits
+from phasemap._kernels.scanning.slots import UNKNOWN_ORBIT, Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, values_of
@@ -221,7 +221,7 @@ def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branc
     if len(rest):
         branches.put(rest, stable_branches(job.work(materials[rest]), job.solver, job.accuracy, job.workers))
     orbits = branches.orbits
-    orbits.stable[1 - side[held], np.flatnonzero(held)] = UNKNOWN
+    orbits.stable[1 - side[held], np.flatnonzero(held)] = UNKNOWN_ORBIT
     return branches, orbits
 
 
@@ -241,7 +241,7 @@ def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: Orbits, 
         for below in range(1, 1 + ahead // pixels):
             there = numbers[np.minimum(line + below, lines - 1)]
             asked[there[orbits.engaged[there] == side[:, np.newaxis]]] = True
-    return np.flatnonzero(asked & (orbits.stable == UNKNOWN).any(axis=0))
+    return np.flatnonzero(asked & (orbits.stable == UNKNOWN_ORBIT).any(axis=0))
 
 
 def _freeze(tip: TipState) -> Values:

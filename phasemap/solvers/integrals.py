@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
-from phasemap._kernels.wide import WIDE
+from phasemap._kernels.wide import WIDE, SolvedRows
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import HARMONICS, OF_ADHESION, OF_FORCES
@@ -50,7 +50,8 @@ def with_adhesion(
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        adhesion_rows(work.law, work.rows, bare, work.lever, codes == col.AVERAGING, virial, kept, some)
+        solved = SolvedRows(some, codes == col.AVERAGING, kept)
+        adhesion_rows(work.law, work.rows, bare, work.lever, solved, virial)
     return _as_seen(wide, rows)
 
 
@@ -74,7 +75,8 @@ def with_forces(
         frequency = scope.frequency_ratio * scope.cantilever.resonance_frequency
         second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        force_rows(work.law, work.rows, work.lever, second, codes == col.AVERAGING, harmonics, kept, some)
+        solved = SolvedRows(some, codes == col.AVERAGING, kept)
+        force_rows(work.law, work.rows, work.lever, second, solved, harmonics)
     return _as_seen(wide, rows)
 
 

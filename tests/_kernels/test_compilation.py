@@ -250,7 +250,7 @@ print(*sorted(found))
 def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     import phasemap._kernels.first_use as first_use
 
-    monkeypatch.setattr(first_use, "PATIENCE", 0.0)
+    monkeypatch.setattr(first_use, "FIRST_WORD", 0.0)
     monkeypatch.delenv("PHASEMAP_QUIET", raising=False)
     monkeypatch.setattr(FirstUse, "said", False)
     use = FirstUse(80)

@@ -303,7 +303,7 @@ class TestParts:
             for given, got in zip((stiffness, adhesion, damping), back, strict=True):
                 assert np.allclose(given[first:], got, rtol=1e-12, atol=1e-15)
 
-    @pytest.mark.parametrize("form", [kernel.PLAIN, kernel.ROOT_LOW, kernel.ROOT_HIGH, kernel.ROOT_BOTH])
+    @pytest.mark.parametrize("form", [kernel.EVEN_PLACE, kernel.ROOT_LOW, kernel.ROOT_HIGH, kernel.ROOT_BOTH])
     def test_the_kernel_sums_what_numpy_sums_and_compiled_what_plain_python_does(self, form: int) -> None:
         rng = np.random.default_rng(form)
         cell = Cell((-1.0, 2.0, 0.0, 1.0, 0.1, 1.0), 0.5, 2.0, form)

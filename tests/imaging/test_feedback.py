@@ -17,7 +17,7 @@ from scipy import integrate, signal
 
 import phasemap as pm
 from phasemap._kernels.scanning import loop as of
-from phasemap._kernels.scanning.line import advance, start_at
+from phasemap._kernels.scanning.line import move_over, start_swinging
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.imaging.feedback import margin, tune
@@ -370,10 +370,10 @@ def test_image_says_its_gains() -> None:
 @njit
 def wander(setup, row, tip, span, states):  # type: ignore[no-untyped-def]
     """Complex amplitude, and what the lock-in shows, of a tip far from the surface, again and again after a time."""
-    start_at(setup.lever, 1e-6, 0.0, 0j, tip)
+    start_swinging(setup.lever, 1e-6, 0.0, 0j, tip)
     tally = of.Tally()
     for i in range(len(states)):
-        advance(setup, row, of.Stretch(0.0, 0.0, span), tip, tally)
+        move_over(setup, row, of.Stretch(0.0, 0.0, span), tip, tally)
         states[i, :2] = tip.y[of.A_REAL : of.A_IMAG + 1]
         states[i, 2:] = tip.y[of.FILTERS : of.FILTERS + 2]
 

@@ -11,8 +11,8 @@ _MIX, _SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
 @kernel
-def digest(row: np.ndarray) -> np.uint64:
-    """64 bits of a row of uint64 that differ where the row differs, as good as surely."""
+def row_digest(row: np.ndarray) -> np.uint64:
+    """Digest of a row of uint64: 64 bits that differ where the row differs, as good as surely."""
     mixed = np.uint64(0)
     for word in row:
         mixed = (mixed ^ word) * _MIX
@@ -22,16 +22,16 @@ def digest(row: np.ndarray) -> np.uint64:
 
 
 @kernel
-def digests(rows: np.ndarray, out: np.ndarray) -> None:
-    """`digest` of every row."""
+def row_digests(rows: np.ndarray, out: np.ndarray) -> None:
+    """Fill in the digest of every row."""
     for i in range(len(rows)):
-        out[i] = digest(rows[i])
+        out[i] = row_digest(rows[i])
 
 
 @kernel
 def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
     """Place in the table where this row is, or would be; the table's length is a power of 2."""
-    at = np.int64(digest(row) & np.uint64(len(table) - 1))
+    at = np.int64(row_digest(row) & np.uint64(len(table) - 1))
     while table[at] >= 0:
         same = True
         for j in range(len(row)):
@@ -44,9 +44,9 @@ def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
 
 @kernel
 def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -> tuple[int, int]:
-    """Add what rows are new to `known`, of which `count` are there, until it is full.
+    """Add new rows to the `known`, of which there are `count`, until that is full.
 
-    Returns how many are known then, and how many rows were taken in.
+    Returns the number of known rows then, and that of rows that were looked at.
     """
     for i in range(len(rows)):
         at = slot_of(rows[i], table, known)
@@ -61,6 +61,6 @@ def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -
 
 @kernel
 def look_up(rows: np.ndarray, table: np.ndarray, known: np.ndarray, out: np.ndarray) -> None:
-    """Number of every row among the known."""
+    """Fill in the number of every row among the known."""
     for i in range(len(rows)):
         out[i] = table[slot_of(rows[i], table, known)]

@@ -14,46 +14,69 @@ import numpy as np
 
 from phasemap._kernels.compilation import kernel
 
-CUT, BORDER, LEAF = 0, 1, 2  # kinds of tree nodes
-PLAIN, ROOT_LOW, ROOT_HIGH, ROOT_BOTH = 0, 1, 2, 3  # how u goes with the place rho between the ends
-KIND, WHICH, BELOW, ABOVE = 0, 1, 2, 3  # columns of nodes
-X0, X1, U = 0, 2, 4  # low ends in a box; high ones are next to them
-LOW, HIGH, FORM = 0, 1, 2  # columns of ends and forms
+# Kinds of tree nodes.
+CUT = 0
+BORDER = 1
+LEAF = 2
+
+# How u goes with the relative place between the ends of a layer.
+EVEN_PLACE = 0
+ROOT_LOW = 1
+ROOT_HIGH = 2
+ROOT_BOTH = 3
+
 LANES = 64  # points whose sums are taken together
-MOST = 33  # coefficients along one coordinate
-OUTSIDE = -1
+MOST_COEFFICIENTS = 33  # along one coordinate
+NO_PIECE = -1
 SLACK = 1e-9  # of the width of a piece by which rounding may lead a point out of it
 
 _SIGNS = {"contract", "nsz"}
 
 
 @kernel
-def scaled(x: float, low: float, high: float) -> float:
-    """Put x of [low, high] into [-1, 1]; 0 where the interval is a point."""
+def scaled(x: float, ends: np.ndarray) -> float:
+    """Coordinate in [-1, 1] of x between two ends; 0 where the interval is a point."""
+    low, high = ends[0], ends[1]
     return (2.0 * x - low - high) / (high - low) if high > low else 0.0
 
 
 class Tree(NamedTuple):
-    """What leads a material to its piece."""
+    """Binary tree that leads a material to its piece."""
 
-    nodes: np.ndarray  # int, shape (nodes, 4); KIND; WHICH coordinate, border or piece; node BELOW; node ABOVE
-    values: np.ndarray  # shape (nodes,); where a coordinate is cut
-    boxes: np.ndarray  # shape (borders, 4); of a border: low and high of x0, of x1
+    # Of each node: its kind, the number of its coordinate, border or piece, the nodes below and above, int, and where
+    # a coordinate is cut
+    kinds: np.ndarray
+    numbers: np.ndarray
+    below: np.ndarray
+    above: np.ndarray
+    cuts: np.ndarray
+    boxes: np.ndarray  # shape (borders, 2, 2); of a border: low and high end of x0, of x1
     # sizes, starts, coefficients: how many coefficients a border has along x0 and x1, shape (borders, 2), and
     # where they begin in the last
     sizes: np.ndarray
     starts: np.ndarray
     coefficients: np.ndarray
-    piece_boxes: np.ndarray  # shape (pieces, 6); low and high of x0, x1, u
+    piece_boxes: np.ndarray  # shape (pieces, 3, 2); low and high end of x0, x1, u
     ends: np.ndarray  # shape (pieces, 2); lower and upper end of a piece in x2 where it is a number
-    forms: np.ndarray  # int, shape (pieces, 3); its lower border or -1, upper border or -1, form of u
+    end_borders: np.ndarray  # int, shape (pieces, 2); its lower and its upper border, or -1
+    forms: np.ndarray  # int, shape (pieces,); form of u
+
+
+class Series(NamedTuple):
+    """Chebyshev series of every piece."""
+
+    sizes: np.ndarray  # int, shape (pieces, 3); most coefficients along x0, x1, u
+    length_starts: np.ndarray  # int, shape (pieces, functions); where a function begins in `lengths`
+    lengths: np.ndarray  # int; how many coefficients there are along u, for each (i, j)
+    starts: np.ndarray  # int, shape (pieces, functions); where a function begins in `coefficients`
+    coefficients: np.ndarray  # those along u, one (i, j) after another
 
 
 @kernel
-def border(tree: Tree, which: int, x0: float, x1: float) -> float:
+def border_height(tree: Tree, which: int, x0: float, x1: float) -> float:
     """Height x2 of a border at (x0, x1), by Clenshaw's recurrence in both."""
     box, coefficients = tree.boxes[which], tree.coefficients
-    a, b = scaled(x0, box[X0], box[X0 + 1]), scaled(x1, box[X1], box[X1 + 1])
+    a, b = scaled(x0, box[0]), scaled(x1, box[1])
     rows, columns, start = tree.sizes[which, 0], tree.sizes[which, 1], tree.starts[which]
     one, two = 0.0, 0.0
     for i in range(rows - 1, -1, -1):
@@ -70,8 +93,8 @@ def border(tree: Tree, which: int, x0: float, x1: float) -> float:
 
 
 @kernel
-def place(rho: float, form: int) -> float:
-    """u of the relative place rho between the lower and the upper end of a layer."""
+def layer_coordinate(rho: float, form: int) -> float:
+    """Coordinate u at a relative place rho between the lower and the upper end of a layer."""
     rho = min(max(rho, 0.0), 1.0)
     if form == ROOT_LOW:
         return math.sqrt(rho)
@@ -95,52 +118,50 @@ def locate(points: np.ndarray, tree: Tree, piece: np.ndarray, inside: np.ndarray
     inside : ndarray, shape (3, n)
         Receives the coordinates in [-1, 1].
     """
-    nodes, forms = tree.nodes, tree.forms
     for i in range(points.shape[1]):
         x0, x1, x2 = points[0, i], points[1, i], points[2, i]
-        piece[i] = OUTSIDE
+        piece[i] = NO_PIECE
         if not math.isfinite(x0 + x1 + x2):
             continue
         node, under, over, low, high = 0, -1, -1, 0.0, 0.0  # the borders met last below and above the point
-        while nodes[node, KIND] != LEAF:
-            which = nodes[node, WHICH]
-            if nodes[node, KIND] == CUT:
-                above = points[which, i] >= tree.values[node]
+        while tree.kinds[node] != LEAF:
+            which = tree.numbers[node]
+            if tree.kinds[node] == CUT:
+                above = points[which, i] >= tree.cuts[node]
             else:
-                height = border(tree, which, x0, x1)
+                height = border_height(tree, which, x0, x1)
                 above = x2 >= height
                 if above:
                     under, low = which, height
                 else:
                     over, high = which, height
-            node = nodes[node, ABOVE] if above else nodes[node, BELOW]
-        which = nodes[node, WHICH]
-        if which == OUTSIDE:
+            node = tree.above[node] if above else tree.below[node]
+        which = tree.numbers[node]
+        if which == NO_PIECE:
             continue
-        lower, upper = forms[which, LOW], forms[which, HIGH]
+        lower, upper = tree.end_borders[which, 0], tree.end_borders[which, 1]
         if lower < 0:
-            low = tree.ends[which, LOW]
+            low = tree.ends[which, 0]
         elif lower != under:
-            low = border(tree, lower, x0, x1)
+            low = border_height(tree, lower, x0, x1)
         if upper < 0:
-            high = tree.ends[which, HIGH]
+            high = tree.ends[which, 1]
         elif upper != over:
-            high = border(tree, upper, x0, x1)
-        u = place((x2 - low) / (high - low), forms[which, FORM]) if high > low else x2 - low
+            high = border_height(tree, upper, x0, x1)
+        u = layer_coordinate((x2 - low) / (high - low), tree.forms[which]) if high > low else x2 - low
         box = tree.piece_boxes[which]
-        flat_0, flat_1 = box[X0] == box[X0 + 1], box[X1] == box[X1 + 1]
-        if (flat_0 and x0 != box[X0]) or (flat_1 and x1 != box[X1]) or (high == low and u != 0.0):
+        flat_0, flat_1 = box[0, 0] == box[0, 1], box[1, 0] == box[1, 1]
+        if (flat_0 and x0 != box[0, 0]) or (flat_1 and x1 != box[1, 0]) or (high == low and u != 0.0):
             continue
-        a, b = scaled(x0, box[X0], box[X0 + 1]), scaled(x1, box[X1], box[X1 + 1])
-        c = scaled(u, box[U], box[U + 1])
+        a, b, c = scaled(x0, box[0]), scaled(x1, box[1]), scaled(u, box[2])
         if max(abs(a), abs(b), abs(c)) <= 1.0 + SLACK:
             piece[i] = which
             inside[0, i], inside[1, i], inside[2, i] = a, b, c
 
 
 @kernel(fastmath=_SIGNS)
-def polynomials(t: np.ndarray, width: int, count: int, out: np.ndarray) -> None:
-    """Chebyshev polynomials 0 ... count - 1 of so many points."""
+def chebyshev_polynomials(t: np.ndarray, width: int, count: int, out: np.ndarray) -> None:
+    """Fill in the Chebyshev polynomials 0 ... count - 1 at the first `width` points."""
     for lane in range(width):
         out[0, lane] = 1.0
     if count > 1:
@@ -151,37 +172,13 @@ def polynomials(t: np.ndarray, width: int, count: int, out: np.ndarray) -> None:
             out[k, lane] = 2.0 * t[lane] * out[k - 1, lane] - out[k - 2, lane]
 
 
-@kernel(fastmath=_SIGNS)
-def evaluate(
-    piece: np.ndarray,
-    inside: np.ndarray,
-    wanted: np.ndarray,
-    piece_sizes: np.ndarray,
-    length_starts: np.ndarray,
-    lengths: np.ndarray,
-    coefficient_starts: np.ndarray,
-    coefficients: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    """Sum the Chebyshev series of every point that `locate` found a piece for.
+@kernel
+def _by_piece(piece: np.ndarray, pieces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points in the order of their pieces, those without one first, and where each piece begins among them.
 
-    The points of a piece are taken together, LANES at a time.
-
-    Parameters
-    ----------
-    piece, inside : ndarray
-        From `locate`.
-    wanted : ndarray of int
-        Which of the functions.
-    piece_sizes : ndarray of int, shape (pieces, 3)
-        Most coefficients along x0, x1, u.
-    length_starts, coefficient_starts : ndarray of int, shape (pieces, functions)
-        Where those of a function begin in `lengths`, one for each (i, j), and in `coefficients`, the first of them
-        along u for each (i, j).
-    out : ndarray, shape (len(wanted), n)
-        Filled where a point has a piece.
+    The latter are shifted by one: the points of a piece k are from `first[k + 1]` to `first[k + 2]`.
     """
-    count, pieces = len(piece), len(piece_sizes)
+    count = len(piece)
     first = np.zeros(pieces + 2, np.int64)
     for i in range(count):
         first[piece[i] + 2] += 1
@@ -192,8 +189,34 @@ def evaluate(
     for i in range(count):
         order[at[piece[i] + 1]] = i
         at[piece[i] + 1] += 1
+    return order, first
+
+
+@kernel(fastmath=_SIGNS)
+def sum_series(piece: np.ndarray, inside: np.ndarray, wanted: np.ndarray, series: Series, out: np.ndarray) -> None:
+    """Sum the Chebyshev series of every point that `locate` found a piece for.
+
+    The points of a piece are taken together, LANES at a time.
+
+    Parameters
+    ----------
+    piece, inside : ndarray
+        From `locate`.
+    wanted : ndarray of int
+        Which of the functions.
+    series : Series
+    out : ndarray, shape (len(wanted), n)
+        Filled where a point has a piece.
+    """
+    sizes, length_starts, lengths, starts, coefficients = series
+    pieces = len(sizes)
+    order, first = _by_piece(piece, pieces)
     t = np.zeros((3, LANES))
-    p0, p1, p2 = np.empty((MOST, LANES)), np.empty((MOST, LANES)), np.empty((MOST, LANES))
+    p0, p1, p2 = (
+        np.empty((MOST_COEFFICIENTS, LANES)),
+        np.empty((MOST_COEFFICIENTS, LANES)),
+        np.empty((MOST_COEFFICIENTS, LANES)),
+    )
     inner, middle, total = np.empty(LANES), np.empty(LANES), np.empty(LANES)
     for which in range(pieces):
         for begin in range(first[which + 1], first[which + 2], LANES):
@@ -201,18 +224,18 @@ def evaluate(
             for lane in range(width):
                 t[0, lane], t[1, lane] = inside[0, order[begin + lane]], inside[1, order[begin + lane]]
                 t[2, lane] = inside[2, order[begin + lane]]
-            polynomials(t[0], width, piece_sizes[which, 0], p0)
-            polynomials(t[1], width, piece_sizes[which, 1], p1)
-            polynomials(t[2], width, piece_sizes[which, 2], p2)
+            chebyshev_polynomials(t[0], width, sizes[which, 0], p0)
+            chebyshev_polynomials(t[1], width, sizes[which, 1], p1)
+            chebyshev_polynomials(t[2], width, sizes[which, 2], p2)
             for f in range(len(wanted)):
                 at_length = length_starts[which, wanted[f]]
-                at_coefficient = coefficient_starts[which, wanted[f]]
+                at_coefficient = starts[which, wanted[f]]
                 for lane in range(width):
                     total[lane] = 0.0
-                for i in range(piece_sizes[which, 0]):
+                for i in range(sizes[which, 0]):
                     for lane in range(width):
                         middle[lane] = 0.0
-                    for j in range(piece_sizes[which, 1]):
+                    for j in range(sizes[which, 1]):
                         length = lengths[at_length]
                         at_length += 1
                         if length == 0:

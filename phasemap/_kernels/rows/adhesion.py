@@ -1,4 +1,4 @@
-"""Loop over rows that are solved: what the attraction between tip and surface does along their orbits."""
+"""Rows that are solved: virial and loss of the attraction along their orbits, and energy that the contact stores."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from phasemap._kernels.orbits.around import (
 )
 from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
 from phasemap._kernels.orbits.solved import nodes_of
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE, SolvedRows
 
 
 @kernel
-def _neck(law: Law, p: np.ndarray) -> float:
-    """Energy [J] that a neck takes which is drawn out to its release: none without one."""
+def _neck_energy(law: Law, p: np.ndarray) -> float:
+    """Energy [J] that it takes to draw out a neck to its release; 0 without a neck."""
     taken = 0.0
     for i in range(len(HARMONIC_X)):
         d = p[col.RELEASE] * (1.0 - HARMONIC_X[i] * HARMONIC_X[i])
@@ -33,15 +33,14 @@ def _neck(law: Law, p: np.ndarray) -> float:
 
 @kernel
 def adhesion_rows(
-    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, averaged: np.ndarray, whole: bool,
-    kept: np.ndarray, out: np.ndarray,
-) -> None:  # fmt: skip
-    """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of wide rows of the tip, shape (n, WIDE), of periodic orbits.
+    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, solved: SolvedRows, whole: bool
+) -> None:
+    """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of rows that have a periodic orbit.
 
-    `bare` are the rows of the same contacts without adhesion and bias. Rows that are `averaged` have the harmonic orbit
-    only. The virial is filled in only if orbits are followed as a `whole`. `kept` are rows with nodes of their orbits
-    where COUNT is above 0, shape (n, KEEPING) or (0, 0).
+    `bare` are the rows of the same contacts without adhesion and bias. The virial is filled in only if orbits are
+    followed as a `whole`.
     """
+    out, averaged, kept = solved
     at = OrbitNodes()
     for i in range(len(rows)):
         row = out[i]
@@ -71,5 +70,5 @@ def adhesion_rows(
             virial -= weight * f * at.cos[j]
         if whole:
             row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-        row[ADHESION_LOSS] = _neck(law, p) if release > 0.0 else 0.0
+        row[ADHESION_LOSS] = _neck_energy(law, p) if release > 0.0 else 0.0
         row[STORAGE] = storage / (2.0 * math.pi)

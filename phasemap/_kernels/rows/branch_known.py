@@ -11,7 +11,14 @@ from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import Room, refine
-from phasemap._kernels.rows.derivatives import HELD, MOST_STEPS, OFFSET, PHASE, WELL, root_of
+from phasemap._kernels.rows.derivatives import (
+    ENOUGH_HOLD,
+    EXACT_HOLD,
+    MEASURED_OFFSET,
+    MEASURED_PHASE,
+    MOST_ROOT_STEPS,
+    stable_root,
+)
 
 
 @kernel
@@ -28,7 +35,7 @@ def exact_block(
         As for `averaged_block`; places that are NaN are searched for.
     limits : ndarray, shape (2,)
         Largest estimated errors: phase [rad], tip offset [m].
-    values : ndarray, shape (n, m, VALUES)
+    values : ndarray, shape (n, m, 2)
         NaN where the response does not converge, or the orbit is not sound.
     good : ndarray of bool, shape (n, m)
     """
@@ -43,8 +50,8 @@ def exact_block(
                 continue
             lever, held, before = levers[j], amplitudes[j], (np.nan, np.nan)
             amplitude = likely_amplitude(lever, held, sides[i, j])
-            for step in range(MOST_STEPS):
-                c, slope = root_of(Oscillator(law, p, lever), reach, amplitude, sides[i, j], True, places[i, j])
+            for step in range(MOST_ROOT_STEPS):
+                c, slope = stable_root(Oscillator(law, p, lever), reach, amplitude, sides[i, j], True, places[i, j])
                 if not slope < 0.0:
                     break
                 places[i, j] = c
@@ -55,8 +62,8 @@ def exact_block(
                     break
                 seen, phase = show(lever, amplitude, room.state.phase)
                 miss = seen - held
-                if abs(miss) <= (HELD if step < MOST_STEPS - 1 else WELL) * held:
-                    values[i, j, PHASE], values[i, j, OFFSET] = phase, room.state.tip_offset
+                if abs(miss) <= (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
+                    values[i, j, MEASURED_PHASE], values[i, j, MEASURED_OFFSET] = phase, room.state.tip_offset
                     good[i, j] = True
                     break
                 following = next_amplitude(lever, held, amplitude, room.state.phase, miss, before)

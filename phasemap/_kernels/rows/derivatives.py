@@ -22,69 +22,82 @@ from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
-PHASE, OFFSET, VALUES = 0, 1, 2  # what is measured: phase [rad], tip offset [m]
-MOST_STEPS = 14
-HELD, WELL = 1e-12, 1e-8  # of the amplitude that is held: as near is exact, and as near is enough in the end
-APART = 1e-5  # of A, for derivatives with respect to it
-FINE = 1e-4  # of the depth, for derivatives with respect to c
-CLOSE = 1e-5  # of the depth: Newton's last step, whose square is what is left
-LONGEST = 0.6  # of the depth, of a step
+# Columns of what is measured in an image.
+MEASURED_PHASE = 0  # [rad]
+MEASURED_OFFSET = 1  # tip offset [m]
+
+MOST_ROOT_STEPS = 14  # of Newton's method for c, and of the search for the amplitude of the tip
+EXACT_HOLD = 1e-12  # of the amplitude that is held: as near is exact,
+ENOUGH_HOLD = 1e-8  # and as near is enough in the end
+AMPLITUDE_DIFFERENCE = 1e-5  # of A, for derivatives with respect to it
+C_DIFFERENCE = 1e-4  # of the scale of the mismatch, for derivatives with respect to c
+LAST_ROOT_STEP = 1e-5  # of the scale of the mismatch: Newton's last step, whose square is what is left
+LONGEST_ROOT_STEP = 0.6  # of the scale of the mismatch
 
 
-class Look(NamedTuple):
-    """Mismatch of a harmonic orbit, amplitude [m] and phase [rad] that the detector sees, and tip offset [m]."""
+class DetectorSignal(NamedTuple):
+    """What the detector sees of a harmonic orbit, and how far that is from an orbit."""
 
-    mismatch: float
-    amplitude: float
-    phase: float
-    offset: float
+    mismatch: float  # of the drive, 0 on an orbit
+    amplitude: float  # [m]
+    phase: float  # [rad]
+    offset: float  # of the tip [m]
+
+
+class Setpoints(NamedTuple):
+    """Levers and setpoints of m images of n materials, and where their orbits are."""
+
+    levers: np.ndarray  # shape (m, 5)
+    amplitudes: np.ndarray  # shape (m,); as the detector sees them [m]
+    sides: np.ndarray  # int8, shape (n, m); -1 attractive, 1 repulsive, 0 where there is nothing to compare with
+    places: np.ndarray  # shape (n, m); c of the orbits: a guess, and what was found
 
 
 class Found(NamedTuple):
     """Averaged orbits of n materials in m images, and their derivatives with respect to k logarithms."""
 
-    values: np.ndarray  # shape (n, m, VALUES); phase [rad] and tip offset [m]
-    slopes: np.ndarray  # shape (n, m, VALUES, k)
+    values: np.ndarray  # shape (n, m, 2); phase [rad] and tip offset [m]
+    slopes: np.ndarray  # shape (n, m, 2, k)
     good: np.ndarray  # bool, shape (n,); whether there is a stable orbit in every image
 
 
 @kernel
-def depth_of(reach: float, amplitude: float, c: float) -> float:
-    """Scale on which the mismatch changes with c."""
+def mismatch_scale(reach: float, amplitude: float, c: float) -> float:
+    """Scale [1] on which the mismatch changes with c: the depth of the tip over the amplitude."""
     return reach / amplitude + abs(c - 1.0) + 1e-9
 
 
 @kernel
-def observed(
+def phase_and_offset(
     lever: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float
 ) -> tuple[float, float]:
-    """Phase [rad] and tip offset [m]."""
+    """Phase [rad] and tip offset [m] of a harmonic orbit."""
     return phase_of(lever, amplitude, push, drag), amplitude * c + mean
 
 
 @kernel
 def root_near(oscillator: Oscillator, reach: float, amplitude: float, side: int, c: float) -> tuple[float, float]:
-    """The root c near a guess, and dh/dc there; NaN if Newton's method leaves this branch or its stable part."""
+    """Root c of the mismatch near a guess, and its slope; NaN if Newton's method leaves the stable branch."""
     lever = oscillator.lever
     slope = math.nan
-    for _ in range(MOST_STEPS):
-        depth = depth_of(reach, amplitude, c)
+    for _ in range(MOST_ROOT_STEPS):
+        depth = mismatch_scale(reach, amplitude, c)
         push, drag, _mean = harmonics(oscillator, reach, amplitude, c)
         h = mismatch(lever, amplitude, push, drag)
-        near, far, _mean = harmonics(oscillator, reach, amplitude, c + FINE * depth)
-        slope = (mismatch(lever, amplitude, near, far) - h) / (FINE * depth)
+        near, far, _mean = harmonics(oscillator, reach, amplitude, c + C_DIFFERENCE * depth)
+        slope = (mismatch(lever, amplitude, near, far) - h) / (C_DIFFERENCE * depth)
         if not slope < 0.0:
             return math.nan, math.nan
-        step = min(max(-h / slope, -LONGEST * depth), LONGEST * depth)
+        step = min(max(-h / slope, -LONGEST_ROOT_STEP * depth), LONGEST_ROOT_STEP * depth)
         c += step
-        if abs(step) < CLOSE * depth:
+        if abs(step) < LAST_ROOT_STEP * depth:
             return (c, slope) if (push > 0.0) == (side > 0) else (math.nan, math.nan)
     return math.nan, math.nan
 
 
 @kernel
 def root_anywhere(oscillator: Oscillator, reach: float, amplitude: float, side: int) -> tuple[float, float]:
-    """The farthest stable root on this branch, and dh/dc there; NaN if there is none."""
+    """Farthest stable root c of the mismatch on this branch, and the slope there; NaN if there is none."""
     candidates = averaged_orbits(oscillator, amplitude)
     for i in range(len(candidates)):
         if (candidates[i, col.G_P] > 0.0) == (side > 0):
@@ -97,10 +110,10 @@ def root_anywhere(oscillator: Oscillator, reach: float, amplitude: float, side: 
 
 
 @kernel
-def root_of(
+def stable_root(
     oscillator: Oscillator, reach: float, amplitude: float, side: int, search: bool, c: float
 ) -> tuple[float, float]:
-    """The root c near a guess, or with `search` anywhere, and dh/dc there; NaN if there is none."""
+    """Stable root c of the mismatch near a guess, or with `search` anywhere, and the slope there; NaN without one."""
     root, slope = root_near(oscillator, reach, amplitude, side, c)
     if search and not slope < 0.0:
         root, slope = root_anywhere(oscillator, reach, amplitude, side)
@@ -108,30 +121,30 @@ def root_of(
 
 
 @kernel
-def look(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> Look:
-    """A harmonic orbit as it is seen."""
+def detector_signal(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> DetectorSignal:
+    """Signal of the detector on a harmonic orbit, and the mismatch of its drive."""
     lever = oscillator.lever
     push, drag, mean = harmonics(oscillator, reach, amplitude, c)
-    phase, offset = observed(lever, amplitude, c, push, drag, mean)
+    phase, offset = phase_and_offset(lever, amplitude, c, push, drag, mean)
     seen, turned = show(lever, amplitude, phase)
-    return Look(mismatch(lever, amplitude, push, drag), seen, turned, offset)
+    return DetectorSignal(mismatch(lever, amplitude, push, drag), seen, turned, offset)
 
 
 @kernel
 def held_root(
     oscillator: Oscillator, reach: float, held: float, side: int, search: bool, c: float
 ) -> tuple[float, float, float]:
-    """A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and dh/dc; NaN without one."""
+    """Amplitude A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and the slope there."""
     lever = oscillator.lever
     amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
-    for step in range(MOST_STEPS):
-        c, slope = root_of(oscillator, reach, amplitude, side, search, c)
+    for step in range(MOST_ROOT_STEPS):
+        c, slope = stable_root(oscillator, reach, amplitude, side, search, c)
         if not slope < 0.0 or lever[SHAKER] == 0.0:
             return amplitude, c, slope
         push, drag, mean = harmonics(oscillator, reach, amplitude, c)
-        phase, _ = observed(lever, amplitude, c, push, drag, mean)
+        phase, _ = phase_and_offset(lever, amplitude, c, push, drag, mean)
         miss = show(lever, amplitude, phase)[0] - held
-        if abs(miss) < (HELD if step < MOST_STEPS - 1 else WELL) * held:
+        if abs(miss) < (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
             return amplitude, c, slope
         following = next_amplitude(lever, held, amplitude, phase, miss, before)
         before, amplitude = (amplitude, miss), following
@@ -141,49 +154,40 @@ def held_root(
 
 
 @kernel
-def averaged_phases(
-    law: Law, rows: np.ndarray, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray, search: bool,
-    places: np.ndarray, phases: np.ndarray,
-) -> None:  # fmt: skip
-    """Averaged phase [rad] of n materials, each under a lever and a setpoint of its own; NaN without an orbit.
+def averaged_phases(law: Law, rows: np.ndarray, setpoints: Setpoints, search: bool, phases: np.ndarray) -> None:
+    """Fill in the averaged phase [rad] of n materials, each under a lever and a setpoint of its own; NaN without orbit.
 
-    The other arguments are as for `averaged_block`; all have the length n.
+    `search` is as for `averaged_block`; all arrays of `setpoints` have the length n.
     """
+    levers, amplitudes, sides, places = setpoints
     for i in range(len(rows)):
         phases[i] = math.nan
         if sides[i] == 0:
             continue
         p = parameters(rows[i])
-        reach, lever = reach_of(law, p), levers[i]
-        amplitude, c, slope = held_root(Oscillator(law, p, lever), reach, amplitudes[i], sides[i], search, places[i])
+        oscillator, reach = Oscillator(law, p, levers[i]), reach_of(law, p)
+        amplitude, c, slope = held_root(oscillator, reach, amplitudes[i], sides[i], search, places[i])
         if slope < 0.0:
             places[i] = c
-            phases[i] = look(Oscillator(law, p, lever), reach, amplitude, c).phase
+            phases[i] = detector_signal(oscillator, reach, amplitude, c).phase
 
 
 @kernel
-def averaged_block(
-    law: Law, rows: np.ndarray, step: float, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray,
-    search: bool, places: np.ndarray, found: Found,
-) -> None:  # fmt: skip
-    """Averaged phase and tip offset of n materials in m images, and their derivatives.
+def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, found: Found) -> None:
+    """Fill in averaged phase and tip offset of n materials in m images, and their derivatives.
 
     Parameters
     ----------
     rows : ndarray, shape (1 + k, n, ROW)
         Parameters of the materials, and those with each of k logarithms larger by `step`.
-    levers : ndarray, shape (m, 4)
-    amplitudes : ndarray, shape (m,)
-        Setpoints, as the detector sees them [m].
-    sides : ndarray of int8, shape (n, m)
-        -1 attractive, 1 repulsive, 0 where there is nothing to compare with.
+    setpoints : Setpoints
+        Its places are moved to the orbits.
     search : bool
-        Whether to look at all averaged orbits where `places` lead nowhere.
-    places : ndarray, shape (n, m)
-        c of the orbits: a guess, and what was found.
+        Whether to look at all averaged orbits where the places lead nowhere.
     found : Found
         To be filled.
     """
+    levers, amplitudes, sides, places = setpoints
     values, slopes, good = found
     for i in range(rows.shape[1]):
         good[i] = True
@@ -195,33 +199,32 @@ def averaged_block(
             if sides[i, j] == 0:
                 continue
             lever = levers[j]
-            amplitude, c, slope = held_root(
-                Oscillator(law, p, lever), reach, amplitudes[j], sides[i, j], search, places[i, j]
-            )
+            oscillator = Oscillator(law, p, lever)
+            amplitude, c, slope = held_root(oscillator, reach, amplitudes[j], sides[i, j], search, places[i, j])
             if not slope < 0.0:
                 good[i] = False
                 break
             places[i, j] = c
-            here = look(Oscillator(law, p, lever), reach, amplitude, c)
-            values[i, j, PHASE], values[i, j, OFFSET] = here.phase, here.offset
-            small, wide = FINE * depth_of(reach, amplitude, c), APART * amplitude
-            there = look(Oscillator(law, p, lever), reach, amplitude, c + small)
+            here = detector_signal(oscillator, reach, amplitude, c)
+            values[i, j, MEASURED_PHASE], values[i, j, MEASURED_OFFSET] = here.phase, here.offset
+            small, wide = C_DIFFERENCE * mismatch_scale(reach, amplitude, c), AMPLITUDE_DIFFERENCE * amplitude
+            there = detector_signal(oscillator, reach, amplitude, c + small)
             h_c, v_c, phase_c, offset_c = (
                 (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
                 (there.phase - here.phase) / small, (there.offset - here.offset) / small,
             )  # fmt: skip
             h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
             if lever[SHAKER] != 0.0:
-                there = look(Oscillator(law, p, lever), reach, amplitude + wide, c)
+                there = detector_signal(oscillator, reach, amplitude + wide, c)
                 h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
                 phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
             for k in range(rows.shape[0] - 1):
                 other = parameters(rows[1 + k, i])
-                there = look(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
+                there = detector_signal(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
                 # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
                 h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
                 both = h_c * v_a - h_a * v_c
                 along, wider = (h * v_a - v * h_a) / both, (v * h_c - h * v_c) / both
                 phase, offset = there.phase - here.phase, there.offset - here.offset
-                slopes[i, j, PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
-                slopes[i, j, OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step
+                slopes[i, j, MEASURED_PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
+                slopes[i, j, MEASURED_OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step

@@ -1,4 +1,4 @@
-"""Loop over rows that are solved: averages of the force's slope and damping along their orbits, and its harmonics."""
+"""Rows that are solved: averages of the force's slope and damping along their orbits, and its harmonics."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.orbits.solved import all_nodes_of, new_path
-from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES
+from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES, SolvedRows
 
-TURNS = 20  # harmonics of the force's slope that are looked at
+SLOPE_HARMONICS = 20  # harmonics of the force's slope that count
 
 
 @kernel
-def _jumps(law: Law, p: np.ndarray, entry: float, release: float) -> float:
-    """What jumps of the force add to the integral of dF/dd over theta [N/m]: each over |dd/dtheta| there [m]."""
+def _jump_slope(law: Law, p: np.ndarray, entry: float, release: float) -> float:
+    """Integral of dF/dd over theta across jumps of the force [N/m]: each jump over |dd/dtheta| there [m]."""
     if entry == 0.0 or release == 0.0:
         return 0.0
     made = contact_force(law, 0.0, p) - longrange_force(law, 0.0, p)
@@ -40,7 +40,7 @@ def _jumps(law: Law, p: np.ndarray, entry: float, release: float) -> float:
 
 @kernel(fastmath=ANY_ORDER)
 def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
-    """Harmonics `first` ... of what is at the nodes with their weights: sums of it with cos(n theta) and -sin(n theta).
+    """Fill in the harmonics `first` ... of a load at the nodes: its sums with cos(n theta) and -sin(n theta).
 
     By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
     nothing is stored.
@@ -49,7 +49,7 @@ def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np
     ----------
     at : OrbitNodes
         The nodes.
-    load : ndarray, shape (5, MOST)
+    load : ndarray, shape (5, MOST_NODES)
         First the load of each node; the rest is room.
     out : ndarray, shape (2, any)
         Filled.
@@ -77,14 +77,14 @@ def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np
 
 
 @kernel
-def _yields(lever: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """How both modes yield to forces at the sidebands omega2 + n omega and omega2 - n omega, n = 0 ... TURNS [m/N].
+def _compliances(lever: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Compliance of both modes at the sidebands omega2 + n omega and omega2 - n omega, n from 0 on [m/N].
 
-    Returns an array of shape (2, 1 + TURNS): sums of the compliance chi, real and imaginary part.
+    Returns an array of shape (2, 1 + SLOPE_HARMONICS): sums of the compliance chi, real and imaginary part.
     """
     drive, own = lever[col.OMEGA], lever[col.OMEGA] / second[col.OMEGA]  # over the first mode's resonance
-    out = np.zeros((2, 1 + TURNS))
-    for n in range(-TURNS, TURNS + 1):
+    out = np.zeros((2, 1 + SLOPE_HARMONICS))
+    for n in range(-SLOPE_HARMONICS, SLOPE_HARMONICS + 1):
         for mode in range(2):
             if mode == 1 and n == 0:
                 continue  # the second mode itself
@@ -108,7 +108,7 @@ def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
     """
     power = row[GRADIENT] ** 2
     re, im = power * yields[0, 0], power * yields[1, 0]
-    for n in range(TURNS):
+    for n in range(SLOPE_HARMONICS):
         power = slopes[0, n] ** 2 + slopes[1, n] ** 2
         re += power * yields[0, n + 1]
         im += power * yields[1, n + 1]
@@ -116,7 +116,7 @@ def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
 
 
 @kernel
-def _slopes(law: Law, p: np.ndarray, at: OrbitNodes, count: int, load: np.ndarray) -> tuple[float, float]:
+def _slope_load(law: Law, p: np.ndarray, at: OrbitNodes, count: int, load: np.ndarray) -> tuple[float, float]:
     """Integrals over theta of the force's slope [N/m] and of 2 alpha_s [1]; each node's share of the former over 2 pi.
 
     Jumps of the force are left out.
@@ -137,8 +137,8 @@ def _slopes(law: Law, p: np.ndarray, at: OrbitNodes, count: int, load: np.ndarra
 
 
 @kernel
-def _pushes(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.ndarray) -> None:
-    """Each node's share of twice the mean of g [m]."""
+def _force_load(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.ndarray) -> None:
+    """Fill in each node's share of twice the mean of the force over the stiffness [m]."""
     law, p, lever = oscillator
     inverse_k = 1.0 / lever[col.STIFFNESS]
     for j in range(count):
@@ -154,8 +154,8 @@ def _pushes(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.ndarray
 
 
 @kernel
-def _answer(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
-    """Fill in the lever's answer to harmonics of the force."""
+def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
+    """Fill in the harmonics of the motion: the answer of the lever to those of the force."""
     for n in range(col.HARMONICS):
         multiple = (n + 2) * lever[col.OMEGA]
         x, y = 1.0 - multiple * multiple, 2.0 * lever[col.ALPHA0] * multiple
@@ -166,23 +166,22 @@ def _answer(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
 
 @kernel
 def force_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, second: np.ndarray, averaged: np.ndarray, harmonics: bool,
-    kept: np.ndarray, out: np.ndarray,
-) -> None:  # fmt: skip
-    """Fill in GRADIENT and DRAG of wide rows of the tip, shape (n, WIDE), that have a periodic orbit.
+    law: Law, rows: np.ndarray, lever: np.ndarray, second: np.ndarray, solved: SolvedRows, harmonics: bool
+) -> None:
+    """Fill in GRADIENT and DRAG of rows that have a periodic orbit.
 
-    Rows that are `averaged` have the harmonic orbit only. `second` is the lever of a second mode, shape (5,),
-    of stiffness 0 where there is none: SIDEBANDS are filled in with one. WAVES are filled in where `harmonics` of the
-    motion are wanted. `kept` are rows with nodes of their orbits where COUNT is above 0, shape (n, KEEPING) or (0, 0).
+    `second` is the lever of a second mode, shape (5,), of stiffness 0 where there is none: SIDEBANDS are filled in with
+    one. WAVES are filled in where `harmonics` of the motion are wanted.
     """
+    out, averaged, kept = solved
     path, slopes, waves, load = (
         new_path(OrbitNodes(), Nodes(), PassState()),
-        np.zeros((2, TURNS)),
+        np.zeros((2, SLOPE_HARMONICS)),
         np.zeros((2, col.HARMONICS)),
         np.zeros((5, MOST_NODES)),
     )
     bimodal = second[col.STIFFNESS] > 0.0
-    yields = _yields(lever, second) if bimodal else np.zeros((2, 1 + TURNS))
+    yields = _compliances(lever, second) if bimodal else np.zeros((2, 1 + SLOPE_HARMONICS))
     for i in range(len(rows)):
         row, p = out[i], parameters(rows[i])
         if not moves(row):
@@ -194,13 +193,13 @@ def force_rows(
             count, entry, release = all_nodes_of(Oscillator(law, p, lever), row, averaged[i], path)
         if count == 0:
             continue
-        gradient, drag = _slopes(law, p, at, count, load)
-        gradient += _jumps(law, p, entry, release)
+        gradient, drag = _slope_load(law, p, at, count, load)
+        gradient += _jump_slope(law, p, entry, release)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
         if bimodal:
             _harmonics(at, count, load, 1, slopes)
             _sidebands(yields, slopes, row)
         if harmonics:
-            _pushes(Oscillator(law, p, lever), at, count, load)
+            _force_load(Oscillator(law, p, lever), at, count, load)
             _harmonics(at, count, load, 2, waves)
-            _answer(lever, waves, row)
+            _fill_waves(lever, waves, row)

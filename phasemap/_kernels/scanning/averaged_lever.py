@@ -1,4 +1,4 @@
-"""What moves the lever averaged over its period, and what the lock-in sees of it.
+"""Equation of the lever averaged over its period, for the complex amplitude that the lock-in sees.
 
 With z = Re(a exp(i omega tau)) and the first harmonic P, S of the surface's part,
 
@@ -42,7 +42,7 @@ MOST_DEPTHS = 12  # that are tried for one right-hand side
 
 @record
 class FlowMemory:
-    """What the averaged lever remembers from one right-hand side to the next."""
+    """Numbers that one right-hand side of the slow flow leaves for the next."""
 
     step: float  # length of the next step in time [tau]
     shift: float  # how far mean deflection and higher harmonics carry the tip towards the ground [m]

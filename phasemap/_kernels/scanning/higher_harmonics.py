@@ -1,4 +1,4 @@
-"""How far the lever's higher harmonics carry the tip while the surface pushes, for the slow flow.
+"""Shift of the tip by the lever's higher harmonics while the surface pushes, for the slow flow.
 
 First-order averaging has the phase at a given amplitude within hundredths of a degree, but the tip offset off by some
 percent of the indentation: a short push excites harmonics n >= 2 as well, whose deflections P/(n^2 - 1) add up to 3/4 P
@@ -41,12 +41,12 @@ TYPICAL_SHARES = Shares(1.0, 0.95)  # where nothing is known: those of most mate
 
 
 @record
-class Lacking:
-    """How much lower an exact orbit lies than without higher harmonics, and what a unit of each share makes of it."""
+class Shift:
+    """Shift of the tip by higher harmonics on an orbit: the exact one, and that by a unit of each share [m]."""
 
     attraction: float  # by a unit of the share of the attraction [m]; 0 where there is no such orbit
     push: float  # by a unit of the share of the push [m]; 0 where there is no such orbit
-    found: float  # of the exact orbit [m]
+    exact: float  # of the exact orbit [m]
 
 
 def _kappa_of_pushes(m: np.ndarray) -> np.ndarray:
@@ -58,15 +58,15 @@ def _kappa_of_pushes(m: np.ndarray) -> np.ndarray:
         half = np.arcsin(np.sqrt(m[i]) * sine)
         y, share = 1 - sine**2, w * np.sqrt((1 - sine**2) / (1 - m[i] * sine**2))
         before, after = abs(half[:, None] - half), half[:, None] + half  # half of what is between two times
-        answers = _answer(before) + _answer(after)
+        answers = _green_function(before) + _green_function(after)
         cosine = np.cos(2 * half)
         stiffness, force = share * y**0.5 * cosine, share * y**1.5
         found[i] = 0.5 * (stiffness @ answers @ force) / (stiffness.sum() * (force * cosine).sum())
     return found
 
 
-def _answer(half: np.ndarray) -> np.ndarray:
-    """The sum of cos(n theta)/(n^2 - 1) over n >= 2, of theta/2 from 0 to pi."""
+def _green_function(half: np.ndarray) -> np.ndarray:
+    """Sum of cos(n theta)/(n^2 - 1) over n >= 2, of theta/2 from 0 to pi."""
     return np.asarray(0.5 + 0.25 * np.cos(2 * half) - (0.5 * np.pi - half) * np.sin(2 * half))
 
 
@@ -85,7 +85,7 @@ def kappa_of_push(c: float) -> float:
 
 @kernel
 def pull_of(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> float:
-    """First harmonic [m], below zero, of the attraction outside contact; within it that is as large as at its edge."""
+    """First harmonic [m], below zero, of the attraction on an orbit: in contact it is as large as at the edge."""
     law, p, lever = oscillator
     within = contact_force(law, 0.0, p) * math.sqrt(1.0 - c * c) if abs(c) < 1.0 else 0.0
     return 2.0 / (math.pi * lever[col.STIFFNESS]) * (within + attraction(law, p, reach, amplitude, c)[1])
@@ -116,7 +116,7 @@ def share_rows(
     limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
     room, guess = Room(), np.zeros(col.GUESS)
-    attractive, repulsive = Lacking(), Lacking()
+    attractive, repulsive = Shift(), Shift()
     for i in range(len(rows)):
         oscillator, amplitude = Oscillator(law, parameters(rows[i]), lever), amplitudes[i]
         reach = reach_of(law, oscillator.p)
@@ -134,21 +134,21 @@ def share_rows(
                 side = repulsive if push > 0.0 else attractive
                 side.attraction = (KAPPA_OF_SHORT_PUSH - kappa_of_pull(1.0, reach, amplitude, c)) * pull
                 side.push = (KAPPA_OF_SHORT_PUSH - kappa_of_push(c)) * (push - pull)
-                side.found = KAPPA_OF_SHORT_PUSH * push - (room.state.tip_offset - guess[col.G_Z0])
-        shares = _balance(attractive, repulsive)
+                side.exact = KAPPA_OF_SHORT_PUSH * push - (room.state.tip_offset - guess[col.G_Z0])
+        shares = _solve_shares(attractive, repulsive)
         out[i, 0], out[i, 1] = shares.attraction, shares.push
 
 
 @kernel
-def _balance(attractive: Lacking, repulsive: Lacking) -> Shares:
-    """Shares with which both orbits, or the one that there is, lack what they do: Eq. (slow-flow-4)."""
+def _solve_shares(attractive: Shift, repulsive: Shift) -> Shares:
+    """Shares that shift both orbits, or the only one, to their exact tip offsets: theory, Eq. (slow-flow-4)."""
     attraction, push = TYPICAL_SHARES
     if attractive.attraction != 0.0 and repulsive.push != 0.0:
         whole = attractive.attraction * repulsive.push - attractive.push * repulsive.attraction
-        attraction = (attractive.found * repulsive.push - attractive.push * repulsive.found) / whole
-        push = (attractive.attraction * repulsive.found - attractive.found * repulsive.attraction) / whole
+        attraction = (attractive.exact * repulsive.push - attractive.push * repulsive.exact) / whole
+        push = (attractive.attraction * repulsive.exact - attractive.exact * repulsive.attraction) / whole
     elif attractive.attraction != 0.0:
-        attraction = (attractive.found - push * attractive.push) / attractive.attraction
+        attraction = (attractive.exact - push * attractive.push) / attractive.attraction
     elif repulsive.push != 0.0:
-        push = (repulsive.found - attraction * repulsive.attraction) / repulsive.push
+        push = (repulsive.exact - attraction * repulsive.attraction) / repulsive.push
     return Shares(attraction, push)

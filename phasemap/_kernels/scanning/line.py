@@ -33,13 +33,13 @@ from phasemap._kernels.scanning.slow_flow import Flow, flow_on
 
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
 APPROACH_SPAN = 0.1  # times in which that amplitude decays: ground over which the tip comes nearer at one speed
-SETTLED = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
+SETTLED_ERROR = 2e-4  # of the setpoint amplitude: the error of a feedback that has settled
 MOST_SETTLING_SPANS = 40  # after which a feedback that has not settled goes on
-FARTHEST = 30.0  # free amplitudes: farther from the surface, or deeper, is no longer a feedback
+LOST_DISTANCE = 30.0  # free amplitudes: farther from the surface, or deeper, is no longer a feedback
 
 
 class Program(NamedTuple):
-    """Segments of ground that pass under the tip along a line, and what each of them is, shape (n,)."""
+    """Segments of ground that pass under the tip along a line, shape (n,) each."""
 
     span: np.ndarray  # how long it lasts [tau]
     material: np.ndarray  # int; its number, or -1 where there is none
@@ -49,31 +49,31 @@ class Program(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Whether the tip is engaged as a line begins; else the result row on which it engages, NaN if none is known."""
+    """State of the tip as a line begins: whether it is engaged; the result row on which it engages if not, or NaN."""
 
     engaged: bool
     orbit: np.ndarray
 
 
 class Recorded(NamedTuple):
-    """What a scan writes down: a row of n pixels, shape (n, COLUMNS), and their status, shape (n,)."""
+    """Results of a line of n pixels: a row of each, shape (n, COLUMNS), and its status, shape (n,)."""
 
     rows: np.ndarray
     status: np.ndarray
 
 
-def advance(setup: Any, row: Any, stretch: Any, tip: Any, tally: Any) -> int:
+def move_over(setup: Any, row: Any, stretch: Any, tip: Any, tally: Any) -> int:
     """Move the tip over a stretch of ground by `flow_on` or `march_on`, whichever the tip is; returns a status."""
     raise NotImplementedError
 
 
-def start_at(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
+def start_swinging(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
     """Set the lever swinging about a mean deflection [m] with a complex amplitude [m], at drive phase 0."""
     raise NotImplementedError
 
 
 @kernel
-def _swinging(place: float, a: complex, y: np.ndarray) -> None:
+def _set_loop(place: float, a: complex, y: np.ndarray) -> None:
     """Set the loop at rest with this complex amplitude [m] and height of the scanner [m]."""
     y[:] = 0.0
     y[A_REAL], y[A_IMAG] = a.real, a.imag
@@ -83,15 +83,15 @@ def _swinging(place: float, a: complex, y: np.ndarray) -> None:
 
 
 @kernel
-def _start_flow(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
-    _swinging(place, a, tip.y)
+def _start_averaged(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
+    _set_loop(place, a, tip.y)
     clear(tip.memory)
     tip.memory.shift = mean
 
 
 @kernel
-def _start_march(lever: np.ndarray, place: float, mean: float, a: complex, tip: Periods) -> None:
-    _swinging(place, a, tip.y)
+def _start_marched(lever: np.ndarray, place: float, mean: float, a: complex, tip: Periods) -> None:
+    _set_loop(place, a, tip.y)
     begin_periods(lever, mean, a, tip)
 
 
@@ -99,20 +99,20 @@ def _is_flow(tip: Any) -> bool:
     return isinstance(tip, types.NamedTuple) and tip.instance_class is Flow
 
 
-def _choose_advance(tip: Any) -> Any:
+def _choose_move_over(tip: Any) -> Any:
     if _is_flow(tip):
         return lambda setup, row, stretch, tip, tally: flow_on(setup, row, stretch, tip, tally)
     return lambda setup, row, stretch, tip, tally: march_on(setup, row, stretch, tip, tally)
 
 
-def _choose_start(tip: Any) -> Any:
+def _choose_start_swinging(tip: Any) -> Any:
     if _is_flow(tip):
-        return lambda lever, place, mean, a, tip: _start_flow(lever, place, mean, a, tip)
-    return lambda lever, place, mean, a, tip: _start_march(lever, place, mean, a, tip)
+        return lambda lever, place, mean, a, tip: _start_averaged(lever, place, mean, a, tip)
+    return lambda lever, place, mean, a, tip: _start_marched(lever, place, mean, a, tip)
 
 
-overload(advance)(lambda setup, row, stretch, tip, tally: _choose_advance(tip))
-overload(start_at)(lambda lever, place, mean, a, tip: _choose_start(tip))
+overload(move_over)(lambda setup, row, stretch, tip, tally: _choose_move_over(tip))
+overload(start_swinging)(lambda lever, place, mean, a, tip: _choose_start_swinging(tip))
 
 
 @kernel
@@ -126,7 +126,7 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
     reach, free = reach_of(law, p), free_amplitude(lever)
     decay, y = 1.0 / lever[col.ALPHA0], tip.y
     far = free * far_start(Oscillator(law, p, lever), reach, free, loop.setpoint)
-    start_at(lever, ground + far, 0.0, free_phasor(lever), tip)
+    start_swinging(lever, ground + far, 0.0, free_phasor(lever), tip)
     lowering, tally, passed = Loop(), Tally(), 0.0
     assign(lowering, loop)
     lowering.proportional = lowering.integral = lowering.derivative = 0.0
@@ -137,10 +137,10 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
         passed += APPROACH_SPAN * decay
         lowering.ramp = APPROACH * max(free, y[SCANNER] - ground) / decay
         stretch = Stretch(ground, 0.0, APPROACH_SPAN * decay)
-        status = advance(Setup(law, lever, lowering, noise), row, stretch, tip, tally)
+        status = move_over(Setup(law, lever, lowering, noise), row, stretch, tip, tally)
         if status != col.GOOD:
             return status
-        if y[SCANNER] - ground < -FARTHEST * free:
+        if y[SCANNER] - ground < -LOST_DISTANCE * free:
             return col.NOT_ENGAGED
     return col.GOOD
 
@@ -157,7 +157,7 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
     if math.isfinite(orbit[col.TIP_OFFSET]):
         lag = 0.5 * math.pi - (orbit[col.PHASE] - loop.phase_offset)
         a = goal * complex(math.cos(lag), -math.sin(lag)) + loop.base_motion
-        start_at(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
+        start_swinging(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
     else:
         status = approach_in_time(setup, row, ground, tip)
         if status != col.GOOD:
@@ -170,14 +170,14 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
     calm = 0
     for _ in range(MOST_SETTLING_SPANS):
         clear(tally)
-        status = advance(setup, row, Stretch(ground, 0.0, span), tip, tally)
+        status = move_over(setup, row, Stretch(ground, 0.0, span), tip, tally)
         if status != col.GOOD:
             return status
-        if abs(y[SCANNER] - ground) > FARTHEST * free:
+        if abs(y[SCANNER] - ground) > LOST_DISTANCE * free:
             return col.DIVERGED
         # An error that passes through zero is no rest: its mean and its last value must both be small.
         last, mean = amplitude_shown(loop, y) - goal, tally.amplitude / tally.time - goal
-        calm = calm + 1 if max(abs(last), abs(mean)) < SETTLED * goal else 0
+        calm = calm + 1 if max(abs(last), abs(mean)) < SETTLED_ERROR * goal else 0
         if calm == 2:
             break
     loop.settled = 1 if calm == 2 else 0
@@ -193,7 +193,7 @@ def scan_segments(setup: Setup, rows: np.ndarray, program: Program, tip: Any, ma
     """
     out, status = made
     y, tally, last = tip.y, Tally(), len(program.pixel) - 1
-    farthest = FARTHEST * free_amplitude(setup.lever)
+    farthest = LOST_DISTANCE * free_amplitude(setup.lever)
     done = col.GOOD
     for i in range(len(program.pixel)):
         pixel, material = program.pixel[i], program.material[i]
@@ -205,7 +205,7 @@ def scan_segments(setup: Setup, rows: np.ndarray, program: Program, tip: Any, ma
             continue
         if done == col.GOOD:
             stretch = Stretch(program.ground[i], program.slope[i], program.span[i])
-            done = advance(setup, rows[material], stretch, tip, tally)
+            done = move_over(setup, rows[material], stretch, tip, tally)
             away = y[SCANNER] - stretch.ground - stretch.slope * stretch.span
             if not abs(away) < farthest:
                 done = col.DIVERGED

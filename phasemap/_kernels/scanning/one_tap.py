@@ -57,7 +57,7 @@ AFTER_CONTACT = 1.0
 
 @record
 class Taps:
-    """What one period leaves for the next."""
+    """Nodes and numbers of the last tap, with which the next period begins."""
 
     landing: PieceNodes  # flight to the surface
     contact: PieceNodes

@@ -37,7 +37,7 @@ from phasemap._kernels.scanning.one_tap import Taps, tap_or_march
 
 @record
 class PeriodMemory:
-    """What one stretch of ground leaves for the next."""
+    """Numbers that one stretch of ground leaves for the next."""
 
     eta: float  # size of the march's steps
     ahead: float  # how much later than the end of the stretch the next period begins [tau]
@@ -82,7 +82,7 @@ def _add_time(memory: PeriodMemory, time: float, tally: Tally) -> None:
 
 @kernel
 def _add_noise(lever: np.ndarray, loop: Loop, period: float, noise: np.random.Generator, state: Periods) -> None:
-    """Add to z and z' what a period of white noise does to the free lever, and the detector's noise to a."""
+    """Add the thermal noise of a period to z and z', and the noise of the detector to a."""
     kick = math.sqrt(-loop.thermal_noise * math.expm1(-2.0 * lever[col.ALPHA0] * period))
     spread = math.sqrt(loop.detector_noise / period)
     for part in range(2):

@@ -25,12 +25,14 @@ from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
 PIECE_NODES = 12
-_X, _WEIGHTS = gauss(PIECE_NODES)
-_RUNNING = np.ascontiguousarray(integration_matrix(_X).T).ravel()  # what each node adds to the integrals up to all
-_ROUND, _ROUND_STEP = np.sin(0.5 * np.pi * _X) ** 2, 0.5 * np.pi * np.sin(np.pi * _X)
-_ORDER = np.polynomial.legendre.legvander(2 * _X - 1, PIECE_NODES - 1)
-_LAST = (2 * PIECE_NODES - 1) * _WEIGHTS * _ORDER[:, -1]  # the highest coefficients of the series of Legendre
-_BUT_ONE = (2 * PIECE_NODES - 3) * _WEIGHTS * _ORDER[:, -2]
+_PIECE_X, _PIECE_WEIGHTS = gauss(PIECE_NODES)
+_RUNNING = np.ascontiguousarray(
+    integration_matrix(_PIECE_X).T
+).ravel()  # what each node adds to the integrals up to all
+_CONTACT_TIME, _CONTACT_STEP = np.sin(0.5 * np.pi * _PIECE_X) ** 2, 0.5 * np.pi * np.sin(np.pi * _PIECE_X)
+_ORDER = np.polynomial.legendre.legvander(2 * _PIECE_X - 1, PIECE_NODES - 1)
+_LAST = (2 * PIECE_NODES - 1) * _PIECE_WEIGHTS * _ORDER[:, -1]  # the highest coefficients of the series of Legendre
+_BUT_ONE = (2 * PIECE_NODES - 3) * _PIECE_WEIGHTS * _ORDER[:, -2]
 
 
 @record
@@ -70,7 +72,7 @@ class SprungLever(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """Where the lever is: z, z' [m], and exp(i psi) of the drive's phase psi."""
+    """Position z and speed z' of the lever [m], and exp(i psi) of the drive's phase psi."""
 
     z: float
     v: float
@@ -78,7 +80,7 @@ class Instant(NamedTuple):
 
 
 class Kick(NamedTuple):
-    """What the force over a piece does to z and z' at t = 0 [m]."""
+    """Changes of z and z' at t = 0 by the force over a piece [m]."""
 
     z: float
     v: float
@@ -151,10 +153,10 @@ def _eighth_power(x: float) -> float:
 
 @kernel(light=True)
 def place_contact_nodes(h: float, m: PieceNodes) -> None:
-    """Place the nodes of a contact that lasts h, in which half-integer powers of the depth are smooth: Eq. (time-9)."""
+    """Place the nodes of a contact of duration h, where roots of the depth are smooth: theory, Eq. (time-9)."""
     for j in range(PIECE_NODES):
-        m.time[j] = h * _ROUND[j]
-        m.step[j] = h * _ROUND_STEP[j]
+        m.time[j] = h * _CONTACT_TIME[j]
+        m.step[j] = h * _CONTACT_STEP[j]
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -163,7 +165,7 @@ def place_flight_nodes(near: float, start: float, end: float, sign: float, m: Pi
     first = 1.0 + start / near
     high = math.log((near + end) / (near + start))
     for j in range(PIECE_NODES):
-        x = 0.125 * high * _X[j]
+        x = 0.125 * high * _PIECE_X[j]
         e = first * _eighth_power(_exponential(x))
         m.time[j] = sign * near * (e - 1.0)
         m.step[j] = near * high * e
@@ -233,7 +235,7 @@ def fill_answer(lever: SprungLever, sign: float, m: PieceNodes) -> tuple[Kick, f
             m.sum_sin[j] += _RUNNING[PIECE_NODES * i + j] * s
     by_c = by_s = 0.0
     for j in range(PIECE_NODES):
-        f = _WEIGHTS[j] * m.step[j] * m.force[j] * m.gain[j]
+        f = _PIECE_WEIGHTS[j] * m.step[j] * m.force[j] * m.gain[j]
         by_c += f * m.cosine[j]
         by_s += f * m.sine[j]
     first_c, first_s = (by_c, by_s) if sign < 0.0 else (0.0, 0.0)
@@ -252,7 +254,7 @@ def force_harmonic(kappa: float, m: PieceNodes) -> complex:
     """Integral of the whole force times exp(-i omega t) over a piece [m tau]."""
     even = odd = 0.0
     for j in range(PIECE_NODES):
-        f = _WEIGHTS[j] * m.step[j] * (m.force[j] + kappa * (m.depth[j] + m.w[j]))
+        f = _PIECE_WEIGHTS[j] * m.step[j] * (m.force[j] + kappa * (m.depth[j] + m.w[j]))
         even += f * m.drive_cos[j]
         odd -= f * m.drive_sin[j]
     return complex(even, odd)

@@ -1,4 +1,4 @@
-"""Which branch the tip is on at each pixel of a line, there and back."""
+"""Branch of the tip at each pixel of a line, there and back, where it rests at each."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from phasemap._kernels.columns import ENGAGED, NOWHERE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.scanning.slots import UNKNOWN, Orbits
+from phasemap._kernels.scanning.slots import UNKNOWN_ORBIT, Orbits
 
 
 @kernel
-def step(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, int]:
-    """Branch of the tip after a pixel to which it comes at tip offset z0, and which of the material's orbits it is on.
+def next_branch(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, int]:
+    """Branch of the tip after a pixel to which it comes at tip offset z0, and the number of its orbit there.
 
-    That is ENGAGED if it is on none.
+    That is ENGAGED if it is on none of the material's.
     """
     if branch == NOWHERE:
         branch = orbits.engaged[material]
@@ -29,7 +29,7 @@ def step(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, in
 def walk(
     materials: np.ndarray, orbits: Orbits, anew: bool, branch: int, z0: float, slots: np.ndarray
 ) -> tuple[int, float]:
-    """Fill `slots` line by line, trace and then retrace; returns the branch and tip offset that are left at the end.
+    """Fill in the orbit of each pixel line by line, trace and then retrace; returns the last branch and tip offset.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def walk(
             way = i // pixels
             x = i if way == 0 else 2 * pixels - 1 - i
             material = materials[y, x]
-            guessed = branch != NOWHERE and orbits.stable[branch, material] == UNKNOWN
-            branch, slot = step(orbits, material, branch, z0)
+            guessed = branch != NOWHERE and orbits.stable[branch, material] == UNKNOWN_ORBIT
+            branch, slot = next_branch(orbits, material, branch, z0)
             if not np.isnan(orbits.offsets[slot, material]):
                 z0 = orbits.offsets[slot, material]
             slots[way, y, x] = ~slot if guessed else slot

@@ -1,4 +1,4 @@
-"""How far a tip that taps on a repulsive orbit can be raised before it leaves that branch."""
+"""Highest tip offset to which a tip on a repulsive orbit can be raised before it leaves that branch."""
 
 from __future__ import annotations
 

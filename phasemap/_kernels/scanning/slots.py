@@ -1,4 +1,4 @@
-"""Places of a material's orbits that hold the setpoint."""
+"""Stable orbits at the setpoint, for scans that keep a branch from pixel to pixel."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-UNKNOWN = -1  # whether there is an orbit: neither 0 nor 1
+UNKNOWN_ORBIT = -1  # whether a material has an orbit: neither 0 nor 1
 
 
 class Orbits(NamedTuple):
-    """What holds the setpoint on n materials."""
+    """Stable orbits that hold the setpoint, on each branch, for n materials."""
 
-    # int, shape (2, n); 1 or 0: whether a material has an orbit that holds the setpoint, on each branch; or UNKNOWN
+    # int, shape (2, n); whether a material has an orbit that holds the setpoint on each branch: 1, 0 or UNKNOWN_ORBIT
     stable: np.ndarray
     engaged: np.ndarray  # int, shape (n,); branch to which engagement from far leads, or NOWHERE
     offsets: np.ndarray  # shape (3, n); tip offsets of the orbits [m]

@@ -117,20 +117,20 @@ def _add_step(before: StepEnd, after: StepEnd, h: float, tally: Tally) -> None:
 
 
 @kernel(light=True)
-def _moving(loop: Loop) -> int:
+def _stepped_entries(loop: Loop) -> int:
     """Number of entries of the state that take steps: filters do not, nor does a scanner that follows at once."""
     return FILTERS if loop.spring != 0.0 else SCANNER
 
 
 @kernel
-def _error(loop: Loop, k: np.ndarray, h: float, size: float) -> float:
+def _step_error(loop: Loop, k: np.ndarray, h: float, size: float) -> float:
     """Local error of a step to an amplitude of this size [m], over what is allowed.
 
     The method of order 3 knows nothing of what changes with time alone, as where the tip lands within a step. So the
     bend of the rates counts as well. A faint amplitude has as good a phase as any, for it keeps that as it grows again.
     """
     worst = 0.0
-    for j in range(_moving(loop)):
+    for j in range(_stepped_entries(loop)):
         bend = k[0, j] - k[1, j] - k[2, j] + k[4, j]
         local = COMPARED * (abs(k[3, j] - k[4, j]) + abs(bend) / 3.0)
         if math.isnan(local):
@@ -196,7 +196,7 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
     longest = NOISY_STEP / max(loop.rate, lever[col.ALPHA0]) if noisy else math.inf
     if not memory.step > 0.0:
         memory.step = 0.1 / loop.rate
-    inverse, moving = 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA]), _moving(loop)
+    inverse, moving = 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA]), _stepped_entries(loop)
     before, after = StepEnd(), StepEnd()
     slow_flow_rhs(sample, loop, ground, y, memory, k[0])
     _note_end(loop, y, k[0], before)
@@ -219,7 +219,7 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
             if noisy and stage == STAGES - 1:
                 _add_noise(lever, loop, h, noise, trial)
             slow_flow_rhs(sample, loop, ground + slope * (done + _WHEN[stage] * h), trial, memory, k[stage])
-        error = _error(loop, k, h, modulus(complex(trial[A_REAL], trial[A_IMAG])))
+        error = _step_error(loop, k, h, modulus(complex(trial[A_REAL], trial[A_IMAG])))
         memory.step = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
         if error <= 1.0:
             if abs(memory.push) > lever[col.BASE] + loop.most_push * modulus(complex(trial[A_REAL], trial[A_IMAG])):

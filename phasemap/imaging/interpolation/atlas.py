@@ -13,7 +13,7 @@ from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.cells import Piece
 
 if TYPE_CHECKING:
-    from phasemap._kernels.materials.interpolate import Tree
+    from phasemap._kernels.materials.interpolate import Series, Tree
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,7 +26,7 @@ class Atlas:
     """Interpolants over materials, as `phasemap._kernels.materials.interpolate` reads them."""
 
     tree: Tree
-    sums: tuple[Array | Ints, ...]  # arguments of `evaluate` after what is wanted
+    series: Series
     errors: Array  # shape (pieces, 2); estimated in each piece, of height [m] and phase [rad]
 
     @classmethod
@@ -42,25 +42,29 @@ class Atlas:
 
         number = {id(border): i for i, border in enumerate(borders)}
         ends = np.zeros((len(pieces), 2))
-        forms = np.full((len(pieces), 3), -1, np.int64)
+        end_borders = np.full((len(pieces), 2), -1, np.int64)
         for i, piece in enumerate(pieces):
             for j, end in enumerate((piece.cell.lower, piece.cell.upper)):
                 if isinstance(end, Border):
-                    forms[i, j] = number[id(end)]
+                    end_borders[i, j] = number[id(end)]
                 else:
                     ends[i, j] = end
-            forms[i, 2] = piece.cell.form
         tables = [_without_rest(border.coefficients) for border in borders]
+        kinds, numbers, below, above = np.array(nodes, np.int64).reshape(-1, 4).T.copy()
         tree = Tree(
-            np.array(nodes, np.int64).reshape(-1, 4),
+            kinds,
+            numbers,
+            below,
+            above,
             np.array(values, np.float64),
-            np.array([border.box for border in borders], np.float64).reshape(-1, 4),
+            np.array([border.box for border in borders], np.float64).reshape(-1, 2, 2),
             np.array([table.shape for table in tables], np.int64).reshape(-1, 2),
             np.cumsum([0, *(table.size for table in tables)]).astype(np.int64),
             _joined([table.reshape(-1) for table in tables], np.float64),
-            np.array([piece.cell.box for piece in pieces], np.float64).reshape(-1, 6),
+            np.array([piece.cell.box for piece in pieces], np.float64).reshape(-1, 3, 2),
             ends,
-            forms,
+            end_borders,
+            np.array([piece.cell.form for piece in pieces], np.int64),
         )
         errors = np.array([piece.errors for piece in pieces], np.float64).reshape(-1, 2)
         return cls(tree, _packed(pieces), errors)
@@ -72,13 +76,13 @@ class Atlas:
 
     def __call__(self, points: Array, wanted: Ints) -> tuple[NDArray[np.int32], Array]:
         """Piece of every point, shape (3, n), -1 where there is none, and functions `wanted`, shape (wanted, n)."""
-        from phasemap._kernels.materials.interpolate import evaluate, locate
+        from phasemap._kernels.materials.interpolate import locate, sum_series
 
         count = points.shape[1]
         piece, inside = np.empty(count, np.int32), np.empty((3, count))
         out = np.full((len(wanted), count), np.nan)
         locate(points, self.tree, piece, inside)
-        evaluate(piece, inside, wanted, *self.sums, out)
+        sum_series(piece, inside, wanted, self.series, out)
         return piece, out
 
 
@@ -88,8 +92,10 @@ def _without_rest(table: Array) -> Array:
     return table[: rows[-1] + 1, : columns[-1] + 1] if len(rows) else table[:1, :1]
 
 
-def _packed(pieces: Sequence[Piece]) -> tuple[Array | Ints, ...]:
-    """Sizes, and the coefficients of each function without the negligible ones at the end along u."""
+def _packed(pieces: Sequence[Piece]) -> Series:
+    """Series of each piece, without the negligible coefficients at the end along u."""
+    from phasemap._kernels.materials.interpolate import Series
+
     count = pieces[0].coefficients.shape[-1] if pieces else 0
     sizes = np.array([piece.coefficients.shape[:3] for piece in pieces], np.int64).reshape(-1, 3)
     length_starts, starts = np.zeros((len(pieces), count), np.int64), np.zeros((len(pieces), count), np.int64)
@@ -105,7 +111,7 @@ def _packed(pieces: Sequence[Piece]) -> tuple[Array | Ints, ...]:
             lengths.append(length)
             kept.append(part)
             at_length, at = at_length + len(length), at + len(part)
-    return sizes, length_starts, _joined(lengths, np.int64), starts, _joined(kept, np.float64)
+    return Series(sizes, length_starts, _joined(lengths, np.int64), starts, _joined(kept, np.float64))
 
 
 def _joined(parts: Sequence[Array], dtype: type) -> Array:

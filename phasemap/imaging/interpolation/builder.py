@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, OUTSIDE
+from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, NO_PIECE
 from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, best_of, fit
@@ -33,7 +33,7 @@ def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> A
     `tolerances` (shape (functions,)).
     """
     if not len(sample):
-        return Atlas.of([[LEAF, OUTSIDE, -1, -1]], [0.0], [], [])
+        return Atlas.of([[LEAF, NO_PIECE, -1, -1]], [0.0], [], [])
     extent = np.ptp(sample, axis=0)
     builder = _Builder(exact, tolerances, count / len(sample), np.where(extent > 0, extent, 1.0))
     builder.column(_box_of(sample, exact.axes.lowest), sample, 0)
@@ -76,7 +76,7 @@ class _Builder:
     def column(self, box: Box, materials: Array, depth: int) -> int:
         """Everything above a box of (x0, x1): its layers, or the two halves of it."""
         if self._budget(materials) < LOOK or depth > DEEPEST:
-            return self._node(LEAF, OUTSIDE)
+            return self._node(LEAF, NO_PIECE)
         low, high = box[4], box[5]
         try:
             few = self._few_above(box, materials)
@@ -84,7 +84,7 @@ class _Builder:
         except Undecided as undecided:
             if undecided.below is not None:
                 return self._cut_lines(box, undecided.below, materials, depth)
-            return self._cut_column(box, materials, depth) if undecided.worth else self._node(LEAF, OUTSIDE)
+            return self._cut_column(box, materials, depth) if undecided.worth else self._node(LEAF, NO_PIECE)
         if borders:
             return self._layers(box, materials, depth, borders)
         return self.cell(Cell((*box[:4], 0.0, 1.0 if high > low else 0.0), low, high), materials, depth)
@@ -94,7 +94,7 @@ class _Builder:
         sides = [(box[2 * axis + 1] - box[2 * axis]) / self.extent[axis] for axis in (0, 1)]
         axis = int(np.argmax(sides))
         if sides[axis] == 0:
-            return self._node(LEAF, OUTSIDE)
+            return self._node(LEAF, NO_PIECE)
         at = 0.5 * (box[2 * axis] + box[2 * axis + 1])
         node = self._node(CUT, axis, at)
         above = materials[:, axis] >= at
@@ -130,7 +130,7 @@ class _Builder:
 
     def _layer(self, box: Box, lower: float | Border, upper: float | Border, materials: Array, depth: int) -> int:
         if not self._budget(materials):
-            return self._node(LEAF, OUTSIDE)
+            return self._node(LEAF, NO_PIECE)
         x0, x1 = materials[:, 0], materials[:, 1]
         low = lower.height(x0, x1) if isinstance(lower, Border) else lower
         high = upper.height(x0, x1) if isinstance(upper, Border) else upper
@@ -150,7 +150,7 @@ class _Builder:
             self.pieces.append(found)
             return self._node(LEAF, len(self.pieces) - 1)
         if found is None or found.hopeless or depth > DEEPEST:
-            return self._node(LEAF, OUTSIDE)
+            return self._node(LEAF, NO_PIECE)
         at = 0.5 * sum(cell.side(found.axis))
         level = cell.level(at) if found.axis == 2 else at
         node = (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebval3d
 from numpy.typing import NDArray
 
-from phasemap._kernels.materials.interpolate import PLAIN, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
+from phasemap._kernels.materials.interpolate import EVEN_PLACE, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
@@ -39,7 +39,7 @@ class Cell:
     upper: End
     # How u goes with the relative place (`phasemap._kernels.materials.interpolate`): evenly, or with roots at
     # borders, where orbits change with the root of the distance
-    form: int = PLAIN
+    form: int = EVEN_PLACE
 
     def side(self, axis: int) -> tuple[float, float]:
         """Low and high of one coordinate."""
@@ -60,7 +60,7 @@ class Cell:
     def forms(self) -> list[Cell]:
         """The layer with each form of u that its ends allow."""
         lower, upper = isinstance(self.lower, Border), isinstance(self.upper, Border)
-        forms = [PLAIN] + [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
+        forms = [EVEN_PLACE] + [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
         return [replace(self, form=form) for form in forms]
 
     def margins(self, thickness: float, least: float, grazes: bool) -> Cell:
@@ -125,7 +125,7 @@ def _height(end: End, x0: Array, x1: Array) -> Array:
 
 
 def _share(u: Array, form: int) -> Array:
-    """Relative place in a layer of u; the reverse of `phasemap._kernels.materials.interpolate.place`."""
+    """Relative place in a layer of u; the reverse of `phasemap._kernels.materials.interpolate.layer_coordinate`."""
     if form == ROOT_LOW:
         return u * u
     if form == ROOT_HIGH:

@@ -80,17 +80,18 @@ class ExactOrbits:
         Returns an array of shape (n, functions): NaN where there is no stable orbit so near.
         """
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.nearby import nearby_rows
+        from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
 
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
-        starts = np.column_stack([guesses[:, [HEIGHT, MEAN, PHASE]], away])
+        offsets, means, phases = guesses[:, [HEIGHT, MEAN, PHASE]].T.copy()
+        starts = NearbyGuesses(work.amplitudes, offsets, means, phases, away)
 
         def solve(first: int, last: int) -> None:
             some = slice(first, last)
             nearby_rows(
-                work.law, work.rows[some], work.lever, TABLES, work.amplitudes[some], starts[some], group, rows[some],
-                status[some],
+                work.law, work.rows[some], work.lever, TABLES, NearbyGuesses(*(one[some] for one in starts)), group,
+                rows[some], status[some],
             )  # fmt: skip
 
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.

@@ -71,8 +71,8 @@ def digests_of(materials: Array) -> NDArray[np.uint64]:
     >>> first == third, first == second
     (np.True_, np.False_)
     """
-    from phasemap._kernels.materials.distinct import digests
+    from phasemap._kernels.materials.distinct import row_digests
 
     out = np.empty(len(materials), np.uint64)
-    digests(_bits(materials), out)
+    row_digests(_bits(materials), out)
     return out

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels.columns import SHAKER
 from phasemap._kernels.law import Law
-from phasemap._kernels.rows.derivatives import Found, averaged_block
+from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
@@ -71,7 +71,7 @@ class Model:
         x = axes.along(self.rows(q))
         rates = (axes.along(self.rows(q + NEAR)) - x) / NEAR  # a place depends on its own property only
         found, beyond, before = _unfilled(*sides.shape), np.zeros(len(q), np.bool_), places.copy()
-        tabulated_block(table, x, rates, self.levers, self.amplitudes, sides, places, found, beyond)
+        tabulated_block(table, x, rates, Setpoints(self.levers, self.amplitudes, sides, places), found, beyond)
         again = np.flatnonzero(~found.good & (beyond | search))
         if len(again):
             there = before[again]
@@ -85,7 +85,7 @@ class Model:
         """The same by integrals of the force, for any law."""
         found = _unfilled(*sides.shape)
         rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
-        averaged_block(self.law, rows, STEP, self.levers, self.amplitudes, sides, search, places, found)
+        averaged_block(self.law, rows, STEP, Setpoints(self.levers, self.amplitudes, sides, places), search, found)
         return found
 
     def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:

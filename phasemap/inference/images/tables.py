@@ -11,14 +11,14 @@ from phasemap._kernels.columns import BASE
 from phasemap._kernels.law import Law
 from phasemap._kernels.rows.tabulated import (
     AXES,
-    COUNT,
-    FIRST,
-    LAST,
-    MEAN,
+    FIRST_OCTAVE,
+    LAST_OCTAVE,
+    OCTAVE_SHARES,
     PARTS,
-    SHARES,
-    SUMS,
-    TERMS,
+    TABLE_INTERVALS,
+    TABLE_MEAN,
+    TABLE_SUMS,
+    TABLE_TERMS,
     Table,
     harmonics_rows,
 )
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 WRONG = 1e-9  # of an integral, above which an interval is left out
 MOST = 0.9  # of the intervals hold for a law that is affine; for another, those where it has no force
 SMALL = 1e-3  # of the amplitude, below which a mean deflection need not be better than this share of it
-NODES = np.cos((np.arange(TERMS) + 0.5) * np.pi / TERMS)  # in an interval
+NODES = np.cos((np.arange(TABLE_TERMS) + 0.5) * np.pi / TABLE_TERMS)  # in an interval
 CHECKED = np.array([-0.93, 0.11, 0.97])  # where the table is compared with the integrals
 
 
@@ -67,10 +67,18 @@ def make_tables(law: Law, rows: Array, levers: Array, amplitudes: Array) -> Tabl
     """
     columns = np.argmax(rows[1 : 1 + AXES] != rows[0], axis=1)
     axes = Axes(columns, rows[0, columns], rows[np.arange(1, 1 + AXES), columns] - rows[0, columns])
-    ends = np.concatenate([[0.0], np.ldexp(1 + np.arange(SHARES) / SHARES, np.arange(FIRST, LAST)[:, None]).ravel()])
-    widths = np.diff(ends, append=2.0**LAST)
+    ends = np.concatenate(
+        [
+            [0.0],
+            np.ldexp(
+                1 + np.arange(OCTAVE_SHARES) / OCTAVE_SHARES, np.arange(FIRST_OCTAVE, LAST_OCTAVE)[:, None]
+            ).ravel(),
+        ]
+    )
+    widths = np.diff(ends, append=2.0**LAST_OCTAVE)
     table = Table(
-        np.empty((len(levers), 2, COUNT, TERMS, PARTS)), np.empty((len(levers), 2, COUNT), np.bool_),
+        np.empty((len(levers), 2, TABLE_INTERVALS, TABLE_TERMS, PARTS)),
+        np.empty((len(levers), 2, TABLE_INTERVALS), np.bool_),
         np.stack([ends + 0.5 * widths, 2.0 / widths], axis=1), np.empty(len(levers)),
     )  # fmt: skip
     for image, (lever, amplitude) in enumerate(zip(levers, amplitudes, strict=True)):
@@ -81,18 +89,22 @@ def make_tables(law: Law, rows: Array, levers: Array, amplitudes: Array) -> Tabl
 def _fill(table: Table, image: int, law: Law, rows: Array, axes: Axes, lever: Array, amplitude: float) -> None:
     """Integrate at one amplitude, fit the polynomials, and see where they hold."""
     x = table.spans[:, :1] + np.concatenate([NODES, CHECKED]) / table.spans[:, 1:]
-    sums = np.empty((len(rows), 2 * x.size, SUMS))
+    sums = np.empty((len(rows), 2 * x.size, TABLE_SUMS))
     table.reaches[image] = harmonics_rows(
         law, rows, lever, amplitude, np.concatenate([1.0 - x.ravel(), 1.0 + x.ravel()]), sums
     )
-    sums = sums.reshape(len(rows), 2, *x.shape, SUMS)
-    parts = np.concatenate([sums[:1], sums[1 : 1 + AXES] - sums[0]])  # (1 + AXES, 2, COUNT, nodes, SUMS)
+    sums = sums.reshape(len(rows), 2, *x.shape, TABLE_SUMS)
+    parts = np.concatenate(
+        [sums[:1], sums[1 : 1 + AXES] - sums[0]]
+    )  # (1 + AXES, 2, TABLE_INTERVALS, nodes, TABLE_SUMS)
     to_powers = np.linalg.inv(np.vander(NODES, increasing=True))
-    powers = np.einsum("tn,asknv->sktav", to_powers, parts[..., :TERMS, :])
-    table.coefficients[image] = powers.reshape(2, COUNT, TERMS, PARTS)
+    powers = np.einsum("tn,asknv->sktav", to_powers, parts[..., :TABLE_TERMS, :])
+    table.coefficients[image] = powers.reshape(2, TABLE_INTERVALS, TABLE_TERMS, PARTS)
     weights = np.concatenate([np.ones((len(rows), 1)), axes.along(rows)], axis=1)
-    told = np.einsum("ra,nt,sktav->rsknv", weights, np.vander(CHECKED, TERMS, increasing=True), powers, optimize=True)
-    size = np.einsum("ra,asknv->rsknv", np.abs(weights), np.abs(parts[..., TERMS:, :]))
+    told = np.einsum(
+        "ra,nt,sktav->rsknv", weights, np.vander(CHECKED, TABLE_TERMS, increasing=True), powers, optimize=True
+    )
+    size = np.einsum("ra,asknv->rsknv", np.abs(weights), np.abs(parts[..., TABLE_TERMS:, :]))
     size += lever[BASE]
-    size[..., MEAN] += SMALL * amplitude - lever[BASE]
-    table.sound[image] = (np.abs(told - sums[..., TERMS:, :]) < WRONG * size).all(axis=(0, 3, 4))
+    size[..., TABLE_MEAN] += SMALL * amplitude - lever[BASE]
+    table.sound[image] = (np.abs(told - sums[..., TABLE_TERMS:, :]) < WRONG * size).all(axis=(0, 3, 4))

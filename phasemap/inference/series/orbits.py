@@ -52,7 +52,7 @@ class Lever:
         `asked` (shape (2, k)): where there may be an orbit at all.
         `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
-        from phasemap._kernels.rows.derivatives import averaged_phases
+        from phasemap._kernels.rows.derivatives import Setpoints, averaged_phases
 
         asked = np.ones(places.shape, bool) if asked is None else asked
         model, phases = self.at(amplitudes, ratios), np.empty_like(places)
@@ -62,7 +62,8 @@ class Lever:
             some = slice(first, last)
             levers, held = model.levers[some], model.amplitudes[some]
             for side, place, phase in zip(sides, places, phases, strict=True):
-                averaged_phases(model.law, rows[some], levers, held, side[some], search, place[some], phase[some])
+                setpoints = Setpoints(levers, held, side[some], place[some])
+                averaged_phases(model.law, rows[some], setpoints, search, phase[some])
 
         cores = workers_of(None)
         spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)

@@ -136,11 +136,11 @@ def _work(
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:
     """On which of a material's orbits the tip is, coming to a pixel as it leaves the last."""
-    from phasemap._kernels.scanning.quasi_static import step
+    from phasemap._kernels.scanning.quasi_static import next_branch
 
     branches, offsets = (values.reshape(-1)[pixels] for values in carried(picture))
     comes = zip(numbers, branches, offsets, strict=True)
-    return np.array([step(orbits, int(i), int(branch), float(z0))[1] for i, branch, z0 in comes], np.intp)
+    return np.array([next_branch(orbits, int(i), int(branch), float(z0))[1] for i, branch, z0 in comes], np.intp)
 
 
 def carried(picture: Picture) -> tuple[NDArray[np.int8], Array]:
