@@ -47,8 +47,10 @@ class Frozen(NamedTuple):
 def frozen(function: Any) -> Frozen:
     """Copy a function, be it plain or compiled by numba, as it is now."""
     cpu_target.target_context.refresh()  # so that numba knows all its own
-    copy = _Copy()
-    of, description = copy.function(getattr(function, "py_func", function), OPTIONS)
+    plain, copy = getattr(function, "py_func", function), _Copy()
+    if not isinstance(plain, FunctionType):
+        raise TypeError(f"a plain function is needed, not {type(plain).__name__}")
+    of, description = copy.function(plain, OPTIONS)
     digest = hashlib.sha256(repr(description).encode("utf-8", "surrogatepass")).hexdigest() if copy.known else ""
     for one in copy.functions():  # code that another process kept must not be linked by the name of another law's
         one.__qualname__ += f".{digest or uuid.uuid4().hex}"
@@ -108,7 +110,7 @@ class _Copy:
             return self._module(value, names)
         if name := _name_in_library(value):
             return value, ("library", name)
-        if kind is FunctionType:
+        if kind is FunctionType and not _is_extended(value):
             return self.function(value, OPTIONS)
         if kind is CPUDispatcher and value._can_compile and not value.locals and _is_plain(value.targetoptions):
             if value._compiler.pipeline_class is Compiler:
@@ -192,7 +194,7 @@ def _name_in_library(value: Any) -> str:
 
 
 def _is_extended(value: Any) -> bool:
-    """Whether somebody else has told numba how to compile a function of a library, by `numba.extending`."""
+    """Whether somebody else has told numba how to compile a function, by `numba.extending`."""
     try:
         templates = getattr(cpu_target.typing_context.resolve_value_type(value), "templates", ())
     except ValueError:

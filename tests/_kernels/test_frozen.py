@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -172,6 +173,18 @@ def test_a_function_of_a_library_that_somebody_else_compiles_is_known_in_its_pro
         return lambda x: 1.0
 
     assert not frozen(lambda d, p: math.ulp(d)).lasts
+
+
+def test_a_function_for_which_numba_has_other_code_is_compiled_by_that() -> None:
+    twice, of_type = (lambda x: 2.0 * x), (lambda x: lambda x: 3.0 * x)
+    overload(twice)(of_type)
+    assert value(lambda d, p: twice(d)) == 6.0
+    assert frozen(lambda d, p: twice(d))[1:] == ("", False)
+
+
+def test_what_is_no_plain_function_is_named() -> None:
+    with pytest.raises(TypeError, match="a plain function is needed, not partial"):
+        frozen(partial(lambda k, d, p: k * d, 2.0))
 
 
 def test_other_processes_find_the_same_digest() -> None:
