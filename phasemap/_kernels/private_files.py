@@ -26,7 +26,8 @@ def read(path: pathlib.Path) -> bytes:
     OSError
         If there is none, or somebody else can write it.
     """
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NOFOLLOW", 0))) as file:
+    more = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # a pipe would be waited for
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | more)) as file:
         known = os.fstat(file.fileno())  # of what is read, whatever has its name by now
         if not (stat.S_ISREG(known.st_mode) and _is_private(known)):
             raise PermissionError(f"{path} can be written by others")

@@ -132,6 +132,7 @@ EXPOSED: dict[str, Callable[[Path], Any]] = {
     "written by all": lambda path: path.chmod(0o606),
     "a link": opened_as_a_link,
     "a folder": lambda path: (path.unlink(), path.mkdir()),
+    "a pipe": lambda path: (path.unlink(), os.mkfifo(path)),  # which nobody writes to
 }
 
 
