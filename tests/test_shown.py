@@ -33,7 +33,7 @@ def test_a_notebook_shows_units() -> None:
 
 def test_a_pixel_says_what_a_microscopist_asks_first_and_has_its_period() -> None:
     pixel = pm.solve_pixel(SOFT, SCOPE, 0.7, samples=256)
-    assert repr(pixel).startswith("Pixel(good, attractive, by corrected: phase -13.31 degrees, height")
+    assert repr(pixel).startswith("Pixel(good, attractive, solved by orbit (exact): phase -13.31 degrees, height")
     assert "dissipation 150 eV" in repr(pixel) and "<td>150 eV</td>" in pixel._repr_html_()
     assert pixel.period is not None and pm.solve_pixel(SOFT, SCOPE, 0.7).period is None
     deflection, force = pixel.period.deflection.values, pixel.period.force.values

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-LONG_NAMES = {"y": "position from the bottom of the image", "x": "position from the left of the image"}
+LONG_NAMES = {"y": "y from the bottom edge", "x": "x from the left edge"}  # short: xarray labels axes by them
 
 
 def centres(count: int, step: float) -> FloatArray:
@@ -32,7 +32,7 @@ def coordinates(y: FloatArray, x: FloatArray) -> dict[str, Any]:
     Examples
     --------
     >>> coordinates(centres(2, 1e-9)[::-1], centres(3, 1e-9))["y"][2]["long_name"]
-    'position from the bottom of the image'
+    'y from the bottom edge'
     """
     return {
         dim: (dim, places, {"long_name": LONG_NAMES[dim], "units": "m", "axis": dim.upper()})

@@ -36,7 +36,7 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
     lines = [line for word in ("verdict", "advice") for line in str(ds.attrs.get(word, "")).splitlines()]
     curves = [name for name in ("phase", "height") if f"measured_{name}" in ds]
-    title = f"{ds.sizes['region']} regions in {ds.sizes['image']} images   ·   intervals of 95 %, zeros left open"
+    title = f"{ds.sizes['region']} regions in {ds.sizes['image']} images   ·   95 % intervals (zeros uncertain)"
     page = Page(LEFT + 3 * SIDE + 2 * GAP + MARGIN, 2 * (TITLE + AXIS) + SIDE + SMALL, [title], notes=lines, left=LEFT)
     _draw_map(page.picture(LEFT, TITLE, SIDE, SIDE, "regions"), ds)
     for column, name in enumerate(curves, 1):

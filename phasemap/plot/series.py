@@ -136,8 +136,8 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             axes.plot(at, ds["fitted_contrast"].values[region, some], "_", color="0.2", markersize=13)
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "_", color="0.2", markersize=11, label="simulated, median of the draws")
-    axes.plot([], [], color="0.5", linewidth=1.2, label="likeliest; shade: 95 % of the draws")
-    axes.set_title("contrast against region 0, as recorded (degrees)", fontsize=10, loc="left")
+    axes.plot([], [], color="0.5", linewidth=1.2, label="most likely; shade: 95 % of the draws")
+    axes.set_title("contrast relative to region 0, as recorded (degrees)", fontsize=10, loc="left")
     axes.set_ylim(*_range_of_contrasts(ds))
     _finish(axes, ds)
 
@@ -166,8 +166,8 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
         axes.plot(ds["likeliest_setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="files, with the fitted zero")
-    axes.set_title("likeliest phases: repulsive bold, attractive thin (degrees)", fontsize=10, loc="left")
-    axes.set_ylabel("counted positive where repulsive", fontsize=8)
+    axes.set_title("most likely phases (degrees): bold repulsive, thin attractive", fontsize=10, loc="left")
+    axes.set_ylabel("positive where repulsive", fontsize=8)
     _finish(axes, ds)
 
 

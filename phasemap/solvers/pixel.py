@@ -21,6 +21,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
+from phasemap.results.words import SOLVED_BY
 from phasemap.solvers.continuation.path import Question, fixed_path
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.orbit import Orbit
@@ -55,7 +56,7 @@ class Pixel:
     feedback_slope : float
         Change of amplitude with tip offset [1]; NaN if the solver does not know it.
     energy_closure : float
-        Energy in less energy out, over energy in [1]; NaN if the solver does not know it.
+        Energy in minus energy out, over energy in [1]; NaN if the solver does not know it.
     error_phase, error_height : float
         Estimated errors [degree, m]; NaN if there is no estimate.
     amplitude_spread, phase_spread : float
@@ -100,10 +101,11 @@ class Pixel:
     def __repr__(self) -> str:
         """What a microscopist asks first."""
         said = ", ".join(f"{name.replace('_', ' ')} {text}" for name, text in self._said(TOLD).items())
-        return f"Pixel({self.status.name.replace('_', ' ')}, {self.branch}, by {self.solver}: {said})"
+        found = f", {self.branch}, solved by {SOLVED_BY.get(self.solver, self.solver)}: {said}" if said else ""
+        return f"Pixel({self.status.name.replace('_', ' ')}{found})"
 
     def _repr_html_(self) -> str:
-        words = {name: getattr(self, name) for name in ("branch", "motion", "solver")}
+        words = {"branch": self.branch, "motion": self.motion, "solver": SOLVED_BY.get(self.solver, self.solver)}
         every = [name for name in Pixel.__annotations__ if name in FLOATS]
         return table("Pixel", {"status": self.status.value, **words, **self._said(every)})
 

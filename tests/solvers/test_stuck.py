@@ -16,6 +16,7 @@ def test_a_mean_that_misses_the_setpoint_is_no_answer() -> None:
     )  # fmt: skip
     pixel = pm.solve_pixel(pm.Material(1.489e9, 0.1863, 0.2588), scope, 0.1293)
     assert pixel.status is pm.Status.no_stable_orbit
+    assert repr(pixel) == "Pixel(no stable orbit)"
 
 
 def test_a_tip_that_is_raised_may_come_to_the_setpoint_before_it_comes_free() -> None:

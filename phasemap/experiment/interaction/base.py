@@ -66,6 +66,10 @@ class ContactLaw(ABC):
             if _rank(cls, formula) < _rank(cls, slope):  # a slope that is inherited is that of another formula
                 setattr(cls, slope, _Quotient(formula, start))
 
+    def __repr__(self) -> str:
+        """The law as Python would make it."""
+        return f"{type(self).__name__}()"
+
     @staticmethod
     @abstractmethod
     def force(d: float, p: Array) -> float:

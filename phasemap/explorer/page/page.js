@@ -320,9 +320,9 @@ function build() {
   about.materials.forEach((name, m) => form.append(group([dot(m), name], knobs.filter(([knob]) => knob.material === m))));
   options.append(
     tick("exact", "exact orbits", "Solve every material exactly, also where averaging is within the accuracy", changed),
-    tick("hold", "hold the colours", "Keep the colour bars as they are, to compare settings", drawAll),
+    tick("hold", "fix the colour scales", "Keep the colour scales as they are, to compare settings", drawAll),
   );
-  const back = Object.assign(document.createElement("button"), { type: "button", textContent: "Set all back" });
+  const back = Object.assign(document.createElement("button"), { type: "button", textContent: "Reset all" });
   back.addEventListener("click", () => { for (const entry of inputs) entry.set(entry.knob.start); changed(); });
   options.append(back);
   form.append(options);
@@ -345,7 +345,7 @@ function build() {
     });
   }
   $("scan").hidden = !about.control;
-  $("scan").textContent = "Scan it as the scene says";
+  $("scan").textContent = "Scan in time as the scene says";
   $("scan").title = about.control ?? "";
 }
 
@@ -387,7 +387,7 @@ function pointMap(event) {
 }
 $("map").addEventListener("pointerdown", pointMap);
 $("map").addEventListener("pointermove", pointMap);
-$("map").title = "Click to work there";
+$("map").title = "Click to use this setting";
 
 async function saved(what) {
   const answer = await ask(`save/${what}`, setting());

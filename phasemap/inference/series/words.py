@@ -151,8 +151,8 @@ def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
         )
     if data <= unknown:
         return (
-            f"The magnitude is fitted, which says little: {data} {what} for {unknown} unknowns, so that the prior "
-            "says the rest."
+            f"The magnitude is fitted, but that proves little: there are {unknown} unknowns for {data} {what}, "
+            "and the prior decides what these leave open."
         )
     return f"The magnitude is reproduced within its errors: {data} {what} for {unknown} unknowns."
 
