@@ -10,11 +10,15 @@ A class whose fields are annotated becomes a record by the decorator `record`:
 ``State()`` in a kernel makes one filled with zeros, on the stack of that kernel: it must not be returned, but is passed
 down by its address, so that what is called can change it. numba checks the names of its fields, mypy their types.
 In Python ``State()`` is a `numpy.record` with the same fields, which kernels take and change as well.
+
+What is returned, or too large for a stack, lies in an array of words that a named tuple holds; `rows_of` names its
+numbers.
 """
 
 from __future__ import annotations
 
 import typing
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
@@ -153,6 +157,35 @@ def record(cls: type[T]) -> type[T]:
     typeof_impl.register(in_python)(lambda *_: made.record_type)
     _declare(made, made.record_type)
     return cls
+
+
+def words_of(cls: type) -> int:
+    """Number of words [8 bytes] of a record of this class."""
+    return int(cls.record_type.words)  # type: ignore[attr-defined]
+
+
+def rows_of(cls: type[T], holder: type, field: str) -> Callable[..., T]:
+    """Make the function of (named tuple, i = 0) that gives row i of its array `field` as a record of this class.
+
+    The record is the memory of the array, of words, and valid as long as that is.
+    """
+    made: Any = cls
+    kind, place = made.record_type, list(holder.__annotations__).index(field)
+
+    def row(one: Any, i: int = 0) -> T:
+        return getattr(one, field).view(made.layout)[i, 0]
+
+    @lower_builtin(row, types.BaseTuple)
+    @lower_builtin(row, types.BaseTuple, types.Integer)
+    def address(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        one, *rows = arguments
+        array = context.make_array(signature.args[0][place])(context, builder, builder.extract_value(one, place))
+        data = builder.bitcast(array.data, context.get_value_type(kind))
+        at = [context.cast(builder, i, signature.args[1], types.intp) for i in rows] or [cgutils.intp_t(0)]
+        return builder.gep(data, at)
+
+    type_callable(row)(lambda _context: lambda one, i=None: kind)
+    return row
 
 
 def _declare(cls: Any, kind: RecordType) -> None:

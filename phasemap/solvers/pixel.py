@@ -186,7 +186,7 @@ def _period(material: Material, scope: Microscope, row: np.ndarray, samples: int
     """One period of the exact orbit that a result row is of, or next to."""
     import xarray as xr
 
-    from phasemap._kernels.continuation.path import AP
+    from phasemap._kernels.continuation.path import ENTRY_A
 
     traces = np.full((2, samples), np.nan)
     path = fixed_path(Question(material, scope))
@@ -195,7 +195,7 @@ def _period(material: Material, scope: Microscope, row: np.ndarray, samples: int
     if np.isfinite(row[: col.FLOQUET]).all():
         offset, amplitude = row[col.TIP_OFFSET], row[col.AMPLITUDE]
         box = offset - NEAR * amplitude, offset + NEAR * amplitude, 0.0
-        curves = Curves(path, AP, np.array([amplitude * (1 + BESIDE)]), box, samples)
+        curves = Curves(path, ENTRY_A, np.array([amplitude * (1 + BESIDE)]), box, samples)
         curves.from_orbit(row, 0.0, of_amplitude=True)
         for piece in curves.pieces:
             here = (piece.rows[:, col.KIND] == col.WANTED) & (np.abs(piece.rows[:, col.PHASE] - row[col.PHASE]) < SAME)

@@ -30,39 +30,41 @@ STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin t
 
 def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple[np.ndarray, bool]:
     """Rows of every orbit at this tip offset, and whether every curve was followed to its end."""
-    from phasemap._kernels.continuation.path import ZP
-    from phasemap._kernels.continuation.piece import FULL
+    from phasemap._kernels.continuation.path import ENTRY_Z0
+    from phasemap._kernels.continuation.piece import PIECE_FULL
 
     path = fixed_path(Question(material, scope))
     free = max(scope.driven_amplitude, scope.drive.free_amplitude)
     box = (tip_offset - free, np.inf, FAINT * scope.driven_amplitude)
-    curves = Curves(path, ZP, np.array([tip_offset]), box, 0)
+    curves = Curves(path, ENTRY_Z0, np.array([tip_offset]), box, 0)
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
     complete(curves, scope, tip_offset)
     rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
-    return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), all(piece.ended != FULL for piece in curves.pieces)
+    return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), all(
+        piece.ended != PIECE_FULL for piece in curves.pieces
+    )
 
 
 def at_seen(material: Material, scope: Microscope, amplitude: float) -> tuple[np.ndarray, bool]:
     """Rows of every orbit that the detector sees with this amplitude, and whether all curves were followed."""
-    from phasemap._kernels.continuation.piece import FULL
+    from phasemap._kernels.continuation.piece import PIECE_FULL
 
     path = fixed_path(Question(material, scope))
     curves = held_curves(path, np.array([amplitude]), 0)
     rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
-    complete = all(piece.ended != FULL for piece in curves.pieces)
+    complete = all(piece.ended != PIECE_FULL for piece in curves.pieces)
     return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), complete
 
 
 def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
-    from phasemap._kernels.continuation.path import ZP
+    from phasemap._kernels.continuation.path import ENTRY_Z0
 
     if Question(material, scope).remembers:
         return in_time.distance(Question(material, scope), axis, samples)
     path = fixed_path(Question(material, scope))
     wanted = np.sort(axis)
-    curves = Curves(path, ZP, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
+    curves = Curves(path, ENTRY_Z0, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
     curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
     complete(curves, scope, wanted[0])
     parts = segments(curves.pieces, col.TIP_OFFSET)
@@ -90,7 +92,7 @@ def parameter(
     samples: int,
 ) -> xr.Dataset:  # fmt: skip
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
-    from phasemap._kernels.continuation.path import MP
+    from phasemap._kernels.continuation.path import ENTRY_M
     from phasemap.solvers.continuation.path import UNITS
 
     if ratio is not None and scope.drive.excitation != "direct":
@@ -111,7 +113,7 @@ def parameter(
     wanted = scale.m(axis[order])
     starts = np.array(STARTS)
     every = np.sort(np.concatenate([wanted, starts]))
-    curves = Curves(path, MP, every, (-BEYOND, BEYOND, 0.0), samples)
+    curves = Curves(path, ENTRY_M, every, (-BEYOND, BEYOND, 0.0), samples)
     for m in starts:
         begin(curves, float(m), ratio is not None)
     if ratio is None:
@@ -161,7 +163,7 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
 
 def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
-    from phasemap._kernels.continuation.path import held_at
+    from phasemap._kernels.continuation.path import held_value
     from phasemap._kernels.lever import free_amplitude
     from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET
     from phasemap._kernels.quadrature import TABLES
@@ -169,7 +171,7 @@ def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
 
     p, lever = curves.standing(m)
     hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-    value = held_at(curves.path, m)
+    value = held_value(curves.path, m)
     _, rows = every_orbit(curves.law, np.array(p), lever, TABLES, hold, value)
     for row in rows:
         if not curves.knows(row, m):

@@ -121,12 +121,12 @@ def _dataset(
     question: Question, work: Work, about: Axis, visits: list[Visit], samples: int, held: dict[str, float | None]
 ) -> xr.Dataset:
     """The Dataset of a sweep without a curve."""
-    from phasemap._kernels.continuation.path import fixed
+    from phasemap._kernels.continuation.path import fixed_path
     from phasemap._kernels.law import Oscillator, parameters
     from phasemap._kernels.quadrature import TABLES
 
     if samples:
         raise InputError("samples", samples, "0 where contacts remember: what is marched keeps no traces")
-    path = fixed(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
+    path = fixed_path(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
     curves = Curves(path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, lambda x: x, visits, question.material, question.scope, held)

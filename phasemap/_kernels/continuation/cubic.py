@@ -1,61 +1,63 @@
-"""Cubics between two points of a curve: where an entry passes a value, just reaches one, or turns twice."""
+"""Cubic interpolation between two points of a curve: where a coordinate passes a value, just reaches it, or turns."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
-    AP,
-    DA,
-    DM,
-    DZ,
-    LENGTH,
-    MP,
-    RATE,
-    ZP,
+    ENTRY_A,
+    ENTRY_M,
+    ENTRY_Z0,
     Path,
-    answer,
-    control,
-    row_of,
+    Point,
+    answer_entry,
+    control_entry,
     scales,
+    tangent_row,
 )
 
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
 
 
 @kernel
-def cubic_slopes(path: Path, reach: float, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+def cubic_slopes(path: Path, reach: float, before: Point, after: Point) -> tuple[float, float]:
     """Factors of the derivatives at two points that make them slopes of the cubics from one (0) to the other (1).
 
     The parameter of the cubics is the distance from the plane across the curve at the first point: the arclength is not
     the same in the scaled coordinates of both points. See theory, Eq. (continuation-4).
     """
-    r_z, r_a, r_m = row_of(path, reach, before)
-    length = r_z * (after[ZP] - before[ZP]) + r_a * (after[AP] - before[AP]) + r_m * (after[MP] - before[MP])
-    first = r_z * before[DZ] + r_a * before[DA] + r_m * before[DM]
-    last = r_z * after[DZ] + r_a * after[DA] + r_m * after[DM]
+    r_z, r_a, r_m = tangent_row(path, reach, before)
+    length = (
+        r_z * (after.value[ENTRY_Z0] - before.value[ENTRY_Z0])
+        + r_a * (after.value[ENTRY_A] - before.value[ENTRY_A])
+        + r_m * (after.value[ENTRY_M] - before.value[ENTRY_M])
+    )
+    first = r_z * before.rate[ENTRY_Z0] + r_a * before.rate[ENTRY_A] + r_m * before.rate[ENTRY_M]
+    last = r_z * after.rate[ENTRY_Z0] + r_a * after.rate[ENTRY_A] + r_m * after.rate[ENTRY_M]
     return length / first, length / max(last, 0.5 * first)
 
 
 @kernel(light=True)
 def bends(one: float, two: float, rise: float) -> tuple[float, float]:
-    """c, s of the slope one + 2 s t + 3 c t^2 of a cubic that rises by `rise` in t = 0 ... 1, with slopes one, two."""
+    """Coefficients c, s of the slope one + 2 s t + 3 c t^2 of a cubic that rises by `rise` to the slope `two` at t = 1."""
     return one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
 
 
 @kernel
-def wavy(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> bool:
+def wavy(path: Path, reach: float, before: Point, point: Point) -> bool:
     """Whether a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
 
     Of a pair of folds within one step nothing else would be seen.
     """
     by_one, by_two = cubic_slopes(path, reach, before, point)
-    u, v = scales(path, reach, point[ZP], point[AP])
-    for index, scale in ((control(path), u), (answer(path), v)):
-        one, two, rise = by_one * before[RATE + index], by_two * point[RATE + index], point[index] - before[index]
+    u, v = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
+    for index, scale in ((control_entry(path), u), (answer_entry(path), v)):
+        one, two, rise = (
+            by_one * before.rate[index],
+            by_two * point.rate[index],
+            point.value[index] - before.value[index],
+        )
         cubic, square = bends(one, two, rise)
         # The slope has its own extreme at t = -square / 3 cubic.
         if one * two > 0.0 and cubic * one > 0.0 and 0.0 < -square / (3.0 * cubic) < 1.0:
@@ -65,27 +67,26 @@ def wavy(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> boo
 
 
 @kernel
-def extreme_between(before: np.ndarray, point: np.ndarray, index: int, value: float) -> float:
-    """Where to step instead if an entry (`index`) may just reach `value` and turn between two points; 0 if not.
+def extreme_between(before: Point, point: Point, index: int, value: float) -> float:
+    """Length of the step to the extreme of an entry (`index`) that may just reach `value` between two points; 0 if not.
 
     The extreme is that of the cubic through both points and slopes. It asks for a point there when `value` lies beyond
     both ends, on the side of the extreme and not far outside it, so that a pair of crossings is not stepped over.
     """
-    slope = index + RATE
-    one, two, length = before[slope], point[slope], point[LENGTH]
+    one, two, length = before.rate[index], point.rate[index], point.length
     if one * two >= 0.0 or length < 1e-5:
         return 0.0
-    rise = (point[index] - before[index]) / length
+    rise = (point.value[index] - before.value[index]) / length
     cubic, square = bends(one, two, rise)
     # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
     root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
     t = -one / (square + root) if square > 0.0 else -one / (square - root)
     if not 0.02 < t < 0.98:
         return 0.0
-    extreme = before[index] + length * t * (one + t * (square + t * cubic))
-    end = min(before[index], point[index]) if one < 0.0 else max(before[index], point[index])
+    extreme = before.value[index] + length * t * (one + t * (square + t * cubic))
+    end = min(before.value[index], point.value[index]) if one < 0.0 else max(before.value[index], point.value[index])
     beyond, reached = value - end, extreme - end
-    if beyond * reached <= 0.0 or abs(beyond) > 3.0 * abs(reached) + 1e-3 * abs(point[index]) * length:
+    if beyond * reached <= 0.0 or abs(beyond) > 3.0 * abs(reached) + 1e-3 * abs(point.value[index]) * length:
         return 0.0
     return t * length
 
@@ -99,7 +100,7 @@ def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
 
 @kernel
 def length_at(one: float, rise: float, two: float, end: float, value: float) -> float:
-    """Where (0 ... 1) the cubic of `hermite` passes a value between `one` and `two`."""
+    """Parameter t in 0 ... 1 at which the cubic of `hermite` passes a value between `one` and `two`."""
     low, high = 0.0, 1.0
     cubic, square = bends(rise, end, two - one)
     at = (value - one) / (two - one)

@@ -8,68 +8,63 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy, smaller
+from phasemap._kernels.arrays import smaller
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import (
-    AP,
-    LENGTH,
-    MP,
-    POINT,
-    RATE,
-    TU,
-    TV,
-    ZP,
+    ENTRY_A,
+    ENTRY_M,
+    ENTRY_Z0,
     Path,
-    control,
+    Point,
+    control_entry,
     reach_on,
+    scaled_direction,
     scales,
     solve_on,
     standing_at,
-    unit,
+    tangent_row,
 )
-from phasemap._kernels.continuation.path import row_of as tangent_row
 from phasemap._kernels.continuation.step import (
-    FIRST_STEP,
-    LARGEST_STEP,
-    SHORTER,
-    SMALLEST_STEP,
+    FIRST_CURVE_STEP,
+    LARGEST_CURVE_STEP,
+    SMALLEST_CURVE_STEP,
+    STEP_AFTER_FAILURE,
     Place,
-    advance,
     copy_orbit,
-    cross,
-    mark,
+    find_crossing,
+    mark_point,
+    next_point,
     same_piece,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.collocation.closing import along
-from phasemap._kernels.orbits.collocation.estimate import state_errors
-from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, begin, newton, observe, settled
-from phasemap._kernels.orbits.collocation.observables import complete, time_trace
+from phasemap._kernels.orbits.collocation.closing import curve_derivative
+from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, begin_harmonic, observe, settled, solve_orbit
+from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
 from phasemap._kernels.orbits.collocation.system import (
-    COUNT,
-    KEPT,
-    LEVEL,
-    LINEAR,
+    EQUATIONS_KEPT,
+    HOLD_OFFSET,
     RIGHT,
     RP,
     RZ,
-    SYSTEM,
-    VALUE,
-    Z0,
-    A,
-    M,
     Orbit,
-    P,
+    head_of,
     new_orbit,
+    the_amplitude,
+    the_offset,
 )
+from phasemap._kernels.records import assign, clear
 
-MOST_POINTS = 4000
-FINEST = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
-FLAT, ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
-MOST_HALVINGS = 40
-LEFT, CLOSED, STUCK, FULL = 0, 1, 2, 3  # how a piece ends
-LOW, HIGH, LEAST = 0, 1, 2  # entries of a box: of the control, and of the amplitude
+MOST_PIECE_POINTS = 4000
+FOLD_LEVEL = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
+FOLD_FLAT, FOLD_ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
+MOST_FOLD_STEPS = 40
+# How a piece ends.
+PIECE_LEFT = 0
+PIECE_CLOSED = 1
+PIECE_STUCK = 2
+PIECE_FULL = 3
 
 
 class Asked(NamedTuple):
@@ -77,7 +72,7 @@ class Asked(NamedTuple):
 
     entry: int  # of a point, whose values are wanted: the control, or the amplitude, of z or as seen
     wanted: np.ndarray  # sorted; values at which rows are made
-    box: np.ndarray  # shape (3,); smallest and largest control, smallest amplitude: where the curve is left
+    box: tuple[float, float, float]  # smallest and largest control, smallest amplitude: where the curve is left
     tolerance: float  # last change [m] of an orbit
 
 
@@ -89,63 +84,64 @@ class Made(NamedTuple):
 
 
 @kernel
-def record(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: int) -> int:
+def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: int) -> int:
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
     if count == len(made.rows):
         return count
     law, tables, row = path.law, path.tables, made.rows[count]
-    p, lever = standing_at(path, orbit.head[VALUE, M])
+    p, lever = standing_at(path, head_of(orbit).parameter)
     row[:] = math.nan
     observe(Oscillator(law, p, lever), tables, orbit, row[: col.COLUMNS])
-    amplitude, push = orbit.head[VALUE, A], orbit.head[VALUE, P]
+    amplitude, push = head_of(orbit).amplitude, head_of(orbit).push
     row[col.SEEN] = seen_amplitude(lever, amplitude, push)
-    if along(lever, orbit, 0.0, 1.0):
-        rate = seen_rate(lever, amplitude, push, 1.0, orbit.head[SYSTEM + RP, RIGHT])
-        row[col.SLOPE] = rate / orbit.head[SYSTEM + RZ, RIGHT]
-    complete(Oscillator(law, p, lever), tables, orbit, row)
-    row[col.PARAMETER], row[col.KIND], row[col.INDEX] = orbit.head[VALUE, M], kind, index
+    if curve_derivative(lever, orbit, 0.0, 1.0):
+        rate = seen_rate(lever, amplitude, push, 1.0, orbit.system[RP, RIGHT])
+        row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
+    complete_row(Oscillator(law, p, lever), tables, orbit, row)
+    row[col.PARAMETER], row[col.KIND], row[col.INDEX] = head_of(orbit).parameter, kind, index
     if made.traces.shape[2] > 0:
         time_trace(Oscillator(law, p, lever), tables, orbit, row[col.PHASE], made.traces[count])
     return count + 1
 
 
 @kernel
-def sharpen(path: Path, orbit: Orbit, spare: Orbit, point: np.ndarray, tolerance: float) -> tuple[bool, Orbit, Orbit]:
+def make_exact(path: Path, orbit: Orbit, spare: Orbit, point: Point, tolerance: float) -> tuple[bool, Orbit, Orbit]:
     """Make the orbit of a point on the way exact, in the plane across the curve."""
-    lever = standing_at(path, orbit.head[VALUE, M])[1]
-    if orbit.head[COUNT, LINEAR] == KEPT and settled(lever, orbit, tolerance):
+    lever = standing_at(path, head_of(orbit).parameter)[1]
+    if head_of(orbit).linear == EQUATIONS_KEPT and settled(lever, orbit, tolerance):
         return True, orbit, spare
     row = tangent_row(path, reach_on(path, orbit), point)
-    level = int(orbit.head[COUNT, LEVEL])
+    level = head_of(orbit).level
     status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
-    return status == col.GOOD and mark(path, orbit, point), orbit, spare
+    return status == col.GOOD and mark_point(path, orbit, point), orbit, spare
 
 
 @kernel
-def advance_exactly(
-    path: Path, point: np.ndarray, step: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit
+def next_exact_point(
+    path: Path, point: Point, step: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit
 ) -> tuple[bool, float, Orbit, Orbit]:
-    """`advance` to an exact orbit: where what was nearly one round a sharp turn is none, by a shorter step."""
-    before = point.copy()
-    while step > SMALLEST_STEP:
-        status, following, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, saved)
+    """Go to the next point of the curve and make its orbit exact; by a shorter step if that fails at a sharp turn."""
+    before = Point()
+    assign(before, point)
+    while step > SMALLEST_CURVE_STEP:
+        status, following, orbit, spare = next_point(path, point, step, LARGEST_CURVE_STEP, orbit, spare, saved)
         if status != col.GOOD:
             break
-        step = point[LENGTH]
-        good, orbit, spare = sharpen(path, orbit, spare, point, tolerance)
-        point[LENGTH] = step
+        step = point.length
+        good, orbit, spare = make_exact(path, orbit, spare, point, tolerance)
+        point.length = step
         if good and same_piece(path, reach_on(path, orbit), before, point):
             return True, following, orbit, spare
-        copy(before, point)
+        assign(point, before)
         copy_orbit(saved, orbit)
-        step *= SHORTER
+        step *= STEP_AFTER_FAILURE
     return False, step, orbit, spare
 
 
 @kernel
 def turn_between(
-    path: Path, start: Place, after: np.ndarray, slope: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit,
-    point: np.ndarray,
+    path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit,
+    point: Point,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
 
@@ -154,31 +150,32 @@ def turn_between(
     There x is stationary and exact to rounding; the other coordinate is as exact as s. Where a step from the start
     fails, for a long one round a sharp turn may, the shorter one that did not is the next to start from.
     """
-    begun, base, room, at = start.point.copy(), new_orbit(), new_orbit(), 0.0
+    begun, base, room, at = Point(), new_orbit(), new_orbit(), 0.0
+    assign(begun, start.point)
     copy_orbit(start.orbit, base)
-    base.head[COUNT, LEVEL] = level
-    low, high, f_low, f_high = 0.0, after[LENGTH], begun[slope], after[slope]
+    head_of(base).level = level
+    low, high, f_low, f_high = 0.0, after.length, begun.rate[entry], after.rate[entry]
     most, last = max(abs(f_low), abs(f_high)), 0
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_FOLD_STEPS):
         share = f_low / (f_low - f_high)
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
-        copy(begun, point)
-        status, _, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, room)
+        assign(point, begun)
+        status, _, orbit, spare = next_point(path, point, step, LARGEST_CURVE_STEP, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
-        reached = point[LENGTH]
-        good, orbit, spare = sharpen(path, orbit, spare, point, tolerance)
+        reached = point.length
+        good, orbit, spare = make_exact(path, orbit, spare, point, tolerance)
         if not good:
             return False, orbit, spare
-        point[LENGTH] = at + reached
-        f = point[slope]
-        if abs(f) <= FLAT * most or high - low < 1e-12:
-            return abs(f) <= ROUGH * most, orbit, spare
+        point.length = at + reached
+        f = point.rate[entry]
+        if abs(f) <= FOLD_FLAT * most or high - low < 1e-12:
+            return abs(f) <= FOLD_ROUGH * most, orbit, spare
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
             if reached < step:
-                copy(point, begun)
+                assign(begun, point)
                 copy_orbit(orbit, base)
                 at, low, high = at + reached, 0.0, high - reached
             f_high *= 0.5 if last == 1 else 1.0
@@ -187,136 +184,137 @@ def turn_between(
             high, f_high = reached, f
             f_low *= 0.5 if last == 2 else 1.0
             last = 2
-    return abs(point[slope]) <= ROUGH * most, orbit, spare
+    return abs(point.rate[entry]) <= FOLD_ROUGH * most, orbit, spare
 
 
 @kernel
-def visit(
+def add_wanted_rows(
     path: Path, asked: Asked, start: Place, end: Place, one: Orbit, spare: Orbit, made: Made, count: int
 ) -> tuple[int, Orbit, Orbit]:
     """Record the orbits at the values wanted between two places, in the order in which they come."""
     index, wanted, tolerance = asked.entry, asked.wanted, asked.tolerance
-    before, after, beside = start.point, end.point, start.point.copy()
-    x, y = before[index], after[index]
+    before, after, beside = start.point, end.point, Point()
+    assign(beside, before)
+    x, y = before.value[index], after.value[index]
     rising = y > x  # the value at which a step starts belongs to the step before
     first, last = smaller(wanted, min(x, y), rising), smaller(wanted, max(x, y), rising)
     for i in range(last - first):
         k = first + i if rising else last - 1 - i
         if i == 0:
             copy_orbit(start.orbit, one)
-        good, one, spare = cross(path, index, wanted[k], start, beside, after, one, spare, tolerance)
+        good, one, spare = find_crossing(path, index, wanted[k], start, beside, after, one, spare, tolerance)
         if not good:
             copy_orbit(end.orbit, one)
         else:
-            now = record(path, one, col.WANTED, k, made, count)
-            if now > count and index == AP:
-                p, lever = standing_at(path, one.head[VALUE, M])
-                state_errors(Oscillator(path.law, p, lever), path.tables, one, spare, made.rows[count])
+            now = add_row(path, one, col.WANTED, k, made, count)
+            if now > count and index == ENTRY_A:
+                p, lever = standing_at(path, head_of(one).parameter)
+                estimate_errors(Oscillator(path.law, p, lever), path.tables, one, spare, made.rows[count])
             count = now
     return count, one, spare
 
 
 @kernel
-def follow(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: np.ndarray, made: Made) -> tuple[int, int]:
+def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Point, made: Made) -> tuple[int, int]:
     """Follow the curve from a marked point until it leaves the box, ends, or closes.
 
     Parameters
     ----------
-    point : ndarray, shape (POINT,)
+    point : Point
         The start, marked; its tangent says in which sense the curve is followed.
 
     Returns
     -------
     ended : int
-        LEFT, CLOSED, STUCK or FULL.
+        PIECE_LEFT, PIECE_CLOSED, PIECE_STUCK or PIECE_FULL.
     count : int
         Rows made, in the order of the curve.
     """
     saved, one, top, tops = new_orbit(), new_orbit(), new_orbit(), (new_orbit(), new_orbit())
-    turned, kinds = np.zeros((2, POINT)), np.zeros(2, np.int64)
-    origin, step = point.copy(), FIRST_STEP
-    count = record(path, orbit, col.ON_THE_WAY, -1, made, 0)
-    for points in range(MOST_POINTS):
-        before = point.copy()
-        good, step, orbit, spare = advance_exactly(path, point, step, asked.tolerance, orbit, spare, saved)
+    turned, entries = (Point(), Point()), np.zeros(2, np.int64)
+    origin, before, after, step = Point(), Point(), Point(), FIRST_CURVE_STEP
+    assign(origin, point)
+    count = add_row(path, orbit, col.ON_THE_WAY, -1, made, 0)
+    lowest, highest, least = asked.box
+    for points in range(MOST_PIECE_POINTS):
+        assign(before, point)
+        good, step, orbit, spare = next_exact_point(path, point, step, asked.tolerance, orbit, spare, saved)
         if not good:
             made.rows[count - 1, col.KIND] = col.END
-            return STUCK, count
+            return PIECE_STUCK, count
         # Where the control or the entry wanted turns, the step is divided.
         found, start = 0, Place(before, saved)
-        for entry in (control(path), asked.entry):
-            slope = entry + RATE
-            if before[slope] * point[slope] < 0.0 and not (found == 1 and kinds[0] == slope):
+        for entry in (control_entry(path), asked.entry):
+            if before.rate[entry] * point.rate[entry] < 0.0 and not (found == 1 and entries[0] == entry):
                 good = False
-                for level in (FINEST, int(orbit.head[COUNT, LEVEL])):
+                for level in (FOLD_LEVEL, head_of(orbit).level):
                     if not good:
                         good, top, spare = turn_between(
-                            path, start, point, slope, level, asked.tolerance, top, spare, turned[found]
+                            path, start, point, entry, level, asked.tolerance, top, spare, turned[found]
                         )
                 if good:
                     copy_orbit(top, tops[found])
-                    kinds[found] = slope
+                    entries[found] = entry
                     found += 1
-        swapped, done = found == 2 and turned[1, LENGTH] < turned[0, LENGTH], 0.0
+        swapped, done = found == 2 and turned[1].length < turned[0].length, 0.0
         for i in range(found):
             which = 1 - i if swapped else i
-            turn = Place(turned[which].copy(), tops[which])
-            turn.point[LENGTH] -= done
-            count, one, spare = visit(path, asked, start, turn, one, spare, made, count)
-            kind = col.FOLD if kinds[which] == control(path) + RATE else col.TURN
-            count = record(path, tops[which], kind, -1, made, count)
-            start, done = turn, turned[which, LENGTH]
-        rest = Place(point.copy(), orbit)
-        rest.point[LENGTH] -= done
-        count, one, spare = visit(path, asked, start, rest, one, spare, made, count)
+            turn, length = Place(turned[which], tops[which]), turned[which].length
+            turn.point.length -= done
+            count, one, spare = add_wanted_rows(path, asked, start, turn, one, spare, made, count)
+            kind = col.FOLD if entries[which] == control_entry(path) else col.TURN
+            count = add_row(path, tops[which], kind, -1, made, count)
+            start, done = turn, length
+        assign(after, point)
+        after.length -= done
+        count, one, spare = add_wanted_rows(path, asked, start, Place(after, orbit), one, spare, made, count)
         if count == len(made.rows):
-            return FULL, count
-        if not asked.box[LOW] <= point[control(path)] <= asked.box[HIGH] or point[AP] < asked.box[LEAST]:
-            return LEFT, count
-        count = record(path, orbit, col.ON_THE_WAY, -1, made, count)
+            return PIECE_FULL, count
+        if not lowest <= point.value[control_entry(path)] <= highest or point.value[ENTRY_A] < least:
+            return PIECE_LEFT, count
+        count = add_row(path, orbit, col.ON_THE_WAY, -1, made, count)
         if points > 8 and returned(path, orbit, origin, point):
-            return CLOSED, count
-    return FULL, count
+            return PIECE_CLOSED, count
+    return PIECE_FULL, count
 
 
 @kernel
-def returned(path: Path, orbit: Orbit, origin: np.ndarray, point: np.ndarray) -> bool:
-    """Whether the curve has come back to where it was begun."""
-    away = unit(
-        path, reach_on(path, orbit), point, origin[ZP] - point[ZP], origin[AP] - point[AP], origin[MP] - point[MP]
-    )
-    same = origin[TU] * point[TU] + origin[TV] * point[TV] > 0.5
-    return same and math.hypot(away[0], away[1]) < point[LENGTH]
+def returned(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
+    """True if the curve has come back to where it was begun."""
+    back = origin.value - point.value
+    away = scaled_direction(path, reach_on(path, orbit), point, back[ENTRY_Z0], back[ENTRY_A], back[ENTRY_M])
+    same = origin.tangent_u * point.tangent_u + origin.tangent_v * point.tangent_v > 0.5
+    return same and math.hypot(away[0], away[1]) < point.length
 
 
 @kernel
-def start_at(
+def exact_orbit_at(
     path: Path, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit
 ) -> tuple[bool, Orbit, Orbit]:
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
-    orbit.head[VALUE, M] = m
+    head_of(orbit).parameter = m
     law, tables = path.law, path.tables
     p, lever = standing_at(path, m)
-    if not guess[col.G_A] > 0.0 or not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
         return False, orbit, spare
-    target = np.array([guess[col.G_Z0], 0.0, 0.0, 0.0])
-    status, _, orbit, spare = newton(
-        Oscillator(law, p, lever), tables, orbit, spare, hold, target, level, tolerance, MOST_STEPS
+    held = the_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else the_amplitude()
+    status, _, orbit, spare = solve_orbit(
+        Oscillator(law, p, lever), tables, orbit, spare, held, level, tolerance, MOST_NEWTON_STEPS
     )
-    return status == col.GOOD and orbit.head[VALUE, A] > 0.0, orbit, spare
+    return status == col.GOOD and head_of(orbit).amplitude > 0.0, orbit, spare
 
 
 @kernel
-def aim(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> bool:
+def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
     """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
-    point[:] = 0.0
+    clear(point)
     # A row that is the control's own, whatever the scales.
     reach = reach_on(path, orbit)
-    z0, a, m = orbit.head[VALUE, Z0], orbit.head[VALUE, A], orbit.head[VALUE, M]
-    point[ZP], point[AP], point[MP] = z0, a, m
-    at_z, at_m = (sense, 0.0) if control(path) == ZP else (0.0, sense)
-    point[TU], point[TV] = unit(path, reach, point, at_z, 0.0, at_m)
-    if control(path) == ZP:
+    z0, a, m = head_of(orbit).tip_offset, head_of(orbit).amplitude, head_of(orbit).parameter
+    point.value[ENTRY_Z0], point.value[ENTRY_A], point.value[ENTRY_M] = z0, a, m
+    at_z, at_m = (sense, 0.0) if control_entry(path) == ENTRY_Z0 else (0.0, sense)
+    point.tangent_u, point.tangent_v = scaled_direction(path, reach, point, at_z, 0.0, at_m)
+    if control_entry(path) == ENTRY_Z0:
         of_gap, of_amplitude = scales(path, reach, z0, a)
-        point[TV] = point[TU] * of_amplitude / of_gap
-    return mark(path, orbit, point)
+        point.tangent_v = point.tangent_u * of_amplitude / of_gap
+    return mark_point(path, orbit, point)

@@ -13,198 +13,188 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy, copy_rows
+from phasemap._kernels.arrays import copy_rows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import AT_FOLD, cubic_slopes, extreme_between, hermite, length_at, wavy
 from phasemap._kernels.continuation.path import (
-    AP,
-    DA,
-    DET,
-    DM,
-    DP,
-    DS,
-    DV,
-    DZ,
-    FIXED,
-    FP,
-    LENGTH,
-    MP,
-    PP,
-    RATE,
-    SP,
-    TU,
-    TV,
-    VP,
-    ZP,
+    ENTRY_A,
+    ENTRY_M,
+    ENTRY_P,
+    ENTRY_S,
+    ENTRY_SEEN,
+    ENTRY_Z0,
+    FIXED_PATH,
     Path,
-    answer,
-    control,
+    Point,
+    answer_entry,
+    control_entry,
     drift_at,
     gap_scale,
-    held_row,
-    put_row,
+    held_equation,
     reach_on,
-    row_of,
+    scaled_direction,
     scales,
     solve_on,
     standing_at,
     tangent_on,
-    unit,
+    tangent_row,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.collocation.closing import accept, close, close_swept
+from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step, solve_swept_step
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
-from phasemap._kernels.orbits.collocation.elements import carry_over, lay
+from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
 from phasemap._kernels.orbits.collocation.newton import floquet
 from phasemap._kernels.orbits.collocation.system import (
-    CONTACTS,
-    COUNT,
-    ELEMENTS,
+    EQUATIONS_OTHER,
     HOLD_PLANE,
-    LEVEL,
-    LINEAR,
     RA,
     RIGHT,
     RM,
     RP,
     RS,
     RZ,
-    SYSTEM,
-    TRANSFER,
-    VALUE,
-    Z0,
-    A,
-    M,
+    Equation,
+    Head,
+    Held,
     Orbit,
-    P,
-    S,
+    element_of,
+    head_of,
     new_orbit,
 )
+from phasemap._kernels.records import assign
 
-FIRST_STEP, LARGEST_STEP, LONGEST_STEP, SMALLEST_STEP = 0.3, 0.8, 2.0, 1e-7
-SHORTER = 0.4  # times as long is a step after one that failed
+FIRST_CURVE_STEP, LARGEST_CURVE_STEP, LONGEST_CURVE_STEP, SMALLEST_CURVE_STEP = 0.3, 0.8, 2.0, 1e-7
+STEP_AFTER_FAILURE = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
-EXACTLY, ENOUGH, MOST_TRIES = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
-ENTRY = (Z0, A, M, P, S)  # of an orbit's values, in the order of a point's
+SEEN_EXACTLY, SEEN_ENOUGH, MOST_SEEN_STEPS = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 
 
 class Place(NamedTuple):
     """A point of the curve and its orbit."""
 
-    point: np.ndarray
+    point: Point
     orbit: Orbit
 
 
 @kernel
 def copy_orbit(source: Orbit, to: Orbit) -> None:
     """Copy an orbit."""
-    count = int(source.head[COUNT, ELEMENTS]) + 1
-    old, new = source.elements, to.elements
-    for e in range(count):
-        for i in range(old.shape[1]):
-            for j in range(old.shape[2]):
-                new[e, i, j] = old[e, i, j]
-    copy_rows(source.head, to.head)
+    for e in range(head_of(source).count + 1):
+        assign(element_of(to, e), element_of(source, e))
+    assign(head_of(to), head_of(source))
+    copy_rows(source.chained, to.chained)
+    copy_rows(source.system, to.system)
+
+
+@kernel
+def move_along(head: Head, by: float, point: Point) -> None:
+    """Move the values of an orbit along the curve at a point."""
+    head.tip_offset += by * point.rate[ENTRY_Z0]
+    head.amplitude += by * point.rate[ENTRY_A]
+    head.parameter += by * point.rate[ENTRY_M]
+    head.push += by * point.rate[ENTRY_P]
+    head.drag += by * point.rate[ENTRY_S]
 
 
 @kernel(shared=True)
-def relay(path: Path, orbit: Orbit, spare: Orbit) -> bool:
+def relay_orbit(path: Path, orbit: Orbit, spare: Orbit) -> bool:
     """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
-    p, lever = standing_at(path, orbit.head[VALUE, M])
-    level = int(orbit.head[COUNT, LEVEL])
-    if not find_contacts(p, path.tables, orbit) or not lay(
+    p, lever = standing_at(path, head_of(orbit).parameter)
+    level = head_of(orbit).level
+    if not find_contacts(p, path.tables, orbit) or not lay_elements(
         Oscillator(path.law, p, lever), path.tables, spare, orbit, level
     ):
         return False
-    carry_over(path.tables, orbit, spare)
+    interpolate_motion(path.tables, orbit, spare)
     return True
 
 
 @kernel(shared=True)
 def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: tuple[float, float, float]) -> bool:
     """Move an orbit whose equations are known along the curve's tangent, to row (z0, A, m) = row target."""
-    m = orbit.head[VALUE, M]
+    m = head_of(orbit).parameter
     lever = standing_at(path, m)[1]
-    if path.kind == FIXED:
-        plane = np.array([row[0], row[1], target[0], target[1]])
-        if not close(lever, orbit, HOLD_PLANE, plane):
+    if path.kind == FIXED_PATH:
+        if not solve_step(lever, orbit, Held(HOLD_PLANE, row[0], row[1], target[0], target[1])):
             return False
     else:
-        holds = np.zeros((2, 4))
-        held_row(path, m, holds[0])
-        put_row(holds[1], row, row[0] * target[0] + row[1] * target[1] + row[2] * target[2])
-        if not close_swept(lever, orbit, drift_at(path, m), holds):
+        right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
+        held = held_equation(path, m), Equation(row[0], row[1], row[2], right)
+        if not solve_swept_step(lever, orbit, drift_at(path, m), held):
             return False
-    accept(path.tables, lever, orbit, 1.0)
+    apply_step(path.tables, lever, orbit, 1.0)
     return True
 
 
 @kernel(shared=True)
-def mark(path: Path, orbit: Orbit, point: np.ndarray) -> bool:
+def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
-    value, right = orbit.head[VALUE], orbit.head[SYSTEM : SYSTEM + RIGHT, RIGHT]
+    head, right, value = head_of(orbit), orbit.system[:, RIGHT], point.value
     reach = reach_on(path, orbit)
-    point[ZP], point[AP], point[MP], point[PP], point[SP] = value[Z0], value[A], value[M], value[P], value[S]
-    if not tangent_on(path, orbit, row_of(path, reach, point)):
+    value[ENTRY_Z0], value[ENTRY_A], value[ENTRY_M] = head.tip_offset, head.amplitude, head.parameter
+    value[ENTRY_P], value[ENTRY_S] = head.push, head.drag
+    if not tangent_on(path, orbit, tangent_row(path, reach, point)):
         return False
     dz, da, dm = right[RZ], right[RA], right[RM]
-    t_u, t_v = unit(path, reach, point, dz, da, dm)
+    t_u, t_v = scaled_direction(path, reach, point, dz, da, dm)
     length = math.hypot(t_u, t_v)
-    m = orbit.head[TRANSFER]
-    point[FP] = floquet(m)
-    point[DET] = 1.0 - m[0] - m[3] + m[0] * m[3] - m[1] * m[2]
-    point[TU], point[TV] = t_u / length, t_v / length
-    point[DZ], point[DA], point[DM] = dz / length, da / length, dm / length
-    point[DP], point[DS] = right[RP] / length, right[RS] / length
-    lever = standing_at(path, value[M])[1]
-    point[VP] = seen_amplitude(lever, value[A], value[P])
-    point[DV] = seen_rate(lever, value[A], value[P], point[DA], point[DP])
+    m = head.transfer
+    point.floquet = floquet(m)
+    point.determinant = 1.0 - m[0] - m[3] + m[0] * m[3] - m[1] * m[2]
+    point.tangent_u, point.tangent_v = t_u / length, t_v / length
+    point.rate[ENTRY_Z0], point.rate[ENTRY_A], point.rate[ENTRY_M] = dz / length, da / length, dm / length
+    point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
+    lever = standing_at(path, head.parameter)[1]
+    value[ENTRY_SEEN] = seen_amplitude(lever, head.amplitude, head.push)
+    point.rate[ENTRY_SEEN] = seen_rate(lever, head.amplitude, head.push, point.rate[ENTRY_A], point.rate[ENTRY_P])
     return math.isfinite(length)
 
 
 @kernel
-def same_piece(path: Path, reach: float, before: np.ndarray, point: np.ndarray) -> bool:
-    """Whether the curve keeps its orientation between two points.
+def same_piece(path: Path, reach: float, before: Point, point: Point) -> bool:
+    """True if the curve keeps its orientation between two points.
 
     Where the amplitude is free, dz0 (or dm) and det(1 - monodromy) change sign together along one curve, at folds.
     Where only one does, the step has landed on a neighbouring piece that runs the other way. At a fold itself both are
     nothing but rounding. See theory, Eq. (continuation-3).
     """
-    slope = control(path) + RATE
-    if answer(path) != AP or abs(point[slope]) < AT_FOLD * scales(path, reach, point[ZP], point[AP])[0]:
+    entry = control_entry(path)
+    if (
+        answer_entry(path) != ENTRY_A
+        or abs(point.rate[entry]) < AT_FOLD * scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
+    ):
         return True
-    return before[slope] * before[DET] * point[slope] * point[DET] >= 0.0
+    return before.rate[entry] * before.determinant * point.rate[entry] * point.determinant >= 0.0
 
 
 @kernel(shared=True)
-def advance(
-    path: Path, point: np.ndarray, step: float, longest: float, orbit: Orbit, spare: Orbit, saved: Orbit
+def next_point(
+    path: Path, point: Point, step: float, longest: float, orbit: Orbit, spare: Orbit, saved: Orbit
 ) -> tuple[int, float, Orbit, Orbit]:
     """Go to the next point of the curve; returns a status, the step to try next, the orbit and the spare room.
 
     `saved` and `point` receive the orbit and the point that were left. The step to try next is `longest` at most.
     """
-    level = int(orbit.head[COUNT, LEVEL])
+    level = head_of(orbit).level
     copy_orbit(orbit, saved)
-    before = point.copy()
+    before = Point()
+    assign(before, point)
     reach = reach_on(path, orbit)
-    coarse = 1e-3 * gap_scale(reach, point[ZP], point[AP])
-    contacts, hysteretic = orbit.head[COUNT, CONTACTS], standing_at(path, orbit.head[VALUE, M])[0][col.RELEASE] != 0.0
-    row = row_of(path, reach, before)
-    while step > SMALLEST_STEP:
-        value = orbit.head[VALUE]
-        for i in range(5):
-            value[ENTRY[i]] += step * before[RATE + i]
-        if value[A] > 0.0 and relay(path, orbit, spare):
+    coarse = 1e-3 * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
+    contacts, hysteretic = head_of(orbit).contacts, standing_at(path, head_of(orbit).parameter)[0][col.RELEASE] != 0.0
+    row = tangent_row(path, reach, before)
+    while step > SMALLEST_CURVE_STEP:
+        move_along(head_of(orbit), step, before)
+        if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit, spare):
             orbit, spare = spare, orbit
             status, steps, orbit, spare = solve_on(path, orbit, spare, row, level, coarse, 8, True)
             # With a neck the curve ends where a contact is made or kept.
-            if status == col.GOOD and not (hysteretic and orbit.head[COUNT, CONTACTS] != contacts):
-                copy(before, point)
-                good = mark(path, orbit, point)
-                turn = point[TU] * before[TU] + point[TV] * before[TV]
-                point[LENGTH] = step
+            if status == col.GOOD and not (hysteretic and head_of(orbit).contacts != contacts):
+                assign(point, before)
+                good = mark_point(path, orbit, point)
+                turn = point.tangent_u * before.tangent_u + point.tangent_v * before.tangent_v
+                point.length = step
                 if hysteretic or step >= CORNER:
                     good = good and turn > 0.7 and same_piece(path, reach, before, point)
                     good = good and not wavy(path, reach, before, point)
@@ -212,15 +202,15 @@ def advance(
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
                     return col.GOOD, min(step * growth, longest), orbit, spare
         copy_orbit(saved, orbit)
-        step *= SHORTER
-    copy(before, point)
+        step *= STEP_AFTER_FAILURE
+    assign(point, before)
     return col.NOT_CONVERGED, step, orbit, spare
 
 
 @kernel
-def advance_watching(
+def next_point_watching(
     path: Path,
-    point: np.ndarray,
+    point: Point,
     step: float,
     longest: float,
     index: int,
@@ -229,9 +219,10 @@ def advance_watching(
     spare: Orbit,
     saved: Orbit,
 ) -> tuple[int, float, Orbit, Orbit]:
-    """`advance`, with a point set on an extreme of an entry that may just reach `value`."""
-    before = point.copy()
-    status, following, orbit, spare = advance(path, point, step, longest, orbit, spare, saved)
+    """Go to the next point of the curve, at an extreme of entry `index` that may just reach `value` if there is one."""
+    before = Point()
+    assign(before, point)
+    status, following, orbit, spare = next_point(path, point, step, longest, orbit, spare, saved)
     for _ in range(6):
         if status != col.GOOD:
             break
@@ -239,14 +230,14 @@ def advance_watching(
         if instead == 0.0:
             break
         copy_orbit(saved, orbit)
-        copy(before, point)
-        status, following, orbit, spare = advance(path, point, instead, longest, orbit, spare, saved)
+        assign(point, before)
+        status, following, orbit, spare = next_point(path, point, instead, longest, orbit, spare, saved)
     return status, following, orbit, spare
 
 
 @kernel(shared=True)
-def settle_on(
-    path: Path, index: int, value: float, last: np.ndarray, after: np.ndarray, orbit: Orbit, spare: Orbit,
+def settle_on_crossing(
+    path: Path, index: int, value: float, last: Point, after: Point, orbit: Orbit, spare: Orbit,
     tolerance: float,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """From an orbit near by, go to where entry `index` is `value` between two points; True if it is found there.
@@ -254,62 +245,63 @@ def settle_on(
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
     The first point, `last`, becomes the one that is found.
     """
-    held, reach, guess = orbit.head[VALUE], reach_on(path, orbit), np.empty(5)
+    head, reach, guess = head_of(orbit), reach_on(path, orbit), np.empty(5)
     by_one, by_two = cubic_slopes(path, reach, last, after)
-    at = length_at(last[index], by_one * last[RATE + index], after[index], by_two * after[RATE + index], value)
+    at = length_at(last.value[index], by_one * last.rate[index], after.value[index], by_two * after.rate[index], value)
     for i in range(5):
-        guess[i] = hermite(last[i], by_one * last[RATE + i], after[i], by_two * after[RATE + i], at)
-    if index != VP:
+        guess[i] = hermite(last.value[i], by_one * last.rate[i], after.value[i], by_two * after.rate[i], at)
+    if index != ENTRY_SEEN:
         guess[index] = value
-    way = row_of(path, reach, after)
-    if orbit.head[COUNT, LINEAR] != 0.0 and not predict(path, orbit, way, (guess[ZP], guess[AP], guess[MP])):
+    way = tangent_row(path, reach, after)
+    if head_of(orbit).linear != EQUATIONS_OTHER and not predict(
+        path, orbit, way, (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])
+    ):
         return False, orbit, spare
-    for i in range(5):
-        held[ENTRY[i]] = guess[i]
-    row = (1.0 if index == ZP else 0.0, 1.0 if index == AP else 0.0, 1.0 if index == MP else 0.0)
-    if index == VP:
+    head.tip_offset, head.amplitude, head.parameter = guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M]
+    head.push, head.drag = guess[ENTRY_P], guess[ENTRY_S]
+    row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
+    if index == ENTRY_SEEN:
         row = way
-    if not relay(path, orbit, spare):
+    if not relay_orbit(path, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit
-    level = int(orbit.head[COUNT, LEVEL])
+    level = head_of(orbit).level
     status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
     if status != col.GOOD:
         return False, orbit, spare
-    here = after.copy()
-    good = mark(path, orbit, here)
-    for _ in range(MOST_TRIES):
+    here = Point()
+    assign(here, after)
+    good = mark_point(path, orbit, here)
+    for _ in range(MOST_SEEN_STEPS):
         # What the detector sees is no coordinate: it is come to along the curve.
-        if index != VP or not good or abs(here[VP] - value) <= EXACTLY * value:
+        if index != ENTRY_SEEN or not good or abs(here.value[ENTRY_SEEN] - value) <= SEEN_EXACTLY * value:
             break
-        more, value_of = (value - here[VP]) / here[DV], orbit.head[VALUE]
-        for i in range(5):
-            value_of[ENTRY[i]] += more * here[RATE + i]
-        row = row_of(path, reach_on(path, orbit), here)
-        if not value_of[A] > 0.0 or not relay(path, orbit, spare):
+        move_along(head_of(orbit), (value - here.value[ENTRY_SEEN]) / here.rate[ENTRY_SEEN], here)
+        row = tangent_row(path, reach_on(path, orbit), here)
+        if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit, spare):
             return False, orbit, spare
         orbit, spare = spare, orbit
         status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
-        good = status == col.GOOD and mark(path, orbit, here)
-    good = good and (index != VP or abs(here[VP] - value) <= ENOUGH * value)
-    other = answer(path) if index == control(path) else control(path)
-    low, high = min(last[other], after[other]), max(last[other], after[other])
+        good = status == col.GOOD and mark_point(path, orbit, here)
+    good = good and (index != ENTRY_SEEN or abs(here.value[ENTRY_SEEN] - value) <= SEEN_ENOUGH * value)
+    other = answer_entry(path) if index == control_entry(path) else control_entry(path)
+    low, high = min(last.value[other], after.value[other]), max(last.value[other], after.value[other])
     slack = 0.05 * (high - low)
-    if index != MP:
-        slack += 1e-3 * abs(last[index] - after[index])
+    if index != ENTRY_M:
+        slack += 1e-3 * abs(last.value[index] - after.value[index])
     else:
-        slack += 1e-3 * gap_scale(reach_on(path, orbit), here[ZP], here[AP])
-    if not low - slack <= here[other] <= high + slack:
+        slack += 1e-3 * gap_scale(reach_on(path, orbit), here.value[ENTRY_Z0], here.value[ENTRY_A])
+    if not low - slack <= here.value[other] <= high + slack:
         return False, orbit, spare
-    good = good and here[index + RATE] * (after[index] - last[index]) > 0.0
+    good = good and here.rate[index] * (after.value[index] - last.value[index]) > 0.0
     if good:
-        copy(here, last)
+        assign(last, here)
     return good, orbit, spare
 
 
 @kernel
-def cross(
-    path: Path, index: int, value: float, start: Place, last: np.ndarray, after: np.ndarray, orbit: Orbit,
+def find_crossing(
+    path: Path, index: int, value: float, start: Place, last: Point, after: Point, orbit: Orbit,
     spare: Orbit, tolerance: float,
 ) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
     """Find the orbit where entry `index` is `value` between two places, from the orbit (near by; lost).
@@ -318,32 +310,37 @@ def cross(
     another piece of the curve, the curve is followed again from the start in shorter steps.
     """
     before = start.point
-    if index == AP or index == VP:
+    if index == ENTRY_A or index == ENTRY_SEEN:
         # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
-        tolerance *= max(1.0, 1e-2 * abs((after[ZP] - before[ZP]) / (after[index] - before[index])))
-    good, orbit, spare = settle_on(path, index, value, last, after, orbit, spare, tolerance)
+        tolerance *= max(
+            1.0,
+            1e-2 * abs((after.value[ENTRY_Z0] - before.value[ENTRY_Z0]) / (after.value[index] - before.value[index])),
+        )
+    good, orbit, spare = settle_on_crossing(path, index, value, last, after, orbit, spare, tolerance)
     if good:
         return True, orbit, spare
-    low, high, room = before.copy(), after.copy(), new_orbit()
-    begin_orbit = new_orbit()
+    low, high, room, begin_orbit = Point(), Point(), new_orbit(), new_orbit()
+    assign(low, before)
+    assign(high, after)
     copy_orbit(start.orbit, begin_orbit)
     for _ in range(12):
         copy_orbit(begin_orbit, orbit)
-        between = low.copy()
-        share = (value - low[index]) / (high[index] - low[index])
-        step = high[LENGTH] * min(max(share, 0.1), 0.9)
-        status, _, orbit, spare = advance(path, between, step, LARGEST_STEP, orbit, spare, room)
+        between = Point()
+        assign(between, low)
+        share = (value - low.value[index]) / (high.value[index] - low.value[index])
+        step = high.length * min(max(share, 0.1), 0.9)
+        status, _, orbit, spare = next_point(path, between, step, LARGEST_CURVE_STEP, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
-        if (between[index] > value) == (high[index] > value):
-            copy(between, high)
+        if (between.value[index] > value) == (high.value[index] > value):
+            assign(high, between)
         else:
-            high[LENGTH] -= between[LENGTH]
-            copy(between, low)
+            high.length -= between.length
+            assign(low, between)
             copy_orbit(orbit, begin_orbit)
-        copy(low, last)
-        good, orbit, spare = settle_on(path, index, value, last, high, orbit, spare, tolerance)
+        assign(last, low)
+        good, orbit, spare = settle_on_crossing(path, index, value, last, high, orbit, spare, tolerance)
         if good:
             return True, orbit, spare
-    copy(before, last)
+    assign(last, before)
     return False, orbit, spare

@@ -1,7 +1,7 @@
-"""What a quasi-static approach visits on the curve of exact orbits at fixed drive.
+"""The exact orbit at which a tip stops that is lowered slowly at fixed drive.
 
-`engage` follows the curve from far (see `phasemap._kernels.engagement.averaged`), `engage_near` does so from an
-amplitude at which there is no doubt. What becomes of a tip that loses its orbit is in
+`engage_along_exact_curve` follows the curve from far (see `phasemap._kernels.engagement.averaged`), `engage_near` does
+so from an amplitude at which there is no doubt. What becomes of a tip that loses its orbit is in
 `phasemap._kernels.engagement.rest`.
 """
 
@@ -14,17 +14,17 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import hermite
-from phasemap._kernels.continuation.path import AP, DA, DET, DZ, FP, LENGTH, POINT, TU, TV, ZP, Path, scales
+from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point, scales
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
-    FIRST_STEP,
-    LARGEST_STEP,
+    FIRST_CURVE_STEP,
+    LARGEST_CURVE_STEP,
     Place,
-    advance,
-    advance_watching,
     copy_orbit,
-    cross,
-    mark,
+    find_crossing,
+    mark_point,
+    next_point,
+    next_point_watching,
 )
 from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import (
@@ -40,22 +40,23 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import bend_by_adhesion, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.newton import begin, finish, newton
-from phasemap._kernels.orbits.collocation.system import CONTACTS, COUNT, HOLD_AMPLITUDE, VALUE, Z0, A, Orbit, P
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, linearise_and_fill_row, solve_orbit
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, the_amplitude
+from phasemap._kernels.records import assign, clear
 
-MOST_POINTS = 1500
-PLACES = 16  # between two points where the amplitude is looked at
-NEAR_END = 2e-3  # of the setpoint: nearer than this to the end of a branch, the whole curve is followed
-NEAR = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
+MOST_APPROACH_POINTS = 1500
+CUBIC_PLACES = 16  # between two points where the amplitude is looked at
+NEAR_BRANCH_END = 2e-3  # of the setpoint: nearer than this to the end of a branch, the whole curve is followed
+NEAR_LANDING = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
 
 
 @kernel
-def lower(
+def lower_along_curve(
     path: Path,
     amplitude: float,
     tolerance: float,
     lingering: float,
-    point: np.ndarray,
+    point: Point,
     orbit: Orbit,
     spare: Orbit,
     saved: Orbit,
@@ -68,47 +69,53 @@ def lower(
     `lingering` belongs to orbits that linger at an unstable equilibrium.
     """
     law, p, lever = path.law, path.p, path.lever
-    step, lowest, have, highest = FIRST_STEP, 1e300, False, 10.0 * (abs(point[ZP]) + point[AP] + path.reach)
+    step, lowest, have, highest = (
+        FIRST_CURVE_STEP,
+        1e300,
+        False,
+        10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach),
+    )
     left = math.nan
-    for _ in range(MOST_POINTS):
-        before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
+    for _ in range(MOST_APPROACH_POINTS):
+        before = Point()
+        assign(before, point)
+        status, step, orbit, spare = next_point_watching(
+            path, point, step, LARGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
         )
         if status != col.GOOD:
             if pressed_in(Oscillator(law, p, lever), orbit):
                 status = col.NO_STABLE_ORBIT
-            return status, min(lowest, before[ZP]) if math.isnan(left) else left, orbit, spare, found
-        z0, a = point[ZP], point[AP]
-        if before[AP] > amplitude >= a and z0 < before[ZP] and not have:
+            return status, min(lowest, before.value[ENTRY_Z0]) if math.isnan(left) else left, orbit, spare, found
+        z0, a = point.value[ENTRY_Z0], point.value[ENTRY_A]
+        if before.value[ENTRY_A] > amplitude >= a and z0 < before.value[ENTRY_Z0] and not have:
             copy_orbit(orbit, found)
-            have, found, spare = cross(
-                path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
+            have, found, spare = find_crossing(
+                path, ENTRY_A, amplitude, Place(before, saved), before, point, found, spare, tolerance
             )
             if not have:
                 status = col.NO_STABLE_ORBIT if pressed_in(Oscillator(law, p, lever), orbit) else col.NOT_CONVERGED
                 return status, lowest if math.isnan(left) else left, orbit, spare, found
-        elif a > amplitude >= before[AP] and z0 >= lowest:
+        elif a > amplitude >= before.value[ENTRY_A] and z0 >= lowest:
             have = False  # the tip lands before that crossing
         if have and z0 < lowest:
             return col.GOOD, left, orbit, spare, found
-        if math.isnan(left) and not point[FP] < 1.0 and z0 < lowest:
+        if math.isnan(left) and not point.floquet < 1.0 and z0 < lowest:
             left = z0
         lowest = min(lowest, z0)
-        away = z0 > highest and orbit.head[COUNT, CONTACTS] == 0 and a < 2.0 * free_amplitude(lever)
-        if point[FP] > lingering or away:
+        away = z0 > highest and head_of(orbit).contacts == 0 and a < 2.0 * free_amplitude(lever)
+        if point.floquet > lingering or away:
             return col.NOT_SETTLED, lowest if math.isnan(left) else left, orbit, spare, found
-        if orbit.head[COUNT, CONTACTS] == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
+        if head_of(orbit).contacts == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
             break
     return col.NO_STABLE_ORBIT, lowest, orbit, spare, found
 
 
 @kernel
-def retract(
+def retract_along_curve(
     path: Path,
     amplitude: float,
     tolerance: float,
-    point: np.ndarray,
+    point: Point,
     orbit: Orbit,
     spare: Orbit,
     saved: Orbit,
@@ -120,60 +127,66 @@ def retract(
     """
     law, p, lever = path.law, path.p, path.lever
     step, sudden = 0.1, lets_go(Oscillator(law, p, lever))
-    for _ in range(MOST_POINTS):
-        before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
+    for _ in range(MOST_APPROACH_POINTS):
+        before = Point()
+        assign(before, point)
+        status, step, orbit, spare = next_point_watching(
+            path, point, step, LARGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
         )
         if status != col.GOOD:
             return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, orbit, spare, found
-        if before[AP] < amplitude <= point[AP]:
+        if before.value[ENTRY_A] < amplitude <= point.value[ENTRY_A]:
             copy_orbit(orbit, found)
-            good, found, spare = cross(
-                path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
+            good, found, spare = find_crossing(
+                path, ENTRY_A, amplitude, Place(before, saved), before, point, found, spare, tolerance
             )
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
-        if point[ZP] < before[ZP] or point[DZ] < 0.0:
+        if point.value[ENTRY_Z0] < before.value[ENTRY_Z0] or point.rate[ENTRY_Z0] < 0.0:
             return col.NO_STABLE_ORBIT, orbit, spare, found
-        if not point[FP] < 1.0:
+        if not point.floquet < 1.0:
             # A multiplier past one is a fold, past minus one it doubles the period.
-            gone = point[DET] < 0.0 or point[FP] > LINGERING or p[col.LONGRANGE] == 0.0
+            gone = point.determinant < 0.0 or point.floquet > LINGERING or p[col.LONGRANGE] == 0.0
             return col.NO_STABLE_ORBIT if gone else col.UNSTABLE, orbit, spare, found
     return col.NOT_CONVERGED, orbit, spare, found
 
 
 @kernel
-def only_offset(path: Path, orbit: Orbit, sense: float, point: np.ndarray) -> None:
-    """Set the tangent of a point so that `mark` turns it to where the tip offset rises (sense 1) or falls (-1)."""
-    of_gap, of_amplitude = scales(path, path.reach, orbit.head[VALUE, Z0], orbit.head[VALUE, A])
-    point[:] = 0.0
-    point[TU], point[TV] = sense, sense * of_amplitude / of_gap
+def tangent_of_offset(path: Path, orbit: Orbit, sense: float, point: Point) -> None:
+    """Set the tangent of a point so that `mark_point` turns it to where the offset rises (sense 1) or falls (-1)."""
+    of_gap, of_amplitude = scales(path, path.reach, head_of(orbit).tip_offset, head_of(orbit).amplitude)
+    clear(point)
+    point.tangent_u, point.tangent_v = sense, sense * of_amplitude / of_gap
 
 
 @kernel
-def joined(path: Path, z0: float, orbit: Orbit, spare: Orbit, saved: Orbit) -> tuple[bool, Orbit, Orbit]:
+def joins_offset(path: Path, z0: float, orbit: Orbit, spare: Orbit, saved: Orbit) -> tuple[bool, Orbit, Orbit]:
     """Whether stable orbits join this one (lost) to near the tip offset z0, the amplitude rising with the tip offset.
 
     Near is enough: a tip that hits a force that jumps goes through doubled periods before it comes to this branch.
     """
     lever = path.lever
-    near = NEAR * free_amplitude(lever)
-    point = np.zeros(POINT)
-    sense = 1.0 if z0 > orbit.head[VALUE, Z0] else -1.0
-    only_offset(path, orbit, sense, point)
-    good, step = mark(path, orbit, point), 0.1
-    for _ in range(MOST_POINTS):
-        if not good or not point[FP] < 1.0 or not point[DZ] * sense > 0.0 or not point[DA] * sense > 0.0:
+    near = NEAR_LANDING * free_amplitude(lever)
+    point = Point()
+    sense = 1.0 if z0 > head_of(orbit).tip_offset else -1.0
+    tangent_of_offset(path, orbit, sense, point)
+    good, step = mark_point(path, orbit, point), 0.1
+    for _ in range(MOST_APPROACH_POINTS):
+        if (
+            not good
+            or not point.floquet < 1.0
+            or not point.rate[ENTRY_Z0] * sense > 0.0
+            or not point.rate[ENTRY_A] * sense > 0.0
+        ):
             return False, orbit, spare
-        if (point[ZP] - z0) * sense >= -near:
+        if (point.value[ENTRY_Z0] - z0) * sense >= -near:
             return True, orbit, spare
-        status, step, orbit, spare = advance(path, point, step, LARGEST_STEP, orbit, spare, saved)
+        status, step, orbit, spare = next_point(path, point, step, LARGEST_CURVE_STEP, orbit, spare, saved)
         good = status == col.GOOD
     return False, orbit, spare
 
 
 @kernel
-def tapping(
+def find_tapping_orbit(
     path: Path,
     amplitude: float,
     z0: float,
@@ -186,19 +199,18 @@ def tapping(
 ) -> tuple[bool, Orbit, Orbit, Orbit]:
     """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
-    target = np.zeros(4)
     guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[col.G_P] <= 0.0 or not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
+        if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
-        status, _, orbit, spare = newton(
-            Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 20
+        status, _, orbit, spare = solve_orbit(
+            Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), level, tolerance, 20
         )
-        if status != col.GOOD or not orbit.head[VALUE, P] > 0.0:
+        if status != col.GOOD or not head_of(orbit).push > 0.0:
             continue
         copy_orbit(orbit, found)
-        good, orbit, spare = joined(path, z0, orbit, spare, saved)
+        good, orbit, spare = joins_offset(path, z0, orbit, spare, saved)
         if good:
             return True, orbit, spare, found
     return False, orbit, spare, found
@@ -216,33 +228,37 @@ def engage_landed(
     saved: Orbit,
     found: Orbit,
 ) -> tuple[int, Orbit, Orbit, Orbit]:
-    """`engage` from the orbit on which the tip lands at `z0`, lowered further or retracted to the setpoint."""
+    """Orbit at the setpoint of a tip that lands in contact at `z0` and is lowered further or retracted."""
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     good, orbit, spare = land(Oscillator(law, p, lever), tables, z0, level, orbit, spare)
     if not good:
-        good, orbit, spare, found = tapping(path, amplitude, z0, level, tolerance, orbit, spare, saved, found)
+        good, orbit, spare, found = find_tapping_orbit(
+            path, amplitude, z0, level, tolerance, orbit, spare, saved, found
+        )
         return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
-    down, point = orbit.head[VALUE, A] > amplitude, np.zeros(POINT)
+    down, point = head_of(orbit).amplitude > amplitude, Point()
     if not down:
         z0 = loosened(Oscillator(law, p, lever), z0, amplitude)
         good, orbit, spare = land(Oscillator(law, p, lever), tables, z0, level, orbit, spare)
         if not good:
             return col.NOT_CONVERGED, orbit, spare, found
-    only_offset(path, orbit, -1.0 if down else 1.0, point)
-    if not mark(path, orbit, point):
+    tangent_of_offset(path, orbit, -1.0 if down else 1.0, point)
+    if not mark_point(path, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
     if not down:
-        status, orbit, spare, found = retract(path, amplitude, tolerance, point, orbit, spare, saved, found)
+        status, orbit, spare, found = retract_along_curve(path, amplitude, tolerance, point, orbit, spare, saved, found)
         # Above resonance contact brings the lever nearer to it: the tip may as well have landed on a large oscillation.
         if status == col.NO_STABLE_ORBIT and lever[col.OMEGA] > 1.0:
             status = col.NOT_CONVERGED
         return status, orbit, spare, found
-    status, _, orbit, spare, found = lower(path, amplitude, tolerance, LINGERING, point, orbit, spare, saved, found)
+    status, _, orbit, spare, found = lower_along_curve(
+        path, amplitude, tolerance, LINGERING, point, orbit, spare, saved, found
+    )
     return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
 
 
 @kernel
-def engage(
+def engage_along_exact_curve(
     path: Path,
     amplitude: float,
     level: int,
@@ -262,11 +278,13 @@ def engage(
     status, orbit, spare = start_far(path, orbit, spare, amplitude, level)
     if status != col.GOOD:
         return status, orbit, spare, found
-    point = np.zeros(POINT)
-    point[TU] = -1.0
-    if not mark(path, orbit, point):
+    point = Point()
+    point.tangent_u = -1.0
+    if not mark_point(path, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
-    status, left, orbit, spare, found = lower(path, amplitude, tolerance, lingering, point, orbit, spare, saved, found)
+    status, left, orbit, spare, found = lower_along_curve(
+        path, amplitude, tolerance, lingering, point, orbit, spare, saved, found
+    )
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
     grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and bend_by_adhesion(Oscillator(law, p, lever)) > 0.0)
     if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
@@ -276,11 +294,20 @@ def engage(
 
 
 @kernel
-def lowest_between(before: np.ndarray, point: np.ndarray) -> float:
+def lowest_between(before: Point, point: Point) -> float:
     """Least amplitude between two points of the curve, by the cubic through both and their slopes."""
-    length, lowest = point[LENGTH], min(before[AP], point[AP])
-    for i in range(1, PLACES):
-        lowest = min(lowest, hermite(before[AP], length * before[DA], point[AP], length * point[DA], i / PLACES))
+    length, lowest = point.length, min(before.value[ENTRY_A], point.value[ENTRY_A])
+    for i in range(1, CUBIC_PLACES):
+        lowest = min(
+            lowest,
+            hermite(
+                before.value[ENTRY_A],
+                length * before.rate[ENTRY_A],
+                point.value[ENTRY_A],
+                length * point.rate[ENTRY_A],
+                i / CUBIC_PLACES,
+            ),
+        )
     return lowest
 
 
@@ -288,16 +315,16 @@ def lowest_between(before: np.ndarray, point: np.ndarray) -> float:
 def engage_near(
     path: Path, amplitude: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit, found: Orbit
 ) -> tuple[int, Orbit, Orbit, Orbit]:
-    """`engage` near the end of the attractive branch, without the way from far.
+    """Orbit at the setpoint near the end of the attractive branch, without the way from far.
 
     At an amplitude nearer to the free one the attractive branch is reached for certain. From there exact orbits are
     followed down to the setpoint; if the branch ends before, the tip jumps to the farthest repulsive orbit that can be
-    held. NOT_CONVERGED leaves the question to `engage`.
+    held. NOT_CONVERGED leaves the question to `engage_along_exact_curve`.
     """
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0:
         return col.NOT_CONVERGED, orbit, spare, found
-    free, guess, top, target = free_amplitude(lever), np.zeros(col.GUESS), Maximum(), np.zeros(4)
+    free, guess, top = free_amplitude(lever), np.zeros(col.GUESS), Maximum()
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
     if not near_resonance(lever) or leaps(lever, force_reach, free):
         return col.NOT_CONVERGED, orbit, spare, found
@@ -307,47 +334,48 @@ def engage_near(
         certain = side == ATTRACTIVE and settle_side(Oscillator(law, p, lever), force_reach, higher, side, top, guess)
         if certain:
             break
-    if not certain or not begin(Oscillator(law, p, lever), tables, orbit, guess, 0):
+    if not certain or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
         return col.NOT_CONVERGED, orbit, spare, found
-    status, _, orbit, spare = newton(
-        Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12
+    status, _, orbit, spare = solve_orbit(
+        Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), 0, tolerance, 12
     )
-    point = np.zeros(POINT)
-    point[TV] = -1.0
-    if status != col.GOOD or not mark(path, orbit, point):
+    point = Point()
+    point.tangent_v = -1.0
+    if status != col.GOOD or not mark_point(path, orbit, point):
         return col.NOT_CONVERGED, orbit, spare, found
-    if not (point[FP] < 1.0 and point[DZ] < 0.0 and orbit.head[VALUE, P] < 0.0):
+    if not (point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0):
         return col.NOT_CONVERGED, orbit, spare, found
-    step, ended = FIRST_STEP, False
+    step, ended = FIRST_CURVE_STEP, False
     while not ended:
-        before = point.copy()
-        status, step, orbit, spare = advance_watching(
-            path, point, step, LARGEST_STEP, AP, amplitude, orbit, spare, saved
+        before = Point()
+        assign(before, point)
+        status, step, orbit, spare = next_point_watching(
+            path, point, step, LARGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
         )
         if status != col.GOOD:
             return col.NOT_CONVERGED, orbit, spare, found
-        ended = point[AP] > before[AP] or point[ZP] > before[ZP]
-        crossed = before[AP] > amplitude >= point[AP]
+        ended = point.value[ENTRY_A] > before.value[ENTRY_A] or point.value[ENTRY_Z0] > before.value[ENTRY_Z0]
+        crossed = before.value[ENTRY_A] > amplitude >= point.value[ENTRY_A]
         # The cubic is off by less than it dips.
-        lowest = 2.0 * lowest_between(before, point) - min(before[AP], point[AP])
-        if ended and (crossed or lowest < (1.0 + NEAR_END) * amplitude):
+        lowest = 2.0 * lowest_between(before, point) - min(before.value[ENTRY_A], point.value[ENTRY_A])
+        if ended and (crossed or lowest < (1.0 + NEAR_BRANCH_END) * amplitude):
             return col.NOT_CONVERGED, orbit, spare, found  # which comes first takes smaller steps to tell
         if crossed:
             copy_orbit(orbit, found)
-            good, found, spare = cross(
-                path, AP, amplitude, Place(before, saved), before, point, found, spare, tolerance
+            good, found, spare = find_crossing(
+                path, ENTRY_A, amplitude, Place(before, saved), before, point, found, spare, tolerance
             )
             return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
     row = np.zeros(col.COLUMNS)
     guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
-        if guess[col.G_P] <= 0.0 or not begin(Oscillator(law, p, lever), tables, found, guess, 0):
+        if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, found, guess, 0):
             continue
-        status, _, found, spare = newton(
-            Oscillator(law, p, lever), tables, found, spare, HOLD_AMPLITUDE, target, 0, tolerance, 12
+        status, _, found, spare = solve_orbit(
+            Oscillator(law, p, lever), tables, found, spare, the_amplitude(), 0, tolerance, 12
         )
-        if status == col.GOOD and finish(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
+        if status == col.GOOD and linearise_and_fill_row(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
             if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
                 return col.GOOD, orbit, spare, found
     return col.NOT_CONVERGED, orbit, spare, found

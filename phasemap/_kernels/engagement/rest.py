@@ -16,18 +16,13 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import bend_by_adhesion, lowest_tip_offset
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.newton import begin, floquet, newton
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, floquet, solve_orbit
 from phasemap._kernels.orbits.collocation.system import (
-    CONTACTS,
-    COUNT,
-    HOLD_OFFSET,
-    TRANSFER,
-    VALUE,
-    Z0,
-    A,
     Orbit,
-    linearise,
+    head_of,
+    linearise_orbit,
     no_drift,
+    the_offset,
 )
 
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
@@ -38,9 +33,9 @@ PRECISION = 1e-6  # of the amplitude, at which a landing is known
 @kernel
 def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
     """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
-    if orbit.head[COUNT, CONTACTS] != PERMANENT:
+    if head_of(orbit).contacts != PERMANENT:
         return False
-    return orbit.head[VALUE, Z0] < lowest_tip_offset(oscillator)
+    return head_of(orbit).tip_offset < lowest_tip_offset(oscillator)
 
 
 @kernel
@@ -127,14 +122,15 @@ def held_there(
     oscillator: Oscillator, tables: np.ndarray, z0: float, guess: np.ndarray, level: int, orbit: Orbit, spare: Orbit
 ) -> tuple[bool, Orbit, Orbit]:
     """Go from a harmonic orbit to the exact one at this tip offset; True if it is stable."""
-    target = np.array([z0, 0.0, 0.0, 0.0])
-    if not guess[col.G_A] > 0.0 or not begin(oscillator, tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, tables, orbit, guess, level):
         return False, orbit, spare
-    status, _, orbit, spare = newton(
-        oscillator, tables, orbit, spare, HOLD_OFFSET, target, level, PRECISION * guess[col.G_A], 20
+    status, _, orbit, spare = solve_orbit(
+        oscillator, tables, orbit, spare, the_offset(z0), level, PRECISION * guess[col.G_A], 20
     )
-    good = status == col.GOOD and orbit.head[VALUE, A] > 0.0 and linearise(oscillator, tables, orbit, no_drift())
-    return good and floquet(orbit.head[TRANSFER]) < 1.0, orbit, spare
+    good = (
+        status == col.GOOD and head_of(orbit).amplitude > 0.0 and linearise_orbit(oscillator, tables, orbit, no_drift())
+    )
+    return good and floquet(head_of(orbit).transfer) < 1.0, orbit, spare
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Exact orbits by collocation beside orbits that are known nearly."""
+"""Exact orbits by collocation in place of approximate ones."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.orbits.collocation.estimate import state_errors
-from phasemap._kernels.orbits.collocation.newton import begin, newton
-from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.system import new_orbit, the_amplitude
 
-MOST_STEPS = 15
-SAME = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
+MOST_BESIDE_STEPS = 15
+SAME_ORBIT = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
 
 
 @kernel
@@ -25,7 +25,7 @@ def rows_beside(
     done: np.ndarray,
 ) -> None:  # fmt: skip
     """Replace each result row by that of the exact orbit beside it; `done` says where there is one."""
-    orbit, spare, target = new_orbit(), new_orbit(), np.zeros(4)
+    orbit, spare = new_orbit(), new_orbit()
     guess, row = np.zeros(col.GUESS), np.zeros(col.COLUMNS)
     for i in range(len(rows)):
         p, amplitude, near = parameters(rows[i]), amplitudes[i], out[i]
@@ -34,19 +34,26 @@ def rows_beside(
         guess[col.G_P] = near[col.STIFFENING] * amplitude
         guess[col.G_S] = -near[col.DISSIPATION] / (math.pi * lever[col.STIFFNESS] * amplitude)
         done[i] = False
-        for level in range(FINEST + 1):
-            if not begin(Oscillator(law, p, lever), tables, orbit, guess, level):
+        for level in range(FINEST_LEVEL + 1):
+            if not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
                 break
-            status, _, orbit, spare = newton(
-                Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
+            status, _, orbit, spare = solve_orbit(
+                Oscillator(law, p, lever),
+                tables,
+                orbit,
+                spare,
+                the_amplitude(),
+                level,
+                tolerance,
+                MOST_BESIDE_STEPS,
             )
             if status == col.GOOD:
-                status, orbit, spare = polish(Oscillator(law, p, lever), tables, orbit, spare, row)
-            if status != col.GOOD or judge(row) != col.GOOD:
+                status, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)
+            if status != col.GOOD or feedback_status(row) != col.GOOD:
                 continue
             apart = abs(row[col.TIP_OFFSET] - near[col.TIP_OFFSET]) / amplitude
-            if max(apart, abs(row[col.PHASE] - near[col.PHASE])) < SAME:
-                state_errors(Oscillator(law, p, lever), tables, orbit, spare, row)
+            if max(apart, abs(row[col.PHASE] - near[col.PHASE])) < SAME_ORBIT:
+                estimate_errors(Oscillator(law, p, lever), tables, orbit, spare, row)
                 copy(row, near)
                 done[i] = True
                 break

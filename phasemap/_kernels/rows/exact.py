@@ -12,9 +12,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import fixed
+from phasemap._kernels.continuation.path import fixed_path
 from phasemap._kernels.engagement.averaged import LEAP, SURE
-from phasemap._kernels.engagement.exact import engage as engage_exact
+from phasemap._kernels.engagement.exact import engage_along_exact_curve as engage_exact
 from phasemap._kernels.engagement.exact import engage_near
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import Maximum
@@ -22,11 +22,11 @@ from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.engagement.rest import LINGERING
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import low_q
-from phasemap._kernels.orbits.collocation.estimate import state_errors
+from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import begin, newton
-from phasemap._kernels.orbits.collocation.polish import FINEST, judge, polish, tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, Orbit, new_orbit
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, the_amplitude
 from phasemap._kernels.orbits.response.orbit import farthest
 from phasemap._kernels.rows.answers import Answers
 
@@ -47,26 +47,26 @@ def exact_orbit(
         row[:] = math.nan
         return col.NOT_CONVERGED, orbits
     orbit, spare, saved, found = orbits
-    target, tolerance = np.zeros(4), tolerance_of(oscillator)
-    level = 0 if surety == SURE else FINEST + 1
+    tolerance = tolerance_of(oscillator)
+    level = 0 if surety == SURE else FINEST_LEVEL + 1
     kicked = low_q(lever) and guess[col.G_P] > 0.0
-    while level <= FINEST:
+    while level <= FINEST_LEVEL:
         if not (kicked and level == 0 and begin_impact(oscillator, tables, orbit, amplitude, level)):
-            if not begin(oscillator, tables, orbit, guess, level):
+            if not begin_harmonic(oscillator, tables, orbit, guess, level):
                 break
-        start = orbit.head[VALUE, Z0]
-        done, _, orbit, spare = newton(oscillator, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, 12)
+        start = head_of(orbit).tip_offset
+        done, _, orbit, spare = solve_orbit(oscillator, tables, orbit, spare, the_amplitude(), level, tolerance, 12)
         level += 1
         if done != col.GOOD:
             continue  # finer elements change less from pass to pass
-        done, orbit, spare = polish(oscillator, tables, orbit, spare, row)
+        done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
         same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
         near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
-        if done == col.GOOD and same and near and judge(row) == col.GOOD:
-            state_errors(oscillator, tables, orbit, spare, row)
+        if done == col.GOOD and same and near and feedback_status(row) == col.GOOD:
+            estimate_errors(oscillator, tables, orbit, spare, row)
             return col.GOOD, (orbit, spare, saved, found)
         break
-    done, path = col.NOT_CONVERGED, fixed(oscillator, tables)
+    done, path = col.NOT_CONVERGED, fixed_path(oscillator, tables)
     if not low_q(lever):
         done, orbit, spare, found = engage_near(path, amplitude, tolerance, orbit, spare, saved, found)
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
@@ -84,13 +84,13 @@ def exact_orbit(
     if done == col.NOT_SETTLED:
         done = col.NOT_CONVERGED
     if done == col.GOOD:
-        done, found, spare = polish(oscillator, tables, found, spare, row)
+        done, found, spare = refine_orbit(oscillator, tables, found, spare, row)
     if done == col.GOOD:
-        done = judge(row)
+        done = feedback_status(row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * amplitude):
         done = col.NOT_CONVERGED
     if done == col.GOOD:
-        state_errors(oscillator, tables, found, spare, row)
+        estimate_errors(oscillator, tables, found, spare, row)
     else:
         row[:] = math.nan
     return done, (orbit, spare, saved, found)

@@ -9,14 +9,14 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import fixed
-from phasemap._kernels.continuation.step import relay
+from phasemap._kernels.continuation.path import fixed_path
+from phasemap._kernels.continuation.step import relay_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import is_thrown_back
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import begin, newton
-from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, VALUE, Z0, P, S, new_orbit
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.system import head_of, new_orbit, the_amplitude
 
 MOST_NEARBY_STEPS = 12  # of Newton's method from a guess
 
@@ -47,7 +47,7 @@ def nearby_rows(
         So many rows, one after another, are close to each other: each may start from the one before.
     """
     orbit, spare = new_orbit(), new_orbit()
-    guess, target = np.zeros(col.HARMONIC_ORBIT), np.zeros(4)
+    guess = np.zeros(col.HARMONIC_ORBIT)
     omega = lever[col.OMEGA]
     for i in range(len(rows)):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
@@ -61,20 +61,20 @@ def nearby_rows(
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
             if warm:
-                head = orbit.head
-                head[VALUE, Z0], head[VALUE, P], head[VALUE, S] = z0, guess[col.G_P], guess[col.G_S]
-                if not relay(fixed(oscillator, tables), orbit, spare):
+                head = head_of(orbit)
+                head.tip_offset, head.push, head.drag = z0, guess[col.G_P], guess[col.G_S]
+                if not relay_orbit(fixed_path(oscillator, tables), orbit, spare):
                     continue
                 orbit, spare = spare, orbit
             elif not (throws and begin_impact(oscillator, tables, orbit, amplitude, 0)):
-                if not begin(oscillator, tables, orbit, guess, 0):
+                if not begin_harmonic(oscillator, tables, orbit, guess, 0):
                     continue
-            done, _, orbit, spare = newton(
-                oscillator, tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_NEARBY_STEPS
+            done, _, orbit, spare = solve_orbit(
+                oscillator, tables, orbit, spare, the_amplitude(), 0, tolerance, MOST_NEARBY_STEPS
             )
             if done == col.GOOD:
-                done, orbit, spare = polish(oscillator, tables, orbit, spare, row)
-            if done == col.GOOD and judge(row) == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]:
+                done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
+            if done == col.GOOD and feedback_status(row) == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]:
                 break
             done = col.NOT_CONVERGED
         if done != col.GOOD:

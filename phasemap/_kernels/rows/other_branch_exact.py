@@ -10,14 +10,14 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.orbits.collocation.estimate import state_errors
-from phasemap._kernels.orbits.collocation.newton import begin, newton
-from phasemap._kernels.orbits.collocation.polish import judge, polish, tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, new_orbit
+from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.system import new_orbit, the_amplitude
 from phasemap._kernels.rows.answers import Answers
 
-MOST_STEPS = 15
-STARTS, FARTHER = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
+MOST_OTHER_BRANCH_STEPS = 15
+MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
 
 
 @kernel
@@ -31,7 +31,7 @@ def exact_near_rows(
     are tried too.
     """
     out, status, solver = answers
-    orbit, spare, guess, target = new_orbit(), new_orbit(), np.zeros(col.HARMONIC_ORBIT), np.zeros(4)
+    orbit, spare, guess = new_orbit(), new_orbit(), np.zeros(col.HARMONIC_ORBIT)
     waiting = 0
     for i in range(first, last):
         p, left = parameters(rows[i]), False
@@ -42,19 +42,32 @@ def exact_near_rows(
             row = out[slot, i]
             for j in range(len(guess)):
                 guess[j] = row[j]
-            for _ in range(STARTS):
-                if math.isnan(guess[col.G_Z0]) or not begin(Oscillator(law, p, lever), tables, orbit, guess, 0):
+            for _ in range(MOST_STARTS):
+                if math.isnan(guess[col.G_Z0]) or not begin_harmonic(
+                    Oscillator(law, p, lever), tables, orbit, guess, 0
+                ):
                     break
-                done, _, orbit, spare = newton(
-                    Oscillator(law, p, lever), tables, orbit, spare, HOLD_AMPLITUDE, target, 0, tolerance, MOST_STEPS
+                done, _, orbit, spare = solve_orbit(
+                    Oscillator(law, p, lever),
+                    tables,
+                    orbit,
+                    spare,
+                    the_amplitude(),
+                    0,
+                    tolerance,
+                    MOST_OTHER_BRANCH_STEPS,
                 )
                 if done == col.GOOD:
-                    done, orbit, spare = polish(Oscillator(law, p, lever), tables, orbit, spare, row)
-                if done == col.GOOD and judge(row) == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
+                    done, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)
+                if (
+                    done == col.GOOD
+                    and feedback_status(row) == col.GOOD
+                    and (row[col.STIFFENING] > 0.0) == (slot == REPELLING)
+                ):
                     status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
-                    state_errors(Oscillator(law, p, lever), tables, orbit, spare, row)
+                    estimate_errors(Oscillator(law, p, lever), tables, orbit, spare, row)
                     break
-                guess[col.G_Z0] += FARTHER * amplitudes[i]
+                guess[col.G_Z0] += FARTHER_START * amplitudes[i]
             if status[slot, i] == col.PENDING:
                 row[:] = math.nan
                 left = True

@@ -38,25 +38,25 @@ def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
 
 
 def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
-    from phasemap._kernels.continuation.path import MP
+    from phasemap._kernels.continuation.path import ENTRY_M
 
     scale = Scale.over(frequencies)
     question = Question(setup.material, setup.scope)
     path = swept_path(question, "frequency", scale, lambda _: setup.height, False)
     x = scale.m(frequencies)
-    curves = Curves(path, MP, np.sort(np.concatenate([x, STARTS])), (-BEYOND, BEYOND, 0.0), 0)
+    curves = Curves(path, ENTRY_M, np.sort(np.concatenate([x, STARTS])), (-BEYOND, BEYOND, 0.0), 0)
     for m in STARTS:
         begin(curves, m, False)
     return _collect(curves, col.PARAMETER, x, np.ptp(frequencies) / 2)
 
 
 def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
-    from phasemap._kernels.continuation.path import ZP
+    from phasemap._kernels.continuation.path import ENTRY_Z0
 
     path = fixed_path(Question(setup.material, setup.scope))
     x = np.sort(tip_offsets + setup.height)
     beyond = MARGIN * (x[-1] - x[0])
-    curves = Curves(path, ZP, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
+    curves = Curves(path, ENTRY_Z0, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
     curves.from_far(x[-1] + beyond)
     return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
 

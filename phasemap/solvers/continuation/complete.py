@@ -21,12 +21,12 @@ DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 def held_curves(path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
     """The distance curve from far, with rows where the detector sees these amplitudes."""
-    from phasemap._kernels.continuation.path import AP, VP
+    from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_SEEN
     from phasemap._kernels.lever import free_amplitude
 
     free, base = float(free_amplitude(path.lever)), path.lever[col.SHAKER]
     least = max(amplitudes[0] - base, FAINT * free) if base else amplitudes[0]  # of z
-    curves = Curves(path, VP if base else AP, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
+    curves = Curves(path, ENTRY_SEEN if base else ENTRY_A, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
     curves.from_far(0.0)
     # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
@@ -47,8 +47,8 @@ def complete(curves: Curves, scope: Microscope, lowest: float) -> None:
 
 def mend(curves: Curves, free: float) -> None:
     """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
-    from phasemap._kernels.continuation.path import MP
+    from phasemap._kernels.continuation.path import ENTRY_M
 
     if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
-        swept = curves.index == MP
+        swept = curves.index == ENTRY_M
         curves.after_ends(col.PARAMETER if swept else col.TIP_OFFSET, BESIDE * (1.0 if swept else free), SETTLED * free)

@@ -28,14 +28,14 @@ class OffOrbit:
 
         `column`: of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
         """
-        from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_at
+        from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_value
         from phasemap._kernels.engagement.in_time import carry_on, carry_to
         from phasemap._kernels.law import Oscillator
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
         p, lever = curves.standing(x if column == col.PARAMETER else 0.0)
         if column == col.PARAMETER:
-            target, by_amplitude = held_at(curves.path, x), curves.path.kind == HELD_AMPLITUDE
+            target, by_amplitude = held_value(curves.path, x), curves.path.kind == HELD_AMPLITUDE
             row[col.PARAMETER] = x
         move = carry_on if by_amplitude else carry_to
         status = move(Oscillator(curves.law, p, lever), target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])

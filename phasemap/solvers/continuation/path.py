@@ -73,12 +73,12 @@ class Question:
 
 def fixed_path(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
-    from phasemap._kernels.continuation.path import fixed
+    from phasemap._kernels.continuation.path import fixed_path
     from phasemap._kernels.law import Oscillator, parameters
     from phasemap._kernels.quadrature import TABLES
 
     work = question.work()
-    path: Path = fixed(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
+    path: Path = fixed_path(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
     return path
 
 
@@ -117,7 +117,7 @@ def swept_path(
 
     `held`: tip offset or amplitude [m] that is held under a microscope.
     """
-    from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept
+    from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept_path
     from phasemap._kernels.quadrature import TABLES
 
     work = question.at(name, float(scale.value(0.0))).work()
@@ -143,7 +143,7 @@ def swept_path(
         width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
     kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
     series = np.ascontiguousarray(table[:, : max(last, 2)])
-    path: Path = swept(work.law, TABLES, series, kind, min(width, 0.05))
+    path: Path = swept_path(work.law, TABLES, series, kind, min(width, 0.05))
     return path
 
 

@@ -56,7 +56,7 @@ class Curves:
         samples: int,
     ) -> None:
         self.law, self.path, self.index, self.wanted = path.law, path, index, wanted
-        self.box, self.samples = np.array(box), samples
+        self.box, self.samples = (float(box[0]), float(box[1]), float(box[2])), samples
         self.pieces: list[Piece] = []
         self._standing: dict[float, tuple[tuple[float, ...], np.ndarray]] = {}  # a start is asked for several times
 
@@ -80,12 +80,12 @@ class Curves:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
         from phasemap._kernels.continuation.start import start_far
         from phasemap._kernels.lever import free_amplitude
-        from phasemap._kernels.orbits.collocation.system import VALUE, Z0, new_orbit
+        from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 
         free = free_amplitude(self.standing(0.0)[1])
         orbit, spare = new_orbit(), new_orbit()
         status, orbit, spare = start_far(self.path, orbit, spare, 0.9999 * free, 0)
-        if status == col.GOOD and orbit.head[VALUE, Z0] < farthest:
+        if status == col.GOOD and head_of(orbit).tip_offset < farthest:
             status, orbit, spare = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
         if status == col.GOOD:
             self._follow(orbit, spare, (-1.0,))
@@ -93,7 +93,7 @@ class Curves:
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
         from phasemap._kernels.lever import phase_of
-        from phasemap._kernels.orbits.collocation.system import VALUE, Z0, A, P, S
+        from phasemap._kernels.orbits.collocation.system import head_of
 
         amplitude, stiffness = row[col.AMPLITUDE], self.standing(m)[1][col.STIFFNESS]
         drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
@@ -101,10 +101,9 @@ class Curves:
         status, orbit, spare = self._go(guess, m, of_amplitude)
         if status != col.GOOD:
             return False
-        exact = row.copy()
-        value = orbit.head[VALUE]
-        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = value[Z0], value[A]
-        exact[col.PHASE] = phase_of(self.standing(m)[1], value[A], value[P], value[S])
+        exact, head = row.copy(), head_of(orbit)
+        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = head.tip_offset, head.amplitude
+        exact[col.PHASE] = phase_of(self.standing(m)[1], head.amplitude, head.push, head.drag)
         if self.knows(exact, m):
             return False
         self._follow(orbit, spare, (1.0, -1.0))
@@ -114,6 +113,7 @@ class Curves:
         """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far."""
         from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+        from phasemap._kernels.orbits.collocation.system import head_of
 
         p, lever = self.standing(0.0)
         for guess in averaged_orbits(Oscillator(self.law, p, lever), amplitude):
@@ -122,8 +122,8 @@ class Curves:
             ):
                 continue
             status, orbit, spare = self._go(guess, 0.0, True)
-            push, _, z0, exact = orbit.head[0, :4]
-            if status == col.GOOD and not self._near(z0, exact, push, lever):
+            head = head_of(orbit)
+            if status == col.GOOD and not self._near(head.tip_offset, head.amplitude, head.push, lever):
                 self._follow(orbit, spare, (1.0, -1.0))
 
     def after_ends(self, column: int, beside: float, close: float) -> None:
@@ -191,34 +191,34 @@ class Curves:
         return TIGHT * float(tolerance_of(Oscillator(self.law, p, lever)))
 
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
-        from phasemap._kernels.continuation.piece import start_at
+        from phasemap._kernels.continuation.piece import exact_orbit_at
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        good, orbit, spare = start_at(self.path, guess, m, hold, 0, self._tolerance(m), new_orbit(), new_orbit())
+        good, orbit, spare = exact_orbit_at(self.path, guess, m, hold, 0, self._tolerance(m), new_orbit(), new_orbit())
         return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
 
     def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
-        from phasemap._kernels.continuation.path import POINT
-        from phasemap._kernels.continuation.piece import CLOSED, Asked, Made, aim, follow
+        from phasemap._kernels.continuation.path import Point
+        from phasemap._kernels.continuation.piece import PIECE_CLOSED, Asked, Made, follow_piece, mark_start
         from phasemap._kernels.continuation.step import copy_orbit
-        from phasemap._kernels.orbits.collocation.system import VALUE, M, new_orbit
+        from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 
         start = new_orbit()
         copy_orbit(orbit, start)
-        tolerance = self._tolerance(float(orbit.head[VALUE, M]))
+        tolerance = self._tolerance(float(head_of(orbit).parameter))
         asked = Asked(self.index, self.wanted, self.box, tolerance)
         halves: list[Piece] = []
         for sense in senses:
             check_stopped()
             rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
-            point = np.zeros(POINT)
+            point = Point()
             copy_orbit(start, orbit)
-            if not aim(self.path, orbit, sense, point):
+            if not mark_start(self.path, orbit, sense, point):
                 continue
-            ended, count = follow(self.path, asked, orbit, spare, point, Made(rows, traces))
+            ended, count = follow_piece(self.path, asked, orbit, spare, point, Made(rows, traces))
             halves.append(Piece(rows[:count].copy(), traces[:count].copy(), ended))
-            if ended == CLOSED:
+            if ended == PIECE_CLOSED:
                 break
         if len(halves) == 2:  # the first was followed the other way
             one, two = halves

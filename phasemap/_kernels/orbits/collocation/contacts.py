@@ -1,4 +1,4 @@
-"""Between the nodes of an orbit, and where on it contacts begin and end."""
+"""Motion between the nodes of an orbit, and the angles at which its contacts begin and end."""
 
 from __future__ import annotations
 
@@ -8,34 +8,7 @@ import numpy as np
 
 from phasemap._kernels.columns import RELEASE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.orbits.collocation.system import (
-    AT,
-    BROKEN,
-    CONTACT,
-    CONTACTS,
-    COS,
-    COUNT,
-    EDGE,
-    EDGE_U,
-    EDGE_W,
-    ELEMENTS,
-    FIRST,
-    GAP,
-    LAST,
-    MOST_CONTACTS,
-    ORIGIN,
-    PLACE,
-    SCALE,
-    SIN,
-    TABLE,
-    THETA,
-    VALUE,
-    Z0,
-    A,
-    Orbit,
-    U,
-    W,
-)
+from phasemap._kernels.orbits.collocation.system import MOST_CONTACTS, Orbit, element_of, head_of
 from phasemap._kernels.quadrature import (
     NODES,
     T_BARY,
@@ -48,42 +21,42 @@ from phasemap._kernels.quadrature import (
 )
 
 TWO_PI = 2 * math.pi
-PERMANENT = -1  # orbit.head[COUNT, CONTACTS] of an orbit that never leaves contact
+PERMANENT = -1  # contacts of an orbit that never leaves contact
 
 
 @kernel(fastmath=ANY_ORDER)
-def interpolate(tables: np.ndarray, elements: np.ndarray, e: int, theta: float) -> tuple[float, float]:
+def interpolate(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e (barycentric interpolation)."""
-    one, following = elements[e], elements[e + 1]
-    table = tables[int(one[PLACE, TABLE])]
-    x = (theta - one[PLACE, ORIGIN]) / one[PLACE, SCALE]
+    one, following = element_of(orbit, e), element_of(orbit, e + 1)
+    table = tables[one.table]
+    x = (theta - one.origin) / one.scale
     before, after = x - table[T_NUMBERS, T_FIRST], x - table[T_NUMBERS, T_LAST]
     if before == 0.0:
-        return one[PLACE, EDGE_W], one[PLACE, EDGE_U]
+        return one.edge_w, one.edge_u
     if after == 0.0:
-        return following[PLACE, EDGE_W], following[PLACE, EDGE_U]
+        return following.edge_w, following.edge_u
     share, other = table[T_NUMBERS, T_BARY_FIRST] / before, table[T_NUMBERS, T_BARY_LAST] / after
     below = share + other
-    w = share * one[PLACE, EDGE_W] + other * following[PLACE, EDGE_W]
-    u = share * one[PLACE, EDGE_U] + other * following[PLACE, EDGE_U]
+    w = share * one.edge_w + other * following.edge_w
+    u = share * one.edge_u + other * following.edge_u
     for k in range(NODES):
         share = table[T_BARY, k] / (x - table[T_S, k])
         below += share
-        w += share * one[W, k]
-        u += share * one[U, k]
+        w += share * one.w[k]
+        u += share * one.u[k]
     if not abs(below) < math.inf:  # at a node
         for k in range(NODES):
             if x == table[T_S, k]:
-                return one[W, k], one[U, k]
+                return one.w[k], one.u[k]
     return w / below, u / below
 
 
 @kernel
-def depth(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+def depth_at(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return d and d' (by the angle) at an angle inside element e."""
-    w, u = interpolate(tables, orbit.elements, e, theta)
-    amplitude = orbit.head[VALUE, A]
-    return amplitude * math.cos(theta) + w - orbit.head[VALUE, Z0], u - amplitude * math.sin(theta)
+    w, u = interpolate(tables, orbit, e, theta)
+    amplitude = head_of(orbit).amplitude
+    return amplitude * math.cos(theta) + w - head_of(orbit).tip_offset, u - amplitude * math.sin(theta)
 
 
 @kernel
@@ -93,7 +66,7 @@ def _root(
     """Angle between low and high where d passes `border`, by Newton's method kept inside the bracket."""
     theta = low + (high - low) * d_low / (d_low - d_high)
     for _ in range(60):
-        d, slope = depth(tables, orbit, e, theta)
+        d, slope = depth_at(tables, orbit, e, theta)
         d -= border
         if (d > 0.0) == (d_low > 0.0):
             low = theta
@@ -112,10 +85,10 @@ def _root(
 @kernel
 def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) -> float:
     """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
-    sign = depth(tables, orbit, e, low)[1] > 0.0
+    sign = depth_at(tables, orbit, e, low)[1] > 0.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        if (depth(tables, orbit, e, middle)[1] > 0.0) == sign:
+        if (depth_at(tables, orbit, e, middle)[1] > 0.0) == sign:
             low = middle
         else:
             high = middle
@@ -124,70 +97,69 @@ def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) 
 
 @kernel(shared=True, vectors=True)
 def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
-    """Find where the tip enters and leaves contact; fills rows CONTACT and their count. False if there are too many.
+    """Find where the tip enters and leaves contact; fills their angles in the head. False if there are too many.
 
-    Rows are (angle of entry, angle at which d falls through 0, angle at which the neck breaks); without contact, or in
-    contact for good, the first is (angle, depth) where the tip is nearest to the other side.
+    Without contact, or in contact for good: where the tip is nearest to the other side.
     """
-    held = orbit.head[COUNT, CONTACTS] == PERMANENT  # in a neck, it depends on where the tip came from
+    held = head_of(orbit).contacts == PERMANENT  # in a neck, it depends on where the tip came from
     if not _find_pressed(tables, orbit):
         return False
-    contacts = int(orbit.head[COUNT, CONTACTS])
+    contacts = head_of(orbit).contacts
     if p[RELEASE] == 0.0:
         for i in range(contacts):
-            orbit.head[CONTACT + i, BROKEN] = orbit.head[CONTACT + i, LAST]
+            head_of(orbit).neck_end[i] = head_of(orbit).contact_end[i]
     elif contacts > 0:
         _find_releases(p, tables, orbit)
     elif held and contacts == 0 and _lowest(tables, orbit) > p[RELEASE]:
-        orbit.head[COUNT, CONTACTS] = PERMANENT
+        head_of(orbit).contacts = PERMANENT
     return True
 
 
 @kernel
 def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
-    """Smallest depth at the nodes."""
+    """Smallest depth at the nodes [m]."""
     lowest = math.inf
-    amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
-    for e in range(int(orbit.head[COUNT, ELEMENTS])):
-        one = orbit.elements[e]
+    amplitude, z0 = head_of(orbit).amplitude, head_of(orbit).tip_offset
+    for e in range(head_of(orbit).count):
+        one = element_of(orbit, e)
         for j in range(NODES):
-            lowest = min(lowest, amplitude * one[COS, j] + one[W, j] - z0)
+            lowest = min(lowest, amplitude * one.cos[j] + one.w[j] - z0)
     return lowest
 
 
 @kernel
 def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
     """Fill in where the neck of each contact breaks: at the next contact where it does not."""
-    head = orbit.head
-    contacts, count = int(head[COUNT, CONTACTS]), int(head[COUNT, ELEMENTS])
-    begin = orbit.elements[0, PLACE, EDGE]
+    head = head_of(orbit)
+    contacts, count = head.contacts, head.count
+    begin = element_of(orbit, 0).edge
     for i in range(contacts):
-        end = head[CONTACT + i, LAST]
-        following = head[CONTACT + i + 1, FIRST] if i + 1 < contacts else head[CONTACT, FIRST] + TWO_PI
-        head[CONTACT + i, BROKEN] = following
+        end = head.contact_end[i]
+        following = head.contact_start[i + 1] if i + 1 < contacts else head.contact_start[0] + TWO_PI
+        head.neck_end[i] = following
         # Elements from the one that holds `end` on, round the period.
         at = end - TWO_PI * math.floor((end - begin) / TWO_PI)
         e = 0
-        while e < count - 1 and orbit.elements[e + 1, PLACE, EDGE] <= at:
+        while e < count - 1 and element_of(orbit, e + 1).edge <= at:
             e += 1
         turn, before, d_before = end - at, at, -p[RELEASE]
         for _ in range(count + 1):
             broken = False
             for k in range(NODES + 1):
-                theta = orbit.elements[e + 1, PLACE, EDGE] if k == NODES else orbit.elements[e, THETA, k]
+                theta = element_of(orbit, e + 1).edge if k == NODES else element_of(orbit, e).theta[k]
                 if theta <= before:
                     continue
                 if theta + turn >= following:
                     break
-                d, slope = depth(tables, orbit, e, theta)
+                d, slope = depth_at(tables, orbit, e, theta)
                 d -= p[RELEASE]
-                if d > 0.0 and slope > 0.0 and depth(tables, orbit, e, before)[1] < 0.0:
+                if d > 0.0 and slope > 0.0 and depth_at(tables, orbit, e, before)[1] < 0.0:
                     lowest = _extreme(tables, orbit, e, before, theta)  # it may break between two nodes
-                    d_lowest = depth(tables, orbit, e, lowest)[0] - p[RELEASE]
+                    d_lowest = depth_at(tables, orbit, e, lowest)[0] - p[RELEASE]
                     if d_lowest <= 0.0:
                         theta, d = lowest, d_lowest
                 if d <= 0.0:
-                    head[CONTACT + i, BROKEN] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
+                    head.neck_end[i] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
                     broken = True
                     break
                 before, d_before = theta, d
@@ -200,8 +172,8 @@ def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
 
 @kernel
 def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
-    """Find where d rises and falls through 0; fills rows CONTACT and their count. False if there are too many."""
-    amplitude, z0 = orbit.head[VALUE, A], orbit.head[VALUE, Z0]
+    """Find where d rises and falls through 0; fills their angles in the head. False if there are too many."""
+    amplitude, z0 = head_of(orbit).amplitude, head_of(orbit).tip_offset
     up = np.empty(MOST_CONTACTS + 1)
     down = np.empty(MOST_CONTACTS + 1)
     ups, downs = 0, 0
@@ -209,26 +181,26 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
     d_first, first_inside = 0.0, False
     extreme_theta, extreme_d = 0.0, -1e300
     lowest_theta, lowest_d = 0.0, 1e300
-    for e in range(int(orbit.head[COUNT, ELEMENTS])):
+    for e in range(head_of(orbit).count):
         for k in range(NODES + 2):
             if k == 0 and e > 0:
                 continue
             if k == 0 or k == NODES + 1:
                 edge = e if k == 0 else e + 1
-                at = orbit.elements[edge, PLACE]
-                theta = at[EDGE]
-                d = amplitude * math.cos(theta) + at[EDGE_W] - z0
-                slope = at[EDGE_U] - amplitude * math.sin(theta)
+                at = element_of(orbit, edge)
+                theta = at.edge
+                d = amplitude * math.cos(theta) + at.edge_w - z0
+                slope = at.edge_u - amplitude * math.sin(theta)
             else:
-                one = orbit.elements[e]
-                theta = one[THETA, k - 1]
-                d = amplitude * one[COS, k - 1] + one[W, k - 1] - z0
-                slope = one[U, k - 1] - amplitude * one[SIN, k - 1]
+                one = element_of(orbit, e)
+                theta = one.theta[k - 1]
+                d = amplitude * one.cos[k - 1] + one.w[k - 1] - z0
+                slope = one.u[k - 1] - amplitude * one.sin[k - 1]
             if d > extreme_d:
                 extreme_theta, extreme_d = theta, d
             if d < lowest_d:
                 lowest_theta, lowest_d = theta, d
-            if e == int(orbit.head[COUNT, ELEMENTS]) - 1 and k == NODES + 1:
+            if e == head_of(orbit).count - 1 and k == NODES + 1:
                 d = d_first  # the same point a period later
             inside = d > 0.0
             if e == 0 and k == 0:
@@ -242,7 +214,7 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
                     away = slope > 0.0 if inside else slope < 0.0
                     if towards and away:
                         middle = _extreme(tables, orbit, e, theta_before, theta)
-                        d_middle = depth(tables, orbit, e, middle)[0]
+                        d_middle = depth_at(tables, orbit, e, middle)[0]
                         split = (d_middle > 0.0) != inside
                         if not inside and d_middle > extreme_d:
                             extreme_theta, extreme_d = middle, d_middle
@@ -270,20 +242,20 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
                             downs += 1
             theta_before, d_before, slope_before = theta, d, slope
     if ups == 0:
-        orbit.head[COUNT, CONTACTS] = PERMANENT if first_inside else 0
-        orbit.head[CONTACT, AT] = lowest_theta if first_inside else extreme_theta
-        orbit.head[CONTACT, GAP] = lowest_d if first_inside else extreme_d
+        head_of(orbit).contacts = PERMANENT if first_inside else 0
+        head_of(orbit).nearest_angle = lowest_theta if first_inside else extreme_theta
+        head_of(orbit).nearest_depth = lowest_d if first_inside else extreme_d
         return True
-    orbit.head[COUNT, CONTACTS] = ups
+    head_of(orbit).contacts = ups
     for i in range(ups):
         if first_inside:  # the contact that contains the start ends first
-            orbit.head[CONTACT + i, FIRST] = up[i]
-            orbit.head[CONTACT + i, LAST] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
+            head_of(orbit).contact_start[i] = up[i]
+            head_of(orbit).contact_end[i] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
         else:
-            orbit.head[CONTACT + i, FIRST] = up[i]
-            orbit.head[CONTACT + i, LAST] = down[i]
-    shift = TWO_PI * math.floor((orbit.head[CONTACT, FIRST] + math.pi) / TWO_PI)
+            head_of(orbit).contact_start[i] = up[i]
+            head_of(orbit).contact_end[i] = down[i]
+    shift = TWO_PI * math.floor((head_of(orbit).contact_start[0] + math.pi) / TWO_PI)
     for i in range(ups):
-        orbit.head[CONTACT + i, FIRST] -= shift
-        orbit.head[CONTACT + i, LAST] -= shift
+        head_of(orbit).contact_start[i] -= shift
+        head_of(orbit).contact_end[i] -= shift
     return True

@@ -18,39 +18,32 @@ from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.collocation.elements import lay
-from phasemap._kernels.orbits.collocation.system import (
-    BROKEN,
-    CONTACT,
-    CONTACTS,
-    COUNT,
-    EDGE,
-    EDGE_U,
-    EDGE_W,
-    ELEMENTS,
-    FIRST,
-    LAST,
-    PLACE,
-    THETA,
-    VALUE,
-    Z0,
-    A,
-    Orbit,
-    P,
-    S,
-    U,
-    W,
-)
+from phasemap._kernels.orbits.collocation.elements import lay_elements
+from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
 from phasemap._kernels.orbits.response.nodes import first_harmonic, periods_before
 from phasemap._kernels.quadrature import NODES
+from phasemap._kernels.records import record
 
-LIFT = 0.75  # of P: w of a short contact, sum over P/(n^2 - 1)
-LONGEST = 1.5  # [rad] from where the tip touches to where it is deepest: a longer contact is no kick
-STRIDE, SHORTER, SLOWER = 0.1, 0.3, 0.25  # a step [rad]: at most, of the contact's own oscillation, of a stop
-MOST_STRIDES, MOST_TURNS, MOST_SPEEDS = 400, 8, 40
-KNOWN, ROUGHLY = 3e-3, 1e-2  # share of the drive to which J is known, and of J to which the speed gives it
-# Entries of a hit: J, phi, d' where it begins, depth, half of its length [rad], loss of d'^2/2 in it.
-KICK, ANGLE, SPEED, DEPTH, HALF, LOSS, HIT = 0, 1, 2, 3, 4, 5, 6
+KICK_LIFT = 0.75  # of P: w of a short contact, sum over P/(n^2 - 1)
+LONGEST_KICK = 1.5  # [rad] from where the tip touches to where it is deepest: a longer contact is no kick
+# A step [rad]: at most, of the contact's own oscillation, of a stop.
+STRIDE, STRIDE_OF_OSCILLATION, STRIDE_OF_STOP = 0.1, 0.3, 0.25
+MOST_STRIDES = 400  # of a contact
+MOST_ROUNDS = 8  # between drive, energy and speed
+MOST_SPEEDS = 40  # tried for one kick
+KICK_KNOWN, KICK_ROUGHLY = 3e-3, 1e-2  # share of the drive to which J is known, and of J to which the speed gives it
+
+
+@record
+class Hit:
+    """A contact that throws the lever back."""
+
+    kick: float  # first harmonic J of its force [m]
+    angle: float  # phi, where it is [rad]
+    speed: float  # d' [m] where it begins
+    depth: float  # [m]
+    half: float  # of its length [rad]
+    loss: float  # of d'^2/2 in it [m^2]
 
 
 @kernel
@@ -70,7 +63,7 @@ def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
 
 
 @kernel
-def bounce(oscillator: Oscillator, turn: float, hit: np.ndarray) -> bool:
+def bounce(oscillator: Oscillator, turn: float, hit: Hit) -> bool:
     """Fill depth, half length and loss of a contact that begins with its speed, d'' = -g/omega^2 - turn.
 
     False if it lasts too long.
@@ -78,12 +71,12 @@ def bounce(oscillator: Oscillator, turn: float, hit: np.ndarray) -> bool:
     law, p, lever = oscillator
     omega = lever[col.OMEGA]
     share = 1.0 / (lever[col.STIFFNESS] * omega * omega)
-    speed = hit[SPEED]
+    speed = hit.speed
     d, v, t, loss = 0.0, speed, 0.0, 0.0
     a = -share * contact_force(law, 0.0, p) - turn
     for _ in range(MOST_STRIDES):
         stiff = max(share * contact_slope(law, max(d, 1e-3 * speed), p), 1.0)
-        step = min(min(STRIDE, SHORTER / math.sqrt(stiff)), SLOWER * speed / max(abs(a), 1e-300))
+        step = min(min(STRIDE, STRIDE_OF_OSCILLATION / math.sqrt(stiff)), STRIDE_OF_STOP * speed / max(abs(a), 1e-300))
         half_way = v + 0.5 * step * a
         deeper = d + step * half_way
         a = -share * contact_force(law, deeper, p) - turn
@@ -94,29 +87,29 @@ def bounce(oscillator: Oscillator, turn: float, hit: np.ndarray) -> bool:
         v_after = half_way + 0.5 * step * a
         if v_after <= 0.0:
             rest = step * v / (v - v_after)
-            hit[DEPTH], hit[HALF], hit[LOSS] = d + 0.5 * v * rest, t + rest, 2.0 * loss
+            hit.depth, hit.half, hit.loss = d + 0.5 * v * rest, t + rest, 2.0 * loss
             return True
         d, v, t = deeper, v_after, t + step
-        if t > LONGEST:
+        if t > LONGEST_KICK:
             return False
     return False
 
 
 @kernel
-def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: np.ndarray) -> float:
+def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: Hit) -> float:
     """First harmonic J of the force of a contact that begins with a speed; NaN if it lasts too long."""
     law, p, lever = oscillator
-    hit[SPEED] = speed
+    hit.speed = speed
     if not bounce(oscillator, turn, hit):
         return math.nan
     squared, outside = lever[col.OMEGA] ** 2, 0.0
     if p[col.LONGRANGE] != 0.0:
         outside = reach_of(law, p) * longrange_force(law, 0.0, p) / (lever[col.STIFFNESS] * squared * speed)
-    return 2.0 * squared / math.pi * (speed - turn * hit[HALF] + outside)
+    return 2.0 * squared / math.pi * (speed - turn * hit.half + outside)
 
 
 @kernel
-def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: np.ndarray) -> bool:
+def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: Hit) -> bool:
     """Fill the hit with the contact whose force has a first harmonic `kick`; False if it lasts too long."""
     lever = oscillator.lever
     low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick / lever[col.OMEGA] ** 2, 0.0
@@ -131,21 +124,21 @@ def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: np.ndarray)
     for _ in range(MOST_SPEEDS):
         speed = (low * f_high - high * f_low) / (f_high - f_low)
         f = kick_at(oscillator, speed, turn, hit) - kick
-        if not abs(f) > ROUGHLY * kick:
+        if not abs(f) > KICK_ROUGHLY * kick:
             return not math.isnan(f)
         low, f_low, high, f_high = narrowed(low, f_low, high, f_high, speed, f)
     return False
 
 
 @kernel
-def find_hit(oscillator: Oscillator, amplitude: float, hit: np.ndarray) -> bool:
+def find_hit(oscillator: Oscillator, amplitude: float, hit: Hit) -> bool:
     """Fill the hit that takes the drive at this amplitude; False where no short contact does."""
     lever = oscillator.lever
     base, omega = lever[col.BASE], lever[col.OMEGA]
     stiff, damped = amplitude * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * amplitude
     mean_slope = 0.5 * (after_kick(lever, 0.0)[1] + after_kick(lever, 2.0 * math.pi)[1])
     kick, loss = base, 0.0
-    for _ in range(MOST_TURNS):
+    for _ in range(MOST_ROUNDS):
         sine = (mean_slope * kick - omega * omega * loss / (math.pi * kick)) / amplitude
         if not abs(sine) < 1.0:
             return False
@@ -155,21 +148,21 @@ def find_hit(oscillator: Oscillator, amplitude: float, hit: np.ndarray) -> bool:
         if not half * half > rest:
             return False
         kick = math.sqrt(half * half - rest) - half
-        if not kick > 0.0 or not speed_for(oscillator, kick, amplitude * cosine - LIFT * kick, hit):
+        if not kick > 0.0 or not speed_for(oscillator, kick, amplitude * cosine - KICK_LIFT * kick, hit):
             return False
-        hit[KICK], hit[ANGLE], loss = kick, math.asin(sine), hit[LOSS]
-        if abs(kick - before) < KNOWN * base:
+        hit.kick, hit.angle, loss = kick, math.asin(sine), hit.loss
+        if abs(kick - before) < KICK_KNOWN * base:
             break
-    return hit[HALF] < LONGEST
+    return hit.half < LONGEST_KICK
 
 
 @kernel
-def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: np.ndarray, theta: float) -> tuple[float, float]:
+def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: Hit, theta: float) -> tuple[float, float]:
     """Return w, less its mean, and w' at an angle: in contact of a quartic that has its depth and speed."""
-    angle, kick, half, depth = theta - hit[ANGLE], hit[KICK], hit[HALF], hit[DEPTH]
+    angle, kick, half, depth = theta - hit.angle, hit.kick, hit.half, hit.depth
     if abs(angle) < half:
         x = angle / half
-        flat = 0.5 * hit[SPEED] * half / depth - 1.0
+        flat = 0.5 * hit.speed * half / depth - 1.0
         d = depth * (1.0 - x * x) * (1.0 + flat * x * x)
         rate = depth * 2.0 * x * (flat * (1.0 - 2.0 * x * x) - 1.0) / half
         return d + e - amplitude * math.cos(theta), rate + amplitude * math.sin(theta)
@@ -181,22 +174,22 @@ def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: np.ndarray, th
 def begin_impact(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, amplitude: float, level: int) -> bool:
     """Set the motion after a kick that takes the drive at this amplitude; False where no short contact does."""
     p, lever = oscillator.p, oscillator.lever
-    hit, head = np.zeros(HIT), orbit.head
+    hit, head = Hit(), head_of(orbit)
     if p[col.RELEASE] != 0.0 or not find_hit(oscillator, amplitude, hit):
         return False
-    kick, angle, half = hit[KICK], hit[ANGLE], hit[HALF]
+    kick, angle, half = hit.kick, hit.angle, hit.half
     lifted = after_kick(lever, half)[0] + after_kick(lever, 2.0 * math.pi - half)[0]
     e, mean = amplitude * math.cos(angle) * math.cos(half) + 0.5 * kick * lifted, -0.5 * kick
-    head[VALUE, A], head[VALUE, Z0] = amplitude, e + mean
-    head[VALUE, P], head[VALUE, S] = kick * math.cos(angle), kick * math.sin(angle)
-    head[COUNT, CONTACTS] = 1
-    head[CONTACT, FIRST], head[CONTACT, LAST], head[CONTACT, BROKEN] = angle - half, angle + half, angle + half
-    laid = lay(oscillator, tables, orbit, orbit, level)
-    for i in range(int(head[COUNT, ELEMENTS]) + 1):
-        one = orbit.elements[i]
+    head.amplitude, head.tip_offset = amplitude, e + mean
+    head.push, head.drag = kick * math.cos(angle), kick * math.sin(angle)
+    head.contacts = 1
+    head.contact_start[0], head.contact_end[0], head.neck_end[0] = angle - half, angle + half, angle + half
+    laid = lay_elements(oscillator, tables, orbit, orbit, level)
+    for i in range(head.count + 1):
+        one = element_of(orbit, i)
         for j in range(NODES):
-            w, u = motion_of(lever, amplitude, e, hit, one[THETA, j])
-            one[W, j], one[U, j] = mean + w, u
-        w, u = motion_of(lever, amplitude, e, hit, one[PLACE, EDGE])
-        one[PLACE, EDGE_W], one[PLACE, EDGE_U] = mean + w, u
+            w, u = motion_of(lever, amplitude, e, hit, one.theta[j])
+            one.w[j], one.u[j] = mean + w, u
+        w, u = motion_of(lever, amplitude, e, hit, one.edge)
+        one.edge_w, one.edge_u = mean + w, u
     return laid

@@ -1,4 +1,4 @@
-"""What more there is to know of an exact orbit than an image needs: forces, harmonics, multipliers, its time trace."""
+"""Observables of an exact orbit that images do not need: forces, harmonics, multipliers, its time trace."""
 
 from __future__ import annotations
 
@@ -11,65 +11,50 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.contacts import interpolate
 from phasemap._kernels.orbits.collocation.system import (
-    COS,
-    COUNT,
-    EDGE,
-    EDGE_U,
-    EDGE_W,
-    ELEMENTS,
-    INSIDE,
-    OUTSIDE,
-    PLACE,
-    SCALE,
-    SIDE,
-    SIN,
-    TABLE,
-    TRANSFER,
-    VALUE,
-    Z0,
-    A,
+    IN_CONTACT,
+    OUT_OF_CONTACT,
     Orbit,
-    U,
-    W,
+    element_of,
+    head_of,
     surface_force,
 )
 from phasemap._kernels.quadrature import NODES, T_END1
 
 
 @kernel
-def complete(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
-    """Fill what `observe` leaves of a full row, shape (FULL,), at a linearised orbit."""
+def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
+    """Fill forces, contact time, harmonics, multipliers and start of a full row, at a linearised orbit."""
     law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
-    head = orbit.head
-    amplitude, z0 = head[VALUE, A], head[VALUE, Z0]
+    head = head_of(orbit)
+    amplitude, z0 = head.amplitude, head.tip_offset
     mean, peak, least, contact = 0.0, -math.inf, math.inf, 0.0
     in_phase, across = np.zeros(col.HARMONICS), np.zeros(col.HARMONICS)
-    for e in range(int(head[COUNT, ELEMENTS])):
-        one = orbit.elements[e]
-        side, table = one[PLACE, SIDE], tables[int(one[PLACE, TABLE])]
+    for e in range(head.count):
+        one = element_of(orbit, e)
+        side, table = one.side, tables[one.table]
         for j in range(NODES):
-            weight = one[PLACE, SCALE] * table[T_END1, j]
-            c, s, w = one[COS, j], one[SIN, j], one[W, j]
-            d, v = amplitude * c + w - z0, omega * (one[U, j] - amplitude * s)
+            weight = one.scale * table[T_END1, j]
+            c, s, w = one.cos[j], one.sin[j], one.w[j]
+            d, v = amplitude * c + w - z0, omega * (one.u[j] - amplitude * s)
             force = stiffness * surface_force(law, p, 1.0 / stiffness, side, d, v)[0]
             mean += weight * force
             peak, least = max(peak, force), min(least, force)
-            contact += weight if side != OUTSIDE else 0.0
+            contact += weight if side != OUT_OF_CONTACT else 0.0
             cos_n, sin_n = c, s
             for n in range(col.HARMONICS):
                 cos_n, sin_n = cos_n * c - sin_n * s, sin_n * c + cos_n * s
                 in_phase[n] += weight * force * cos_n
                 across[n] += weight * force * sin_n
         # Where the tip touches or a neck breaks the force may jump to its extreme.
-        d = amplitude * math.cos(one[PLACE, EDGE]) + one[PLACE, EDGE_W] - z0
-        v = omega * (one[PLACE, EDGE_U] - amplitude * math.sin(one[PLACE, EDGE]))
-        for beside in (side, orbit.elements[e - 1 if e > 0 else int(head[COUNT, ELEMENTS]) - 1, PLACE, SIDE]):
+        d = amplitude * math.cos(one.edge) + one.edge_w - z0
+        v = omega * (one.edge_u - amplitude * math.sin(one.edge))
+        for beside in (side, element_of(orbit, e - 1 if e > 0 else head.count - 1).side):
             force = stiffness * surface_force(law, p, 1.0 / stiffness, beside, d, v)[0]
             peak, least = max(peak, force), min(least, force)
     deepest = row[col.INDENTATION]
     if math.isfinite(deepest):
-        side = INSIDE if deepest > 0.0 else OUTSIDE
+        side = IN_CONTACT if deepest > 0.0 else OUT_OF_CONTACT
         peak = max(peak, stiffness * surface_force(law, p, 1.0 / stiffness, side, deepest, 0.0)[0])
         if deepest <= 0.0:
             least = min(least, stiffness * surface_force(law, p, 1.0 / stiffness, side, deepest, 0.0)[0])
@@ -80,31 +65,29 @@ def complete(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.n
         multiple = (n + 2) * omega
         answer = stiffness * math.hypot(1.0 - multiple**2, 2.0 * lever[col.ALPHA0] * multiple)
         row[col.HARMONIC + n] = math.hypot(in_phase[n], across[n]) / (math.pi * answer)
-    m = head[TRANSFER]
+    m = head.transfer
     row[col.TRACE] = m[0] + m[3]
     row[col.PRODUCT] = m[0] * m[3] - m[1] * m[2]
     z, v, _, side = state_at(oscillator, tables, orbit, row[col.PHASE] - 0.5 * math.pi)
-    row[col.START_Z], row[col.START_V], row[col.START_HELD] = z, v, 0.0 if side == OUTSIDE else 1.0
+    row[col.START_Z], row[col.START_V], row[col.START_HELD] = z, v, 0.0 if side == OUT_OF_CONTACT else 1.0
 
 
 @kernel
-def state_at(
-    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, theta: float
-) -> tuple[float, float, float, float]:
+def state_at(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, theta: float) -> tuple[float, float, float, int]:
     """z [m], dz/dtau [m], the surface's force [N] and the side at an angle of the first harmonic."""
     law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
-    elements, count = orbit.elements, int(orbit.head[COUNT, ELEMENTS])
-    begin = elements[0, PLACE, EDGE]
+    count = head_of(orbit).count
+    begin = element_of(orbit, 0).edge
     theta -= 2.0 * math.pi * math.floor((theta - begin) / (2.0 * math.pi))
     e = 0
-    while e < count - 1 and elements[e + 1, PLACE, EDGE] <= theta:
+    while e < count - 1 and element_of(orbit, e + 1).edge <= theta:
         e += 1
-    w, u = interpolate(tables, elements, e, theta)
-    amplitude = orbit.head[VALUE, A]
+    w, u = interpolate(tables, orbit, e, theta)
+    amplitude = head_of(orbit).amplitude
     z = amplitude * math.cos(theta) + w
     v = omega * (u - amplitude * math.sin(theta))
-    d, side = z - orbit.head[VALUE, Z0], elements[e, PLACE, SIDE]
+    d, side = z - head_of(orbit).tip_offset, element_of(orbit, e).side
     return z, v, stiffness * surface_force(law, p, 1.0 / stiffness, side, d, v)[0], side
 
 

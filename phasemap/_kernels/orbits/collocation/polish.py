@@ -9,14 +9,14 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
-from phasemap._kernels.orbits.collocation.elements import carry_over, lay
-from phasemap._kernels.orbits.collocation.newton import MOST_STEPS, newton, report
-from phasemap._kernels.orbits.collocation.system import COUNT, HOLD_AMPLITUDE, LEVEL, Orbit
+from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, fill_row, solve_orbit
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, the_amplitude
 
-TOLERANCE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
-RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
-FINEST = 2  # level of refinement
-CLOSURE = 1e-7  # largest energy imbalance accepted from a coarser level
+LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
+LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
+FINEST_LEVEL = 2  # level of refinement
+MOST_IMBALANCE = 1e-7  # largest energy imbalance accepted from a coarser level
 
 
 @kernel
@@ -24,35 +24,35 @@ def tolerance_of(oscillator: Oscillator) -> float:
     """Last change [m] of an orbit that is converged."""
     lever = oscillator.lever
     free = free_amplitude(lever)
-    return min(min(TOLERANCE, RELATIVE * free), 1e-3 * scale_of(oscillator, free))
+    return min(min(LAST_CHANGE, LAST_CHANGE_RELATIVE * free), 1e-3 * scale_of(oscillator, free))
 
 
 @kernel
-def judge(row: np.ndarray) -> int:
-    """Whether the controller can hold this orbit: it must be stable, and the feedback must have the right sign."""
+def feedback_status(row: np.ndarray) -> int:
+    """Status of an orbit under feedback: GOOD if it is stable and its tip offset rises with the amplitude."""
     if not row[col.FLOQUET] < 1.0:
         return col.UNSTABLE
     return col.GOOD if row[col.SLOPE] > 0.0 else col.NO_STABLE_ORBIT
 
 
 @kernel
-def polish(
+def refine_orbit(
     oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
 ) -> tuple[int, Orbit, Orbit]:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
     p = oscillator.p
-    status = report(oscillator, tables, orbit, row)
-    level, target, tolerance = int(orbit.head[COUNT, LEVEL]), np.zeros(4), tolerance_of(oscillator)
-    while status == col.GOOD and abs(row[col.CLOSURE]) > CLOSURE and level < FINEST:
+    status = fill_row(oscillator, tables, orbit, row)
+    level, tolerance = head_of(orbit).level, tolerance_of(oscillator)
+    while status == col.GOOD and abs(row[col.CLOSURE]) > MOST_IMBALANCE and level < FINEST_LEVEL:
         level += 1
-        if not find_contacts(p, tables, orbit) or not lay(oscillator, tables, spare, orbit, level):
+        if not find_contacts(p, tables, orbit) or not lay_elements(oscillator, tables, spare, orbit, level):
             break
-        carry_over(tables, orbit, spare)
+        interpolate_motion(tables, orbit, spare)
         orbit, spare = spare, orbit
-        fine, _, orbit, spare = newton(
-            oscillator, tables, orbit, spare, HOLD_AMPLITUDE, target, level, tolerance, MOST_STEPS
+        fine, _, orbit, spare = solve_orbit(
+            oscillator, tables, orbit, spare, the_amplitude(), level, tolerance, MOST_NEWTON_STEPS
         )
         if fine != col.GOOD:
             break
-        status = report(oscillator, tables, orbit, row)
+        status = fill_row(oscillator, tables, orbit, row)
     return status, orbit, spare

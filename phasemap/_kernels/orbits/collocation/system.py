@@ -37,61 +37,155 @@ from phasemap._kernels.law import (
     parameters,
 )
 from phasemap._kernels.quadrature import NODES, T_END1, T_END2, T_M1, T_M2, T_NUMBERS, T_SUM1, T_TOTAL
+from phasemap._kernels.records import column, record, rows_of, words_of
 
 MOST_ELEMENTS = 96
 MOST_CONTACTS = 8
 
 # What is held while solving.
-HOLD_AMPLITUDE, HOLD_OFFSET, HOLD_ARC, HOLD_PLANE = 0, 1, 2, 3  # ARC: on the way, less exactly
+HOLD_AMPLITUDE = 0
+HOLD_OFFSET = 1
+HOLD_ARC = 2  # a plane, on the way along a curve: less exactly
+HOLD_PLANE = 3
 
-# Where the tip is: outside, in contact, or in the neck that a law with hysteresis draws out below d = 0.
-OUTSIDE, INSIDE, NECK = 0.0, 1.0, 2.0
+# Where the tip is.
+OUT_OF_CONTACT = 0
+IN_CONTACT = 1  # in contact
+IN_NECK = 2  # that a law with hysteresis draws out below d = 0
 
-# Fields of Orbit.elements. At the nodes: angle, its cosine and sine, w, w'. PLACE: the element's number in the tables,
-# its side, origin and scale of its map, and angle, w and w' at its start. LOCAL: seven rows, w'' at the nodes as affine
-# function of (w, w') at the start, (P, S, z0), one, and the change of m. CHAIN: two rows, (w, w') at the start as
-# affine function of the same seven at the start of the period. BEND: w'' at the nodes after a full step.
-THETA, COS, SIN, W, U, PLACE, LOCAL, CHAIN, BEND, FIELDS = 0, 1, 2, 3, 4, 5, 6, 13, 15, 16
-TABLE, SIDE, ORIGIN, SCALE, EDGE, EDGE_W, EDGE_U = 0, 1, 2, 3, 4, 5, 6
-# Rows of Orbit.head. VALUE: P, S, z0, A, m. COUNT: elements, contacts, level of refinement; whether OPEN and what it
-# was chained from are of the orbit as it stands (1), of where it was before a last small step (KEPT), or neither (0);
-# by how much the last step changed the depth [m], and P and S [m].
-# TRANSFER: monodromy matrix.
-# CONTACT: first and last angle of each contact, and the end of its neck. OPEN: the chained equations, four rows of
-# eight. SYSTEM: the same, solved with the drive's equation and what is held.
-VALUE, COUNT, TRANSFER, CONTACT, OPEN, SYSTEM, HEAD = 0, 1, 2, 3, 12, 16, 23
-P, S, Z0, A, M = 0, 1, 2, 3, 4
-ELEMENTS, CONTACTS, LEVEL, LINEAR, CHANGE, TURN = 0, 1, 2, 3, 4, 5
-KEPT = 0.5  # of LINEAR
-FIRST, LAST, BROKEN = 0, 1, 2  # of a contact
-AT, GAP = 0, 1  # of an orbit that nowhere enters or leaves contact: angle and d [m] where it comes nearest to doing so
-# Columns of OPEN and SYSTEM, and the order of the seven: w and w' at the start, P, S, z0; then the change of A in the
-# equations, one in an affine function; the change of m; the right-hand side.
-W0, U0, RP, RS, RZ, ONE, RA, RM, RIGHT = 0, 1, 2, 3, 4, 5, 5, 6, 7
+# What the chained equations of an orbit, its elements' included, are equations of.
+EQUATIONS_OTHER = 0  # of another orbit
+EQUATIONS_CURRENT = 1  # of the orbit as it stands
+EQUATIONS_KEPT = 2  # of where the orbit was before a last small step
+
+# Columns of the chained equations and of the system, and the order of the seven numbers of which w and w' are affine
+# functions: w and w' at the start of the period, P, S and z0, the number one, the change of m.
+W0 = 0
+U0 = 1
+RP = 2
+RS = 3
+RZ = 4
+ONE = 5  # in an affine function
+RA = 5  # the change of A, in the equations
+RM = 6
+RIGHT = 7  # the right-hand side
 SEVEN = 7
-WIDTH = 15  # columns of an element's matrix with its right-hand sides
+EIGHT = 8
+ELEMENT_COLUMNS = NODES + SEVEN  # columns of an element's matrix with its right-hand sides
 
 
-# Where a parameter m moves, `drift`, shape (2, STANDING), has the law's parameters and the lever at m + SMALL and at
-# m - SMALL; elsewhere it has no rows.
+# Where a parameter m moves, `drift`, shape (2, STANDING), has the law's parameters and the lever at m + DRIFT_STEP
+# and m - DRIFT_STEP; elsewhere it has no rows.
 STANDING = ROW + 5
-SMALL = 1e-5
+DRIFT_STEP = 1e-5
+
+
+class Held(NamedTuple):
+    """What is held while solving: normal (z0, A) = normal through, a line in the plane of both."""
+
+    hold: int  # HOLD_AMPLITUDE (with the amplitude that the orbit has), HOLD_OFFSET, HOLD_ARC or HOLD_PLANE
+    normal_z: float
+    normal_a: float
+    through_z: float  # [m]
+    through_a: float
+
+
+class Equation(NamedTuple):
+    """A linear equation that is held: normal (z0, A, m) = equals."""
+
+    normal_z: float
+    normal_a: float
+    normal_m: float
+    equals: float
+
+
+@record
+class Element:
+    """An element of an orbit: its place, the motion at its nodes, and how that depends on the seven numbers."""
+
+    table: int  # number in `phasemap._kernels.quadrature.TABLES`
+    side: int  # OUTSIDE, INSIDE or NECK
+    origin: float  # theta = origin + scale x [rad]
+    scale: float
+    edge: float  # angle at its start [rad]
+    edge_w: float  # w [m] and w' [m] there
+    edge_u: float
+    theta: np.ndarray = column(NODES)  # angle of the first harmonic [rad]
+    cos: np.ndarray = column(NODES)
+    sin: np.ndarray = column(NODES)
+    w: np.ndarray = column(NODES)  # motion beyond the first harmonic [m]
+    u: np.ndarray = column(NODES)  # w' [m]
+    bend: np.ndarray = column(NODES)  # w'' [m] after a full step
+    local: np.ndarray = column(SEVEN * NODES)  # w'' of (w, w') at its start, (P, S, z0), one, the change of m
+    chain_w: np.ndarray = column(SEVEN)  # w and w' at its start of the seven at the start of the period
+    chain_u: np.ndarray = column(SEVEN)
+
+
+@record
+class Head:
+    """What an orbit has once."""
+
+    push: float  # P [m]
+    drag: float  # S [m]
+    tip_offset: float  # z0 [m]
+    amplitude: float  # A [m]
+    parameter: float  # m
+    count: int  # of elements
+    contacts: int  # in a period; PERMANENT where the tip never leaves contact
+    level: int  # of refinement
+    linear: int  # OTHER, CURRENT or KEPT
+    change: float  # by which the last step changed the depth [m]
+    turn: float  # and P and S [m]
+    nearest_angle: float  # where an orbit without a border is nearest to one [rad]
+    nearest_depth: float  # d there [m]
+    transfer: np.ndarray = column(4)  # monodromy matrix
+    contact_start: np.ndarray = column(MOST_CONTACTS + 1)  # angles [rad] where d rises and falls through 0
+    contact_end: np.ndarray = column(MOST_CONTACTS + 1)
+    neck_end: np.ndarray = column(MOST_CONTACTS + 1)  # and where the neck breaks
 
 
 class Orbit(NamedTuple):
-    """A periodic orbit and the room to work on it, in two arrays so that calls stay cheap.
+    """A periodic orbit and the room to work on it: arrays, for it is too large for a stack and is returned."""
 
-    elements : ndarray, shape (MOST_ELEMENTS + 1, FIELDS, NODES). head : ndarray, shape (HEAD, NODES).
-    """
+    elements: np.ndarray  # a row of words for each, and one for the end of the last; see `element_of`
+    head: np.ndarray  # shape (1, words); see `head_of`
+    chained: np.ndarray  # shape (4, EIGHT); the chained equations
+    system: np.ndarray  # shape (SEVEN, EIGHT); the same, solved with the drive's equation and what is held
 
-    elements: np.ndarray
-    head: np.ndarray
+
+ELEMENT_WORDS = words_of(Element)
+HEAD_WORDS = words_of(Head)
+element_of = rows_of(Element, Orbit, "elements")
+head_of = rows_of(Head, Orbit, "head")
+
+
+@kernel(light=True)
+def room_for(elements: int) -> Orbit:
+    """Return an orbit's room for so many elements."""
+    return Orbit(
+        np.zeros((elements + 1, ELEMENT_WORDS)),
+        np.zeros((1, HEAD_WORDS)),
+        np.zeros((4, EIGHT)),
+        np.zeros((SEVEN, EIGHT)),
+    )
 
 
 @kernel(light=True)
 def new_orbit() -> Orbit:
     """Return an orbit's room."""
-    return Orbit(np.zeros((MOST_ELEMENTS + 1, FIELDS, NODES)), np.zeros((HEAD, NODES)))
+    return room_for(MOST_ELEMENTS)
+
+
+@kernel(light=True)
+def the_amplitude() -> Held:
+    """Hold the amplitude that the orbit has."""
+    return Held(HOLD_AMPLITUDE, 0.0, 1.0, 0.0, 0.0)
+
+
+@kernel(light=True)
+def the_offset(z0: float) -> Held:
+    """Hold a tip offset."""
+    return Held(HOLD_OFFSET, 1.0, 0.0, z0, 0.0)
 
 
 @kernel
@@ -101,27 +195,27 @@ def no_drift() -> np.ndarray:
 
 
 @kernel
-def into(p: np.ndarray, side: float, d: float) -> float:
+def depth_on_side(p: np.ndarray, side: int, d: float) -> float:
     """The depth on this side of the surface that is nearest to d: elements may lie a little beside it.
 
     Where a neck breaks the force may fall like a root, so the neck is kept a millionth of its length away.
     """
-    if side == INSIDE:
+    if side == IN_CONTACT:
         return max(d, 0.0)
-    if side == NECK:
+    if side == IN_NECK:
         return max(d, p[RELEASE] * (1.0 - 1e-6))
     return min(d, 0.0)
 
 
 @kernel
 def surface_force(
-    law: Law, p: np.ndarray, inverse_k: float, side: float, d: float, v: float
+    law: Law, p: np.ndarray, inverse_k: float, side: int, d: float, v: float
 ) -> tuple[float, float, float]:
     """g = F/k + 2 alpha_s v [m], dg/dd [1] and dg/dv [1] on one side of the contact point, or in the neck."""
-    d = into(p, side, d)
-    if side == NECK:
+    d = depth_on_side(p, side, d)
+    if side == IN_NECK:
         return inverse_k * contact_force(law, d, p), inverse_k * contact_slope(law, d, p), 0.0
-    if side == INSIDE:
+    if side == IN_CONTACT:
         g = inverse_k * contact_force(law, d, p)
         slope = inverse_k * contact_slope(law, d, p)
         if p[DAMPING] == 0.0:
@@ -134,10 +228,10 @@ def surface_force(
 
 
 @kernel
-def _pushed(
-    law: Law, standing: np.ndarray, side: float, d: float, w: float, u: float, acceleration: float, speed: float
+def _residual(
+    law: Law, standing: np.ndarray, side: int, d: float, w: float, u: float, acceleration: float, speed: float
 ) -> float:
-    """omega^2 w'' + 2 alpha0 omega w' + w + g at a node, `speed` the change of z by the angle."""
+    """Left side of the equation of motion at a node: omega^2 w'' + 2 alpha0 omega w' + w + g; `speed` = dz/d(theta)."""
     lever = standing[ROW:]
     omega = lever[OMEGA]
     g = surface_force(law, parameters(standing), 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
@@ -146,21 +240,21 @@ def _pushed(
 
 @kernel
 def _element(
-    oscillator: Oscillator, tables: np.ndarray, one: np.ndarray, value: np.ndarray, drift: np.ndarray, m: np.ndarray
+    oscillator: Oscillator, tables: np.ndarray, one: Element, head: Head, drift: np.ndarray, m: np.ndarray
 ) -> bool:
-    """Fill the LOCAL rows of an element, theory, Eq. (collocation-4); m is scratch, shape (WIDTH, NODES)."""
+    """Fill `local` of an element: theory, Eq. (collocation-4); m is scratch, shape (ELEMENT_COLUMNS, NODES)."""
     law, p, lever = oscillator
     omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
     viscous = 2.0 * lever[ALPHA0]
-    z0, amplitude = value[Z0], value[A]
-    h, side = one[PLACE, SCALE], one[PLACE, SIDE]
-    table = tables[int(one[PLACE, TABLE])]
+    z0, amplitude = head.tip_offset, head.amplitude
+    h, side = one.scale, one.side
+    table = tables[one.table]
     for j in range(NODES):
-        c, s = one[COS, j], one[SIN, j]
-        d = amplitude * c + one[W, j] - z0
-        v = omega * (one[U, j] - amplitude * s)
+        c, s = one.cos[j], one.sin[j]
+        d = amplitude * c + one.w[j] - z0
+        v = omega * (one.u[j] - amplitude * s)
         g, gd, gv = surface_force(law, p, inverse_k, side, d, v)
-        d = into(p, side, d)
+        d = depth_on_side(p, side, d)
         first = h * omega * (viscous + gv)
         second = h * h * (1.0 + gd)
         for k in range(NODES):
@@ -173,37 +267,37 @@ def _element(
         m[NODES + RZ, j] = gd
         m[NODES + ONE, j] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
         if len(drift) > 0:
-            w, u = one[W, j], one[U, j]
-            force = value[P] * c + value[S] * s
+            w, u = one.w[j], one.u[j]
+            force = head.push * c + head.drag * s
             acceleration = (force - viscous * omega * u - w - g) / (omega * omega)
-            up = _pushed(law, drift[0], side, d, w, u, acceleration, u - amplitude * s)
-            down = _pushed(law, drift[1], side, d, w, u, acceleration, u - amplitude * s)
-            m[NODES + RM, j] = (down - up) / (2.0 * SMALL)
+            up = _residual(law, drift[0], side, d, w, u, acceleration, u - amplitude * s)
+            down = _residual(law, drift[1], side, d, w, u, acceleration, u - amplitude * s)
+            m[NODES + RM, j] = (down - up) / (2.0 * DRIFT_STEP)
     if not eliminate_columns(m):
         return False
     for q in range(SEVEN):
         for j in range(NODES):
-            one[LOCAL + q, j] = m[NODES + q, j]
+            one.local[NODES * q + j] = m[NODES + q, j]
     return True
 
 
 @kernel
-def border_between(p: np.ndarray, before: float, after: float) -> float:
+def border_between(p: np.ndarray, before: int, after: int) -> float:
     """The depth [m] at which one side becomes another."""
-    return p[RELEASE] if before == NECK and after == OUTSIDE else 0.0
+    return p[RELEASE] if before == IN_NECK and after == OUT_OF_CONTACT else 0.0
 
 
 @kernel
-def jump_rate(oscillator: Oscillator, before: float, one: np.ndarray, amplitude: float) -> float:
+def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: float) -> float:
     """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
 
     A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long: theory,
     Eq. (collocation-5).
     """
     law, p, lever = oscillator
-    omega, after = lever[OMEGA], one[PLACE, SIDE]
+    omega, after = lever[OMEGA], one.side
     border = border_between(p, before, after)
-    slope = one[PLACE, EDGE_U] - amplitude * math.sin(one[PLACE, EDGE])
+    slope = one.edge_u - amplitude * math.sin(one.edge)
     v = omega * slope
     inverse_k = 1.0 / lever[STIFFNESS]
     deeper, higher = (after, before) if slope > 0.0 else (before, after)
@@ -215,30 +309,31 @@ def jump_rate(oscillator: Oscillator, before: float, one: np.ndarray, amplitude:
 
 
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
-def linearise(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
-    """Chain the elements round the period; fills OPEN and the monodromy matrix."""
+def linearise_orbit(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
+    """Chain the elements round the period; fills `chained` and the monodromy matrix."""
     p, lever = oscillator.p, oscillator.lever
     omega, alpha0 = lever[OMEGA], lever[ALPHA0]
-    elements, head = orbit.elements, orbit.head
-    count = int(head[COUNT, ELEMENTS])
-    amplitude = head[VALUE, A]
-    head[OPEN : OPEN + 4] = 0.0
-    along_cos, along_sin = head[OPEN + 2], head[OPEN + 3]
-    elements[0, CHAIN : CHAIN + 2] = 0.0
-    elements[0, CHAIN, W0] = 1.0
-    elements[0, CHAIN + 1, U0] = 1.0
-    m = np.zeros((WIDTH, NODES))
+    head, chained = head_of(orbit), orbit.chained
+    count = head.count
+    amplitude = head.amplitude
+    chained[:] = 0.0
+    along_cos, along_sin = chained[2], chained[3]
+    start = element_of(orbit, 0)
+    for q in range(SEVEN):
+        start.chain_w[q] = 1.0 if q == W0 else 0.0
+        start.chain_u[q] = 1.0 if q == U0 else 0.0
+    m = np.zeros((ELEMENT_COLUMNS, NODES))
     for e in range(count):
-        one = elements[e]
-        if not _element(oscillator, tables, one, head[VALUE], drift, m):
+        one = element_of(orbit, e)
+        if not _element(oscillator, tables, one, head, drift, m):
             return False
-        at_w, at_u = one[CHAIN], one[CHAIN + 1]
-        before = elements[e - 1 if e > 0 else count - 1, PLACE, SIDE]
-        if one[PLACE, SIDE] != before:
+        at_w, at_u = one.chain_w, one.chain_u
+        before = element_of(orbit, e - 1 if e > 0 else count - 1).side
+        if one.side != before:
             rate = jump_rate(oscillator, before, one, amplitude)
             if rate != 0.0:
-                c, s = math.cos(one[PLACE, EDGE]), math.sin(one[PLACE, EDGE])
-                border = border_between(p, before, one[PLACE, SIDE])
+                c, s = math.cos(one.edge), math.sin(one.edge)
+                border = border_between(p, before, one.side)
                 for q in range(SEVEN):
                     depth = at_w[q]
                     if q == RZ:
@@ -248,40 +343,39 @@ def linearise(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: n
                     at_u[q] -= rate * depth
                     along_cos[q] -= rate * depth * c
                     along_sin[q] -= rate * depth * s
-        h = one[PLACE, SCALE]
-        table = tables[int(one[PLACE, TABLE])]
-        following = elements[e + 1]
+        h = one.scale
+        table = tables[one.table]
+        following = element_of(orbit, e + 1)
         for q in range(SEVEN):
             state_w, state_u = at_w[q], at_u[q]
             add = 1.0 if q >= RP else 0.0
             sum_w, sum_u, sum_c, sum_s = 0.0, 0.0, 0.0, 0.0
             for j in range(NODES):
-                a = one[LOCAL + W0, j] * state_w + one[LOCAL + U0, j] * state_u + add * one[LOCAL + q, j]
+                a = one.local[j] * state_w + one.local[NODES * U0 + j] * state_u + add * one.local[NODES * q + j]
                 to_u = table[T_END1, j] * a
                 sum_w += table[T_END2, j] * a
                 sum_u += to_u
-                sum_c += to_u * one[COS, j]
-                sum_s += to_u * one[SIN, j]
-            following[CHAIN, q] = state_w + h * table[T_NUMBERS, T_TOTAL] * state_u + h * h * sum_w
-            following[CHAIN + 1, q] = state_u + h * sum_u
+                sum_c += to_u * one.cos[j]
+                sum_s += to_u * one.sin[j]
+            following.chain_w[q] = state_w + h * table[T_NUMBERS, T_TOTAL] * state_u + h * h * sum_w
+            following.chain_u[q] = state_u + h * sum_u
             along_cos[q] += h * sum_c
             along_sin[q] += h * sum_s
-    last = elements[count]
-    for i in range(2):
-        for q in range(SEVEN):
-            head[OPEN + i, q] = last[CHAIN + i, q]
-        head[TRANSFER, 2 * i] = last[CHAIN + i, W0]
-        head[TRANSFER, 2 * i + 1] = last[CHAIN + i, U0]
+    last = element_of(orbit, count)
+    for q in range(SEVEN):
+        chained[0, q], chained[1, q] = last.chain_w[q], last.chain_u[q]
+    head.transfer[0], head.transfer[1] = last.chain_w[W0], last.chain_w[U0]
+    head.transfer[2], head.transfer[3] = last.chain_u[W0], last.chain_u[U0]
     # A moves like this: z = A cos + w stays the same if w loses what A cos gains.
-    c, s = math.cos(elements[0, PLACE, EDGE]), math.sin(elements[0, PLACE, EDGE])
+    c, s = math.cos(element_of(orbit, 0).edge), math.sin(element_of(orbit, 0).edge)
     for i in range(4):
-        row = head[OPEN + i]
+        row = chained[i]
         row[RIGHT] = -row[ONE]
         row[RA] = c * row[W0] - s * row[U0] + (1 - omega**2) * row[RP] - 2 * alpha0 * omega * row[RS]
-    head[OPEN, RA] -= c
-    head[OPEN + 1, RA] += s
-    head[OPEN + 2, RA] += math.pi
-    head[OPEN, W0] -= 1.0
-    head[OPEN + 1, U0] -= 1.0
-    head[COUNT, LINEAR] = 1.0
+    chained[0, RA] -= c
+    chained[1, RA] += s
+    chained[2, RA] += math.pi
+    chained[0, W0] -= 1.0
+    chained[1, U0] -= 1.0
+    head.linear = EQUATIONS_CURRENT
     return True
