@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.records import MOST_BYTES, assign, clear, column, record
+from phasemap._kernels.records import MOST_BYTES, assign, clear, column, record, rows_of, words_of
 
 
 @record
@@ -59,6 +61,32 @@ def test_a_record_that_python_makes_is_changed_in_place() -> None:
     assert fill(whole, 2.0) == 6.5
     assert (whole.one.length, whole.other.length, whole.other.count) == (2.0, 3.0, 3)
     np.testing.assert_array_equal(whole.row, [0.0, 2.0, 4.0, 6.5])
+
+
+class Rows(NamedTuple):
+    """Records that are returned, in an array of words."""
+
+    pairs: np.ndarray
+
+
+pair_of = rows_of(Pair, Rows, "pairs")
+PAIR_WORDS = words_of(Pair)
+
+
+@kernel
+def make_rows() -> Rows:
+    """Make three records and change the first and the last."""
+    rows = Rows(np.zeros((3, PAIR_WORDS)))
+    pair_of(rows).length, pair_of(rows, 2).count = 1.5, 7
+    assign(pair_of(rows, 1), pair_of(rows, 2))
+    return rows
+
+
+def test_rows_of_an_array_are_records_to_kernels_and_to_python() -> None:
+    rows = make_rows()
+    assert [(pair_of(rows, i).length, pair_of(rows, i).count) for i in range(3)] == [(1.5, 0), (0.0, 7), (0.0, 7)]
+    pair_of(rows).count = 2
+    assert pair_of(rows).count == 2
 
 
 def test_a_record_that_is_too_large_for_a_stack_is_refused() -> None:

@@ -40,7 +40,7 @@ def cubic_slopes(path: Path, reach: float, before: Point, after: Point) -> tuple
 
 @kernel(light=True)
 def bends(one: float, two: float, rise: float) -> tuple[float, float]:
-    """Coefficients c, s of the slope one + 2 s t + 3 c t^2 of a cubic that rises by `rise` to the slope `two` at t = 1."""
+    """Coefficients c, s of the slope one + 2 s t + 3 c t^2 of a cubic that rises by `rise`, to the slope `two`."""
     return one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
 
 

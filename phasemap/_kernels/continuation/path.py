@@ -211,19 +211,19 @@ def reach_on(path: Path, orbit: Orbit) -> float:
 
 @kernel(shared=True)
 def solve_on(
-    path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], level: int,
-    tolerance: float, most: int, coarse: bool,
+    path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], tolerance: float, most: int, coarse: bool,
 ) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
     """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only.
 
-    The equations of the last step stand for those of the orbit where it changed nothing any more: by less than SAME of
-    the contact and the tolerance of an exact orbit, or, on the way, than STILL of the tolerance there.
+    The equations of the last step stand for those of the orbit where it changed nothing any more: by less than
+    TANGENT_ERROR of the contact and the tolerance of an exact orbit, or, on the way, than STILL_ON_THE_WAY of that.
     """
     law, tables, head = path.law, path.tables, head_of(orbit)
     r_z, r_a, r_m = row
     plane = Held(HOLD_PLANE, r_z, r_a, head.tip_offset, head.amplitude)
     across = Equation(r_z, r_a, r_m, r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter)
     p, lever = standing_at(path, head.parameter)
+    level = head.level
     still = allowed_displacement(Oscillator(law, p, lever), level)
     smooth = allowed_displacement(Oscillator(law, p, lever), 0) > 0.0
     for steps in range(most):

@@ -30,6 +30,7 @@ from phasemap._kernels.continuation.step import (
     SMALLEST_CURVE_STEP,
     STEP_AFTER_FAILURE,
     Place,
+    Wanted,
     copy_orbit,
     find_crossing,
     mark_point,
@@ -111,8 +112,7 @@ def make_exact(path: Path, orbit: Orbit, spare: Orbit, point: Point, tolerance: 
     if head_of(orbit).linear == EQUATIONS_KEPT and settled(lever, orbit, tolerance):
         return True, orbit, spare
     row = tangent_row(path, reach_on(path, orbit), point)
-    level = head_of(orbit).level
-    status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
+    status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
     return status == col.GOOD and mark_point(path, orbit, point), orbit, spare
 
 
@@ -202,7 +202,7 @@ def add_wanted_rows(
         k = first + i if rising else last - 1 - i
         if i == 0:
             copy_orbit(start.orbit, one)
-        good, one, spare = find_crossing(path, index, wanted[k], start, beside, after, one, spare, tolerance)
+        good, one, spare = find_crossing(path, Wanted(index, wanted[k], tolerance), start, beside, after, one, spare)
         if not good:
             copy_orbit(end.orbit, one)
         else:
@@ -289,17 +289,17 @@ def returned(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
 
 @kernel
 def exact_orbit_at(
-    path: Path, guess: np.ndarray, m: float, hold: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit
+    path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, orbit: Orbit, spare: Orbit
 ) -> tuple[bool, Orbit, Orbit]:
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
     head_of(orbit).parameter = m
     law, tables = path.law, path.tables
     p, lever = standing_at(path, m)
-    if not guess[col.G_A] > 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
+    if not guess[col.G_A] > 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
         return False, orbit, spare
     held = the_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else the_amplitude()
     status, _, orbit, spare = solve_orbit(
-        Oscillator(law, p, lever), tables, orbit, spare, held, level, tolerance, MOST_NEWTON_STEPS
+        Oscillator(law, p, lever), tables, orbit, spare, held, 0, tolerance, MOST_NEWTON_STEPS
     )
     return status == col.GOOD and head_of(orbit).amplitude > 0.0, orbit, spare
 

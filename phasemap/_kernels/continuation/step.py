@@ -70,6 +70,14 @@ CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that j
 SEEN_EXACTLY, SEEN_ENOUGH, MOST_SEEN_STEPS = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 
 
+class Wanted(NamedTuple):
+    """A value of an entry of the points at which an orbit is wanted."""
+
+    entry: int
+    value: float
+    tolerance: float  # last change of the orbit [m]
+
+
 class Place(NamedTuple):
     """A point of the curve and its orbit."""
 
@@ -176,7 +184,6 @@ def next_point(
 
     `saved` and `point` receive the orbit and the point that were left. The step to try next is `longest` at most.
     """
-    level = head_of(orbit).level
     copy_orbit(orbit, saved)
     before = Point()
     assign(before, point)
@@ -188,7 +195,7 @@ def next_point(
         move_along(head_of(orbit), step, before)
         if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit, spare):
             orbit, spare = spare, orbit
-            status, steps, orbit, spare = solve_on(path, orbit, spare, row, level, coarse, 8, True)
+            status, steps, orbit, spare = solve_on(path, orbit, spare, row, coarse, 8, True)
             # With a neck the curve ends where a contact is made or kept.
             if status == col.GOOD and not (hysteretic and head_of(orbit).contacts != contacts):
                 assign(point, before)
@@ -209,24 +216,16 @@ def next_point(
 
 @kernel
 def next_point_watching(
-    path: Path,
-    point: Point,
-    step: float,
-    longest: float,
-    index: int,
-    value: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
+    path: Path, point: Point, step: float, longest: float, wanted: Wanted, orbit: Orbit, spare: Orbit, saved: Orbit
 ) -> tuple[int, float, Orbit, Orbit]:
-    """Go to the next point of the curve, at an extreme of entry `index` that may just reach `value` if there is one."""
+    """Go to the next point of the curve, or to an extreme of what is wanted that may just reach its value."""
     before = Point()
     assign(before, point)
     status, following, orbit, spare = next_point(path, point, step, longest, orbit, spare, saved)
     for _ in range(6):
         if status != col.GOOD:
             break
-        instead = extreme_between(before, point, index, value)
+        instead = extreme_between(before, point, wanted.entry, wanted.value)
         if instead == 0.0:
             break
         copy_orbit(saved, orbit)
@@ -237,14 +236,14 @@ def next_point_watching(
 
 @kernel(shared=True)
 def settle_on_crossing(
-    path: Path, index: int, value: float, last: Point, after: Point, orbit: Orbit, spare: Orbit,
-    tolerance: float,
-) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
-    """From an orbit near by, go to where entry `index` is `value` between two points; True if it is found there.
+    path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit, spare: Orbit
+) -> tuple[bool, Orbit, Orbit]:
+    """From an orbit near by, go to where an entry has the value wanted between two points; True if it is found there.
 
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
     The first point, `last`, becomes the one that is found.
     """
+    index, value, tolerance = wanted
     head, reach, guess = head_of(orbit), reach_on(path, orbit), np.empty(5)
     by_one, by_two = cubic_slopes(path, reach, last, after)
     at = length_at(last.value[index], by_one * last.rate[index], after.value[index], by_two * after.rate[index], value)
@@ -265,8 +264,7 @@ def settle_on_crossing(
     if not relay_orbit(path, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit
-    level = head_of(orbit).level
-    status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
+    status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
     if status != col.GOOD:
         return False, orbit, spare
     here = Point()
@@ -281,7 +279,7 @@ def settle_on_crossing(
         if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit, spare):
             return False, orbit, spare
         orbit, spare = spare, orbit
-        status, _, orbit, spare = solve_on(path, orbit, spare, row, level, tolerance, 20, False)
+        status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
         good = status == col.GOOD and mark_point(path, orbit, here)
     good = good and (index != ENTRY_SEEN or abs(here.value[ENTRY_SEEN] - value) <= SEEN_ENOUGH * value)
     other = answer_entry(path) if index == control_entry(path) else control_entry(path)
@@ -301,22 +299,23 @@ def settle_on_crossing(
 
 @kernel
 def find_crossing(
-    path: Path, index: int, value: float, start: Place, last: Point, after: Point, orbit: Orbit,
-    spare: Orbit, tolerance: float,
-) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
-    """Find the orbit where entry `index` is `value` between two places, from the orbit (near by; lost).
+    path: Path, wanted: Wanted, start: Place, last: Point, after: Point, orbit: Orbit, spare: Orbit
+) -> tuple[bool, Orbit, Orbit]:
+    """Find the orbit where an entry has the value wanted between two places, from the orbit (near by; lost).
 
     `last` is a point between the first and the value; it becomes the one that is found. Where Newton's method lands on
     another piece of the curve, the curve is followed again from the start in shorter steps.
     """
     before = start.point
+    index, value, tolerance = wanted
     if index == ENTRY_A or index == ENTRY_SEEN:
         # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
         tolerance *= max(
             1.0,
             1e-2 * abs((after.value[ENTRY_Z0] - before.value[ENTRY_Z0]) / (after.value[index] - before.value[index])),
         )
-    good, orbit, spare = settle_on_crossing(path, index, value, last, after, orbit, spare, tolerance)
+    wanted = Wanted(index, value, tolerance)
+    good, orbit, spare = settle_on_crossing(path, wanted, last, after, orbit, spare)
     if good:
         return True, orbit, spare
     low, high, room, begin_orbit = Point(), Point(), new_orbit(), new_orbit()
@@ -339,7 +338,7 @@ def find_crossing(
             assign(low, between)
             copy_orbit(orbit, begin_orbit)
         assign(last, low)
-        good, orbit, spare = settle_on_crossing(path, index, value, last, high, orbit, spare, tolerance)
+        good, orbit, spare = settle_on_crossing(path, wanted, last, high, orbit, spare)
         if good:
             return True, orbit, spare
     assign(last, before)

@@ -8,6 +8,7 @@ so from an amplitude at which there is no doubt. What becomes of a tip that lose
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from phasemap._kernels.continuation.step import (
     FIRST_CURVE_STEP,
     LARGEST_CURVE_STEP,
     Place,
+    Wanted,
     copy_orbit,
     find_crossing,
     mark_point,
@@ -50,104 +52,92 @@ NEAR_BRANCH_END = 2e-3  # of the setpoint: nearer than this to the end of a bran
 NEAR_LANDING = 0.05  # of the free amplitude, from where the tip lands to the branch on which it taps on
 
 
+class Rooms(NamedTuple):
+    """Orbits to work with; `found` is the one at the setpoint."""
+
+    orbit: Orbit
+    spare: Orbit
+    saved: Orbit
+    found: Orbit
+
+
 @kernel
 def lower_along_curve(
-    path: Path,
-    amplitude: float,
-    tolerance: float,
-    lingering: float,
-    point: Point,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-    found: Orbit,
-) -> tuple[int, float, Orbit, Orbit, Orbit]:
+    path: Path, wanted: Wanted, lingering: float, point: Point, rooms: Rooms
+) -> tuple[int, float, Rooms]:
     """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, returned last.
 
     The second value is the tip offset at which the tip leaves the curve: where its orbit is no longer stable, or the
     lowest that the curve reached. The status is NOT_SETTLED where the curve leads nowhere: a multiplier above
     `lingering` belongs to orbits that linger at an unstable equilibrium.
     """
+    orbit, spare, saved, found = rooms
+    amplitude = wanted.value
     law, p, lever = path.law, path.p, path.lever
-    step, lowest, have, highest = (
-        FIRST_CURVE_STEP,
-        1e300,
-        False,
-        10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach),
-    )
-    left = math.nan
+    step, lowest, left, have = FIRST_CURVE_STEP, 1e300, math.nan, False
+    highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
+            path, point, step, LARGEST_CURVE_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
             if pressed_in(Oscillator(law, p, lever), orbit):
                 status = col.NO_STABLE_ORBIT
-            return status, min(lowest, before.value[ENTRY_Z0]) if math.isnan(left) else left, orbit, spare, found
+            lowest = min(lowest, before.value[ENTRY_Z0])
+            return status, lowest if math.isnan(left) else left, Rooms(orbit, spare, saved, found)
         z0, a = point.value[ENTRY_Z0], point.value[ENTRY_A]
         if before.value[ENTRY_A] > amplitude >= a and z0 < before.value[ENTRY_Z0] and not have:
             copy_orbit(orbit, found)
-            have, found, spare = find_crossing(
-                path, ENTRY_A, amplitude, Place(before, saved), before, point, found, spare, tolerance
-            )
+            have, found, spare = find_crossing(path, wanted, Place(before, saved), before, point, found, spare)
             if not have:
                 status = col.NO_STABLE_ORBIT if pressed_in(Oscillator(law, p, lever), orbit) else col.NOT_CONVERGED
-                return status, lowest if math.isnan(left) else left, orbit, spare, found
+                return status, lowest if math.isnan(left) else left, Rooms(orbit, spare, saved, found)
         elif a > amplitude >= before.value[ENTRY_A] and z0 >= lowest:
             have = False  # the tip lands before that crossing
         if have and z0 < lowest:
-            return col.GOOD, left, orbit, spare, found
+            return col.GOOD, left, Rooms(orbit, spare, saved, found)
         if math.isnan(left) and not point.floquet < 1.0 and z0 < lowest:
             left = z0
         lowest = min(lowest, z0)
         away = z0 > highest and head_of(orbit).contacts == 0 and a < 2.0 * free_amplitude(lever)
         if point.floquet > lingering or away:
-            return col.NOT_SETTLED, lowest if math.isnan(left) else left, orbit, spare, found
+            return col.NOT_SETTLED, lowest if math.isnan(left) else left, Rooms(orbit, spare, saved, found)
         if head_of(orbit).contacts == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
             break
-    return col.NO_STABLE_ORBIT, lowest, orbit, spare, found
+    return col.NO_STABLE_ORBIT, lowest, Rooms(orbit, spare, saved, found)
 
 
 @kernel
-def retract_along_curve(
-    path: Path,
-    amplitude: float,
-    tolerance: float,
-    point: Point,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-    found: Orbit,
-) -> tuple[int, Orbit, Orbit, Orbit]:
+def retract_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) -> tuple[int, Rooms]:
     """Follow a branch of smaller amplitude as the tip offset is raised, to the orbit that holds `amplitude`.
 
     Where the branch ends first the tip is pulled off and jumps across the setpoint.
     """
+    orbit, spare, saved, found = rooms
+    amplitude = wanted.value
     law, p, lever = path.law, path.p, path.lever
     step, sudden = 0.1, lets_go(Oscillator(law, p, lever))
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
+            path, point, step, LARGEST_CURVE_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
-            return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, orbit, spare, found
+            return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
         if before.value[ENTRY_A] < amplitude <= point.value[ENTRY_A]:
             copy_orbit(orbit, found)
-            good, found, spare = find_crossing(
-                path, ENTRY_A, amplitude, Place(before, saved), before, point, found, spare, tolerance
-            )
-            return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
+            good, found, spare = find_crossing(path, wanted, Place(before, saved), before, point, found, spare)
+            return col.GOOD if good else col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
         if point.value[ENTRY_Z0] < before.value[ENTRY_Z0] or point.rate[ENTRY_Z0] < 0.0:
-            return col.NO_STABLE_ORBIT, orbit, spare, found
+            return col.NO_STABLE_ORBIT, Rooms(orbit, spare, saved, found)
         if not point.floquet < 1.0:
             # A multiplier past one is a fold, past minus one it doubles the period.
             gone = point.determinant < 0.0 or point.floquet > LINGERING or p[col.LONGRANGE] == 0.0
-            return col.NO_STABLE_ORBIT if gone else col.UNSTABLE, orbit, spare, found
-    return col.NOT_CONVERGED, orbit, spare, found
+            return col.NO_STABLE_ORBIT if gone else col.UNSTABLE, Rooms(orbit, spare, saved, found)
+    return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
 
 
 @kernel
@@ -186,111 +176,82 @@ def joins_offset(path: Path, z0: float, orbit: Orbit, spare: Orbit, saved: Orbit
 
 
 @kernel
-def find_tapping_orbit(
-    path: Path,
-    amplitude: float,
-    z0: float,
-    level: int,
-    tolerance: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-    found: Orbit,
-) -> tuple[bool, Orbit, Orbit, Orbit]:
+def find_tapping_orbit(path: Path, wanted: Wanted, z0: float, level: int, rooms: Rooms) -> tuple[bool, Rooms]:
     """Find the repulsive orbit of this amplitude on the branch on which a tip lands that taps on at z0, if any."""
+    orbit, spare, saved, found = rooms
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
-    guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
+    guesses = averaged_orbits(Oscillator(law, p, lever), wanted.value)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
         guess = guesses[i]
         if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
         status, _, orbit, spare = solve_orbit(
-            Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), level, tolerance, 20
+            Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), level, wanted.tolerance, 20
         )
         if status != col.GOOD or not head_of(orbit).push > 0.0:
             continue
         copy_orbit(orbit, found)
         good, orbit, spare = joins_offset(path, z0, orbit, spare, saved)
         if good:
-            return True, orbit, spare, found
-    return False, orbit, spare, found
+            return True, Rooms(orbit, spare, saved, found)
+    return False, Rooms(orbit, spare, saved, found)
 
 
 @kernel
-def engage_landed(
-    path: Path,
-    amplitude: float,
-    z0: float,
-    level: int,
-    tolerance: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-    found: Orbit,
-) -> tuple[int, Orbit, Orbit, Orbit]:
+def engage_landed(path: Path, wanted: Wanted, z0: float, level: int, rooms: Rooms) -> tuple[int, Rooms]:
     """Orbit at the setpoint of a tip that lands in contact at `z0` and is lowered further or retracted."""
+    orbit, spare, saved, found = rooms
+    amplitude = wanted.value
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     good, orbit, spare = land(Oscillator(law, p, lever), tables, z0, level, orbit, spare)
     if not good:
-        good, orbit, spare, found = find_tapping_orbit(
-            path, amplitude, z0, level, tolerance, orbit, spare, saved, found
-        )
-        return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
+        good, rooms = find_tapping_orbit(path, wanted, z0, level, Rooms(orbit, spare, saved, found))
+        return col.GOOD if good else col.NOT_CONVERGED, rooms
     down, point = head_of(orbit).amplitude > amplitude, Point()
     if not down:
         z0 = loosened(Oscillator(law, p, lever), z0, amplitude)
         good, orbit, spare = land(Oscillator(law, p, lever), tables, z0, level, orbit, spare)
         if not good:
-            return col.NOT_CONVERGED, orbit, spare, found
+            return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     tangent_of_offset(path, orbit, -1.0 if down else 1.0, point)
     if not mark_point(path, orbit, point):
-        return col.NOT_CONVERGED, orbit, spare, found
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     if not down:
-        status, orbit, spare, found = retract_along_curve(path, amplitude, tolerance, point, orbit, spare, saved, found)
+        status, rooms = retract_along_curve(path, wanted, point, Rooms(orbit, spare, saved, found))
         # Above resonance contact brings the lever nearer to it: the tip may as well have landed on a large oscillation.
         if status == col.NO_STABLE_ORBIT and lever[col.OMEGA] > 1.0:
             status = col.NOT_CONVERGED
-        return status, orbit, spare, found
-    status, _, orbit, spare, found = lower_along_curve(
-        path, amplitude, tolerance, LINGERING, point, orbit, spare, saved, found
-    )
-    return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, orbit, spare, found
+        return status, rooms
+    status, _, rooms = lower_along_curve(path, wanted, LINGERING, point, Rooms(orbit, spare, saved, found))
+    return col.NOT_CONVERGED if status == col.NOT_SETTLED else status, rooms
 
 
 @kernel
 def engage_along_exact_curve(
-    path: Path,
-    amplitude: float,
-    level: int,
-    tolerance: float,
-    lingering: float,
-    orbit: Orbit,
-    spare: Orbit,
-    saved: Orbit,
-    found: Orbit,
-) -> tuple[int, Orbit, Orbit, Orbit]:
+    path: Path, wanted: Wanted, level: int, lingering: float, rooms: Rooms
+) -> tuple[int, Rooms]:
     """Approach from far along exact orbits to the one that holds `amplitude`; it is returned last.
 
     Where the curve's multiplier passes `lingering` the tip is taken to land elsewhere; NOT_SETTLED if it is not
     known where.
     """
+    orbit, spare, saved, found = rooms
+    amplitude = wanted.value
     law, p, lever = path.law, path.p, path.lever
     status, orbit, spare = start_far(path, orbit, spare, amplitude, level)
     if status != col.GOOD:
-        return status, orbit, spare, found
+        return status, Rooms(orbit, spare, saved, found)
     point = Point()
     point.tangent_u = -1.0
     if not mark_point(path, orbit, point):
-        return col.NOT_CONVERGED, orbit, spare, found
-    status, left, orbit, spare, found = lower_along_curve(
-        path, amplitude, tolerance, lingering, point, orbit, spare, saved, found
-    )
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
+    status, left, rooms = lower_along_curve(path, wanted, lingering, point, Rooms(orbit, spare, saved, found))
     # A curve that ends where the tip touches a force that jumps: no orbit touches it only a little.
     grazing = p[col.RELEASE] != 0.0 or (p[col.LONGRANGE] == 0.0 and bend_by_adhesion(Oscillator(law, p, lever)) > 0.0)
     if status == col.NOT_SETTLED or (status == col.NOT_CONVERGED and (grazing or level > 0)):
-        done, orbit, spare, found = engage_landed(path, amplitude, left, level, tolerance, orbit, spare, saved, found)
-        return status if done == col.NOT_CONVERGED else done, orbit, spare, found
-    return status, orbit, spare, found
+        done, rooms = engage_landed(path, wanted, left, level, rooms)
+        return status if done == col.NOT_CONVERGED else done, rooms
+    return status, rooms
 
 
 @kernel
@@ -312,22 +273,22 @@ def lowest_between(before: Point, point: Point) -> float:
 
 
 @kernel
-def engage_near(
-    path: Path, amplitude: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit, found: Orbit
-) -> tuple[int, Orbit, Orbit, Orbit]:
+def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
     """Orbit at the setpoint near the end of the attractive branch, without the way from far.
 
     At an amplitude nearer to the free one the attractive branch is reached for certain. From there exact orbits are
     followed down to the setpoint; if the branch ends before, the tip jumps to the farthest repulsive orbit that can be
     held. NOT_CONVERGED leaves the question to `engage_along_exact_curve`.
     """
+    orbit, spare, saved, found = rooms
+    amplitude, tolerance = wanted.value, wanted.tolerance
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     if p[col.LONGRANGE] == 0.0 or p[col.RELEASE] != 0.0:
-        return col.NOT_CONVERGED, orbit, spare, found
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     free, guess, top = free_amplitude(lever), np.zeros(col.GUESS), Maximum()
     worst, force_reach, certain = worst_amplitude(lever, amplitude), reach_of(law, p), False
     if not near_resonance(lever) or leaps(lever, force_reach, free):
-        return col.NOT_CONVERGED, orbit, spare, found
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     for share in (0.3, 0.7):
         higher = worst + share * (free - worst)
         side = side_reached_from_far(Oscillator(law, p, lever), force_reach, higher, free, caution(lever), top)
@@ -335,37 +296,36 @@ def engage_near(
         if certain:
             break
     if not certain or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
-        return col.NOT_CONVERGED, orbit, spare, found
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     status, _, orbit, spare = solve_orbit(
         Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), 0, tolerance, 12
     )
     point = Point()
     point.tangent_v = -1.0
     if status != col.GOOD or not mark_point(path, orbit, point):
-        return col.NOT_CONVERGED, orbit, spare, found
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     if not (point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0):
-        return col.NOT_CONVERGED, orbit, spare, found
+        return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     step, ended = FIRST_CURVE_STEP, False
     while not ended:
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
+            path, point, step, LARGEST_CURVE_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
-            return col.NOT_CONVERGED, orbit, spare, found
+            return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
         ended = point.value[ENTRY_A] > before.value[ENTRY_A] or point.value[ENTRY_Z0] > before.value[ENTRY_Z0]
         crossed = before.value[ENTRY_A] > amplitude >= point.value[ENTRY_A]
         # The cubic is off by less than it dips.
         lowest = 2.0 * lowest_between(before, point) - min(before.value[ENTRY_A], point.value[ENTRY_A])
         if ended and (crossed or lowest < (1.0 + NEAR_BRANCH_END) * amplitude):
-            return col.NOT_CONVERGED, orbit, spare, found  # which comes first takes smaller steps to tell
+            # Which comes first takes smaller steps to tell.
+            return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
         if crossed:
             copy_orbit(orbit, found)
-            good, found, spare = find_crossing(
-                path, ENTRY_A, amplitude, Place(before, saved), before, point, found, spare, tolerance
-            )
-            return col.GOOD if good else col.NOT_CONVERGED, orbit, spare, found
+            good, found, spare = find_crossing(path, wanted, Place(before, saved), before, point, found, spare)
+            return col.GOOD if good else col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     row = np.zeros(col.COLUMNS)
     guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
     for i in range(len(guesses)):  # a row of its own type, were it iterated over
@@ -377,5 +337,5 @@ def engage_near(
         )
         if status == col.GOOD and linearise_and_fill_row(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
             if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
-                return col.GOOD, orbit, spare, found
-    return col.NOT_CONVERGED, orbit, spare, found
+                return col.GOOD, Rooms(orbit, spare, saved, found)
+    return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)

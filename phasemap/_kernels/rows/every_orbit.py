@@ -12,6 +12,7 @@ from phasemap._kernels.continuation.step import (
     FIRST_CURVE_STEP,
     LONGEST_CURVE_STEP,
     Place,
+    Wanted,
     copy_orbit,
     find_crossing,
     mark_point,
@@ -46,6 +47,7 @@ def add_along_curve(
     """
     orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
     index = ENTRY_A if hold == HOLD_AMPLITUDE else ENTRY_Z0
+    wanted = Wanted(index, value, tolerance)
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     free = free_amplitude(lever)
     engaged = value if hold == HOLD_AMPLITUDE else 0.999 * free
@@ -59,16 +61,14 @@ def add_along_curve(
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LONGEST_CURVE_STEP, index, value, orbit, spare, saved
+            path, point, step, LONGEST_CURVE_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
             return status, count
         if (before.value[index] > value) != (point.value[index] > value):
             copy_orbit(orbit, one)
             head_of(one).level = head_of(saved).level = level
-            good, one, spare = find_crossing(
-                path, index, value, Place(before, saved), before, point, one, spare, tolerance
-            )
+            good, one, spare = find_crossing(path, wanted, Place(before, saved), before, point, one, spare)
             if not good or count == len(rows):
                 return col.NOT_CONVERGED, count
             linearise_and_fill_row(Oscillator(law, p, lever), tables, one, rows[count])
@@ -106,7 +106,7 @@ def add_from_averaged(
     """
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
-    point = Point()
+    point, wanted = Point(), Wanted(ENTRY_A, amplitude, tolerance)
     for i in range(len(guesses)):
         guess = guesses[i]
         if count == len(rows) or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
@@ -130,15 +130,13 @@ def add_from_averaged(
             before = Point()
             assign(before, point)
             status, step, orbit, spare = next_point_watching(
-                path, point, step, LONGEST_CURVE_STEP, ENTRY_A, amplitude, orbit, spare, saved
+                path, point, step, LONGEST_CURVE_STEP, wanted, orbit, spare, saved
             )
             if status != col.GOOD or abs(point.value[ENTRY_A] - amplitude) > 1.5 * abs(guess[col.G_A] - amplitude):
                 break
             if (before.value[ENTRY_A] > amplitude) != (point.value[ENTRY_A] > amplitude) and count < len(rows):
                 copy_orbit(orbit, one)
-                good, one, spare = find_crossing(
-                    path, ENTRY_A, amplitude, Place(before, saved), before, point, one, spare, tolerance
-                )
+                good, one, spare = find_crossing(path, wanted, Place(before, saved), before, point, one, spare)
                 if good:
                     linearise_and_fill_row(Oscillator(law, p, lever), tables, one, rows[count])
                     estimate_errors(Oscillator(law, p, lever), tables, one, spare, rows[count])

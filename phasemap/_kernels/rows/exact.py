@@ -12,10 +12,10 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import fixed_path
+from phasemap._kernels.continuation.path import ENTRY_A, fixed_path
+from phasemap._kernels.continuation.step import Wanted
 from phasemap._kernels.engagement.averaged import LEAP, SURE
-from phasemap._kernels.engagement.exact import engage_along_exact_curve as engage_exact
-from phasemap._kernels.engagement.exact import engage_near
+from phasemap._kernels.engagement.exact import Rooms, engage_along_exact_curve, engage_near
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.engagement.response import engage_by_response
@@ -26,18 +26,16 @@ from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, the_amplitude
+from phasemap._kernels.orbits.collocation.system import head_of, new_orbit, the_amplitude
 from phasemap._kernels.orbits.response.orbit import farthest
 from phasemap._kernels.rows.answers import Answers
-
-Orbits = tuple[Orbit, Orbit, Orbit, Orbit]
 
 
 @kernel
 def exact_orbit(
     oscillator: Oscillator, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
-    orbits: Orbits, row: np.ndarray,
-) -> tuple[int, Orbits]:  # fmt: skip
+    rooms: Rooms, row: np.ndarray,
+) -> tuple[int, Rooms]:  # fmt: skip
     """Exact orbit by collocation: from the averaged one where that is sure, else followed along the exact curve.
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
@@ -45,8 +43,8 @@ def exact_orbit(
     lever = oscillator.lever
     if surety == LEAP:
         row[:] = math.nan
-        return col.NOT_CONVERGED, orbits
-    orbit, spare, saved, found = orbits
+        return col.NOT_CONVERGED, rooms
+    orbit, spare, saved, found = rooms
     tolerance = tolerance_of(oscillator)
     level = 0 if surety == SURE else FINEST_LEVEL + 1
     kicked = low_q(lever) and guess[col.G_P] > 0.0
@@ -64,23 +62,23 @@ def exact_orbit(
         near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
         if done == col.GOOD and same and near and feedback_status(row) == col.GOOD:
             estimate_errors(oscillator, tables, orbit, spare, row)
-            return col.GOOD, (orbit, spare, saved, found)
+            return col.GOOD, Rooms(orbit, spare, saved, found)
         break
-    done, path = col.NOT_CONVERGED, fixed_path(oscillator, tables)
+    done, path, wanted = col.NOT_CONVERGED, fixed_path(oscillator, tables), Wanted(ENTRY_A, amplitude, tolerance)
+    rooms = Rooms(orbit, spare, saved, found)
     if not low_q(lever):
-        done, orbit, spare, found = engage_near(path, amplitude, tolerance, orbit, spare, saved, found)
+        done, rooms = engage_near(path, wanted, rooms)
     # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
     level, lingering, done = 0, LINGERING, done if done == col.GOOD else col.NOT_SETTLED
     while done != col.GOOD:
-        done, orbit, spare, found = engage_exact(
-            path, amplitude, level, tolerance, lingering, orbit, spare, saved, found
-        )
+        done, rooms = engage_along_exact_curve(path, wanted, level, lingering, rooms)
         if done == col.NOT_SETTLED and lingering < math.inf:
             level, lingering = 0, math.inf
         elif done == col.NOT_CONVERGED and level == 0 and lingering < math.inf:
             level = 1
         else:
             break
+    orbit, spare, saved, found = rooms
     if done == col.NOT_SETTLED:
         done = col.NOT_CONVERGED
     if done == col.GOOD:
@@ -93,7 +91,7 @@ def exact_orbit(
         estimate_errors(oscillator, tables, found, spare, row)
     else:
         row[:] = math.nan
-    return done, (orbit, spare, saved, found)
+    return done, Rooms(orbit, spare, saved, found)
 
 
 @kernel
@@ -109,7 +107,7 @@ def exact_rows(
 ) -> None:
     """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
-    orbits = (new_orbit(), new_orbit(), new_orbit(), new_orbit())
+    rooms = Rooms(new_orbit(), new_orbit(), new_orbit(), new_orbit())
     guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(first, last):
         if status[i] != col.PENDING:
@@ -120,5 +118,5 @@ def exact_rows(
         if math.isnan(guess[0]):
             surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, top)
         row[:] = math.nan
-        status[i], orbits = exact_orbit(Oscillator(law, p, lever), tables, amplitude, surety, guess, orbits, row)
+        status[i], rooms = exact_orbit(Oscillator(law, p, lever), tables, amplitude, surety, guess, rooms, row)
         solver[i] = col.ORBIT

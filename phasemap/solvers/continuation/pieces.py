@@ -195,7 +195,7 @@ class Curves:
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        good, orbit, spare = exact_orbit_at(self.path, guess, m, hold, 0, self._tolerance(m), new_orbit(), new_orbit())
+        good, orbit, spare = exact_orbit_at(self.path, guess, m, hold, self._tolerance(m), new_orbit(), new_orbit())
         return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
 
     def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]

@@ -218,8 +218,8 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     """After a step that hardly moved the contact, move its elements along with it, by series about where they were.
 
     As `lay_elements` and `interpolate_motion` do, without looking for contacts again. False, and nothing done, where
-    there is no single contact, or where it moved by more than MOST_SLIP of its half length: then the series would not be
-    exact enough.
+    there is no single contact, or where it moved by more than MOST_SLIP of its half length: then the series would not
+    be exact enough.
     """
     head = head_of(orbit)
     count = head.count
