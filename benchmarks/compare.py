@@ -151,7 +151,7 @@ def _compare_numbers(
     found.compared += old.size
     found.identical += int(same.sum())
     change = np.abs(old - new)
-    judged = ~same & ~(differing if differing.shape == old.shape else False)
+    judged = ~same & (~differing if differing.shape == old.shape else True)
     if judged.any():
         found.largest[name] = max(found.largest.get(name, 0.0), float(np.nanmax(change[judged], initial=0.0)))
     for index in np.argwhere(judged & ~(change <= within)):
