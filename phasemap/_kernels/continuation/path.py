@@ -230,7 +230,7 @@ def solve_on(
         m = head_of(orbit).parameter
         p, lever = standing_at(path, m)
         drift = drift_at(path, m)
-        if head_of(orbit).linear != EQUATIONS_CURRENT and not linearise_orbit(
+        if head_of(orbit).equations != EQUATIONS_CURRENT and not linearise_orbit(
             Oscillator(law, p, lever), tables, orbit, drift
         ):
             return col.NOT_CONVERGED, steps, orbit, spare
@@ -246,7 +246,7 @@ def solve_on(
             if status == col.GOOD and change <= (
                 STILL_ON_THE_WAY * tolerance if coarse else min(tolerance, TANGENT_ERROR * size)
             ):
-                head_of(orbit).linear = EQUATIONS_KEPT
+                head_of(orbit).equations = EQUATIONS_KEPT
             return status, steps + 1, orbit, spare
         if change < still * size:
             continue  # the elements fit as they lie
@@ -267,7 +267,7 @@ def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> boo
     m = head_of(orbit).parameter
     p, lever = standing_at(path, m)
     drift = drift_at(path, m)
-    if head_of(orbit).linear == EQUATIONS_OTHER and not linearise_orbit(
+    if head_of(orbit).equations == EQUATIONS_OTHER and not linearise_orbit(
         Oscillator(path.law, p, lever), path.tables, orbit, drift
     ):
         return False

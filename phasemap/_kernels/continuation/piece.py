@@ -25,9 +25,9 @@ from phasemap._kernels.continuation.path import (
     tangent_row,
 )
 from phasemap._kernels.continuation.step import (
-    FIRST_CURVE_STEP,
-    LARGEST_CURVE_STEP,
-    SMALLEST_CURVE_STEP,
+    FIRST_ARC_STEP,
+    LARGEST_ARC_STEP,
+    SMALLEST_ARC_STEP,
     STEP_AFTER_FAILURE,
     Place,
     Wanted,
@@ -109,7 +109,7 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
 def make_exact(path: Path, orbit: Orbit, spare: Orbit, point: Point, tolerance: float) -> tuple[bool, Orbit, Orbit]:
     """Make the orbit of a point on the way exact, in the plane across the curve."""
     lever = standing_at(path, head_of(orbit).parameter)[1]
-    if head_of(orbit).linear == EQUATIONS_KEPT and settled(lever, orbit, tolerance):
+    if head_of(orbit).equations == EQUATIONS_KEPT and settled(lever, orbit, tolerance):
         return True, orbit, spare
     row = tangent_row(path, reach_on(path, orbit), point)
     status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
@@ -123,8 +123,8 @@ def next_exact_point(
     """Go to the next point of the curve and make its orbit exact; by a shorter step if that fails at a sharp turn."""
     before = Point()
     assign(before, point)
-    while step > SMALLEST_CURVE_STEP:
-        status, following, orbit, spare = next_point(path, point, step, LARGEST_CURVE_STEP, orbit, spare, saved)
+    while step > SMALLEST_ARC_STEP:
+        status, following, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, saved)
         if status != col.GOOD:
             break
         step = point.length
@@ -161,7 +161,7 @@ def turn_between(
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
         assign(point, begun)
-        status, _, orbit, spare = next_point(path, point, step, LARGEST_CURVE_STEP, orbit, spare, room)
+        status, _, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
         reached = point.length
@@ -232,7 +232,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Po
     """
     saved, one, top, tops = new_orbit(), new_orbit(), new_orbit(), (new_orbit(), new_orbit())
     turned, entries = (Point(), Point()), np.zeros(2, np.int64)
-    origin, before, after, step = Point(), Point(), Point(), FIRST_CURVE_STEP
+    origin, before, after, step = Point(), Point(), Point(), FIRST_ARC_STEP
     assign(origin, point)
     count = add_row(path, orbit, col.ON_THE_WAY, -1, made, 0)
     lowest, highest, least = asked.box

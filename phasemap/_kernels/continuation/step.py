@@ -64,7 +64,11 @@ from phasemap._kernels.orbits.collocation.system import (
 )
 from phasemap._kernels.records import assign
 
-FIRST_CURVE_STEP, LARGEST_CURVE_STEP, LONGEST_CURVE_STEP, SMALLEST_CURVE_STEP = 0.3, 0.8, 2.0, 1e-7
+# Steps, in the scaled coordinates.
+FIRST_ARC_STEP = 0.3
+LARGEST_ARC_STEP = 0.8
+LONGEST_ARC_STEP = 2.0  # where no orbit on the way is asked for
+SMALLEST_ARC_STEP = 1e-7
 STEP_AFTER_FAILURE = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 SEEN_EXACTLY, SEEN_ENOUGH, MOST_SEEN_STEPS = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
@@ -191,7 +195,7 @@ def next_point(
     coarse = 1e-3 * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
     contacts, hysteretic = head_of(orbit).contacts, standing_at(path, head_of(orbit).parameter)[0][col.RELEASE] != 0.0
     row = tangent_row(path, reach, before)
-    while step > SMALLEST_CURVE_STEP:
+    while step > SMALLEST_ARC_STEP:
         move_along(head_of(orbit), step, before)
         if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit, spare):
             orbit, spare = spare, orbit
@@ -252,7 +256,7 @@ def settle_on_crossing(
     if index != ENTRY_SEEN:
         guess[index] = value
     way = tangent_row(path, reach, after)
-    if head_of(orbit).linear != EQUATIONS_OTHER and not predict(
+    if head_of(orbit).equations != EQUATIONS_OTHER and not predict(
         path, orbit, way, (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])
     ):
         return False, orbit, spare
@@ -328,7 +332,7 @@ def find_crossing(
         assign(between, low)
         share = (value - low.value[index]) / (high.value[index] - low.value[index])
         step = high.length * min(max(share, 0.1), 0.9)
-        status, _, orbit, spare = next_point(path, between, step, LARGEST_CURVE_STEP, orbit, spare, room)
+        status, _, orbit, spare = next_point(path, between, step, LARGEST_ARC_STEP, orbit, spare, room)
         if status != col.GOOD:
             return False, orbit, spare
         if (between.value[index] > value) == (high.value[index] > value):

@@ -18,8 +18,8 @@ from phasemap._kernels.continuation.cubic import hermite
 from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point, scales
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
-    FIRST_CURVE_STEP,
-    LARGEST_CURVE_STEP,
+    FIRST_ARC_STEP,
+    LARGEST_ARC_STEP,
     Place,
     Wanted,
     copy_orbit,
@@ -62,6 +62,12 @@ class Rooms(NamedTuple):
 
 
 @kernel
+def _known(value: float, otherwise: float) -> float:
+    """The value, or the other where it is NaN."""
+    return otherwise if math.isnan(value) else value
+
+
+@kernel
 def lower_along_curve(
     path: Path, wanted: Wanted, lingering: float, point: Point, rooms: Rooms
 ) -> tuple[int, float, Rooms]:
@@ -74,26 +80,26 @@ def lower_along_curve(
     orbit, spare, saved, found = rooms
     amplitude = wanted.value
     law, p, lever = path.law, path.p, path.lever
-    step, lowest, left, have = FIRST_CURVE_STEP, 1e300, math.nan, False
+    step, lowest, left, have = FIRST_ARC_STEP, 1e300, math.nan, False
     highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_CURVE_STEP, wanted, orbit, spare, saved
+            path, point, step, LARGEST_ARC_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
             if pressed_in(Oscillator(law, p, lever), orbit):
                 status = col.NO_STABLE_ORBIT
             lowest = min(lowest, before.value[ENTRY_Z0])
-            return status, lowest if math.isnan(left) else left, Rooms(orbit, spare, saved, found)
+            return status, _known(left, lowest), Rooms(orbit, spare, saved, found)
         z0, a = point.value[ENTRY_Z0], point.value[ENTRY_A]
         if before.value[ENTRY_A] > amplitude >= a and z0 < before.value[ENTRY_Z0] and not have:
             copy_orbit(orbit, found)
             have, found, spare = find_crossing(path, wanted, Place(before, saved), before, point, found, spare)
             if not have:
                 status = col.NO_STABLE_ORBIT if pressed_in(Oscillator(law, p, lever), orbit) else col.NOT_CONVERGED
-                return status, lowest if math.isnan(left) else left, Rooms(orbit, spare, saved, found)
+                return status, _known(left, lowest), Rooms(orbit, spare, saved, found)
         elif a > amplitude >= before.value[ENTRY_A] and z0 >= lowest:
             have = False  # the tip lands before that crossing
         if have and z0 < lowest:
@@ -103,7 +109,7 @@ def lower_along_curve(
         lowest = min(lowest, z0)
         away = z0 > highest and head_of(orbit).contacts == 0 and a < 2.0 * free_amplitude(lever)
         if point.floquet > lingering or away:
-            return col.NOT_SETTLED, lowest if math.isnan(left) else left, Rooms(orbit, spare, saved, found)
+            return col.NOT_SETTLED, _known(left, lowest), Rooms(orbit, spare, saved, found)
         if head_of(orbit).contacts == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
             break
     return col.NO_STABLE_ORBIT, lowest, Rooms(orbit, spare, saved, found)
@@ -123,7 +129,7 @@ def retract_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) 
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_CURVE_STEP, wanted, orbit, spare, saved
+            path, point, step, LARGEST_ARC_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
             return col.NO_STABLE_ORBIT if sudden else col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
@@ -170,7 +176,7 @@ def joins_offset(path: Path, z0: float, orbit: Orbit, spare: Orbit, saved: Orbit
             return False, orbit, spare
         if (point.value[ENTRY_Z0] - z0) * sense >= -near:
             return True, orbit, spare
-        status, step, orbit, spare = next_point(path, point, step, LARGEST_CURVE_STEP, orbit, spare, saved)
+        status, step, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, saved)
         good = status == col.GOOD
     return False, orbit, spare
 
@@ -273,6 +279,26 @@ def lowest_between(before: Point, point: Point) -> float:
 
 
 @kernel
+def _farthest_repulsive(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
+    """Find the farthest repulsive orbit at the setpoint that can be held."""
+    orbit, spare, saved, found = rooms
+    law, p, lever, tables = path.law, path.p, path.lever, path.tables
+    row = np.zeros(col.COLUMNS)
+    guesses = averaged_orbits(Oscillator(law, p, lever), wanted.value)
+    for i in range(len(guesses)):  # a row of its own type, were it iterated over
+        guess = guesses[i]
+        if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, found, guess, 0):
+            continue
+        status, _, found, spare = solve_orbit(
+            Oscillator(law, p, lever), tables, found, spare, the_amplitude(), 0, wanted.tolerance, 12
+        )
+        if status == col.GOOD and linearise_and_fill_row(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
+            if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
+                return col.GOOD, Rooms(orbit, spare, saved, found)
+    return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
+
+
+@kernel
 def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
     """Orbit at the setpoint near the end of the attractive branch, without the way from far.
 
@@ -306,12 +332,12 @@ def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
         return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     if not (point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0):
         return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
-    step, ended = FIRST_CURVE_STEP, False
+    step, ended = FIRST_ARC_STEP, False
     while not ended:
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_CURVE_STEP, wanted, orbit, spare, saved
+            path, point, step, LARGEST_ARC_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
             return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
@@ -326,16 +352,4 @@ def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
             copy_orbit(orbit, found)
             good, found, spare = find_crossing(path, wanted, Place(before, saved), before, point, found, spare)
             return col.GOOD if good else col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
-    row = np.zeros(col.COLUMNS)
-    guesses = averaged_orbits(Oscillator(law, p, lever), amplitude)
-    for i in range(len(guesses)):  # a row of its own type, were it iterated over
-        guess = guesses[i]
-        if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, found, guess, 0):
-            continue
-        status, _, found, spare = solve_orbit(
-            Oscillator(law, p, lever), tables, found, spare, the_amplitude(), 0, tolerance, 12
-        )
-        if status == col.GOOD and linearise_and_fill_row(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
-            if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
-                return col.GOOD, Rooms(orbit, spare, saved, found)
-    return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
+    return _farthest_repulsive(path, wanted, Rooms(orbit, spare, saved, found))

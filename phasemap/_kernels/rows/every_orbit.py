@@ -9,8 +9,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point, fixed_path
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
-    FIRST_CURVE_STEP,
-    LONGEST_CURVE_STEP,
+    FIRST_ARC_STEP,
+    LONGEST_ARC_STEP,
     Place,
     Wanted,
     copy_orbit,
@@ -56,12 +56,12 @@ def add_along_curve(
     point.tangent_u = -1.0
     if status != col.GOOD or not mark_point(path, orbit, point):
         return col.NOT_CONVERGED, 0
-    step, count, one = FIRST_CURVE_STEP, 0, new_orbit()
+    step, count, one = FIRST_ARC_STEP, 0, new_orbit()
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
         status, step, orbit, spare = next_point_watching(
-            path, point, step, LONGEST_CURVE_STEP, wanted, orbit, spare, saved
+            path, point, step, LONGEST_ARC_STEP, wanted, orbit, spare, saved
         )
         if status != col.GOOD:
             return status, count
@@ -130,7 +130,7 @@ def add_from_averaged(
             before = Point()
             assign(before, point)
             status, step, orbit, spare = next_point_watching(
-                path, point, step, LONGEST_CURVE_STEP, wanted, orbit, spare, saved
+                path, point, step, LONGEST_ARC_STEP, wanted, orbit, spare, saved
             )
             if status != col.GOOD or abs(point.value[ENTRY_A] - amplitude) > 1.5 * abs(guess[col.G_A] - amplitude):
                 break

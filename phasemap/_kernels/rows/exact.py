@@ -32,6 +32,55 @@ from phasemap._kernels.rows.answers import Answers
 
 
 @kernel
+def _orbit_near(
+    oscillator: Oscillator, tables: np.ndarray, amplitude: float, guess: np.ndarray, rooms: Rooms, row: np.ndarray
+) -> tuple[bool, Rooms]:
+    """Exact orbit near the averaged one, in its row; True if it is found, on the same branch, and can be held."""
+    orbit, spare, saved, found = rooms
+    lever, tolerance = oscillator.lever, tolerance_of(oscillator)
+    kicked = low_q(lever) and guess[col.G_P] > 0.0
+    good = False
+    for level in range(FINEST_LEVEL + 1):
+        if not (kicked and level == 0 and begin_impact(oscillator, tables, orbit, amplitude, level)):
+            if not begin_harmonic(oscillator, tables, orbit, guess, level):
+                break
+        start = head_of(orbit).tip_offset
+        done, _, orbit, spare = solve_orbit(oscillator, tables, orbit, spare, the_amplitude(), level, tolerance, 12)
+        if done != col.GOOD:
+            continue  # finer elements change less from pass to pass
+        done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
+        same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
+        near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
+        good = done == col.GOOD and same and near and feedback_status(row) == col.GOOD
+        if good:
+            estimate_errors(oscillator, tables, orbit, spare, row)
+        break
+    return good, Rooms(orbit, spare, saved, found)
+
+
+@kernel
+def _orbit_along_curve(oscillator: Oscillator, tables: np.ndarray, amplitude: float, rooms: Rooms) -> tuple[int, Rooms]:
+    """Exact orbit at which a tip stops that is lowered, in `found` of the rooms; returns a status.
+
+    On finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
+    """
+    path, wanted = fixed_path(oscillator, tables), Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
+    if not low_q(oscillator.lever):
+        done, rooms = engage_near(path, wanted, rooms)
+        if done == col.GOOD:
+            return done, rooms
+    level, lingering = 0, LINGERING
+    while True:
+        done, rooms = engage_along_exact_curve(path, wanted, level, lingering, rooms)
+        if done == col.NOT_SETTLED and lingering < math.inf:
+            level, lingering = 0, math.inf
+        elif done == col.NOT_CONVERGED and level == 0 and lingering < math.inf:
+            level = 1
+        else:
+            return col.NOT_CONVERGED if done == col.NOT_SETTLED else done, rooms
+
+
+@kernel
 def exact_orbit(
     oscillator: Oscillator, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
     rooms: Rooms, row: np.ndarray,
@@ -40,47 +89,15 @@ def exact_orbit(
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
     """
-    lever = oscillator.lever
     if surety == LEAP:
         row[:] = math.nan
         return col.NOT_CONVERGED, rooms
+    if surety == SURE:
+        good, rooms = _orbit_near(oscillator, tables, amplitude, guess, rooms, row)
+        if good:
+            return col.GOOD, rooms
+    done, rooms = _orbit_along_curve(oscillator, tables, amplitude, rooms)
     orbit, spare, saved, found = rooms
-    tolerance = tolerance_of(oscillator)
-    level = 0 if surety == SURE else FINEST_LEVEL + 1
-    kicked = low_q(lever) and guess[col.G_P] > 0.0
-    while level <= FINEST_LEVEL:
-        if not (kicked and level == 0 and begin_impact(oscillator, tables, orbit, amplitude, level)):
-            if not begin_harmonic(oscillator, tables, orbit, guess, level):
-                break
-        start = head_of(orbit).tip_offset
-        done, _, orbit, spare = solve_orbit(oscillator, tables, orbit, spare, the_amplitude(), level, tolerance, 12)
-        level += 1
-        if done != col.GOOD:
-            continue  # finer elements change less from pass to pass
-        done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
-        same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
-        near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
-        if done == col.GOOD and same and near and feedback_status(row) == col.GOOD:
-            estimate_errors(oscillator, tables, orbit, spare, row)
-            return col.GOOD, Rooms(orbit, spare, saved, found)
-        break
-    done, path, wanted = col.NOT_CONVERGED, fixed_path(oscillator, tables), Wanted(ENTRY_A, amplitude, tolerance)
-    rooms = Rooms(orbit, spare, saved, found)
-    if not low_q(lever):
-        done, rooms = engage_near(path, wanted, rooms)
-    # Finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
-    level, lingering, done = 0, LINGERING, done if done == col.GOOD else col.NOT_SETTLED
-    while done != col.GOOD:
-        done, rooms = engage_along_exact_curve(path, wanted, level, lingering, rooms)
-        if done == col.NOT_SETTLED and lingering < math.inf:
-            level, lingering = 0, math.inf
-        elif done == col.NOT_CONVERGED and level == 0 and lingering < math.inf:
-            level = 1
-        else:
-            break
-    orbit, spare, saved, found = rooms
-    if done == col.NOT_SETTLED:
-        done = col.NOT_CONVERGED
     if done == col.GOOD:
         done, found, spare = refine_orbit(oscillator, tables, found, spare, row)
     if done == col.GOOD:

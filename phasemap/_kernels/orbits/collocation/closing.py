@@ -154,7 +154,7 @@ def apply_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float
         one.edge_u += share * (start_u + gain * s - one.edge_u)
     element_of(orbit, count).edge_w = element_of(orbit, 0).edge_w
     element_of(orbit, count).edge_u = element_of(orbit, 0).edge_u
-    head.linear = EQUATIONS_OTHER
+    head.equations = EQUATIONS_OTHER
     head.push += share * (x[RP] - head.push)
     head.drag += share * (x[RS] - head.drag)
     head.tip_offset += share * shift

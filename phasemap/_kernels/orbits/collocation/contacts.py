@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels.columns import RELEASE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.orbits.collocation.system import MOST_CONTACTS, Orbit, element_of, head_of
+from phasemap._kernels.orbits.collocation.system import MOST_CONTACTS, Head, Orbit, element_of, head_of
 from phasemap._kernels.quadrature import (
     NODES,
     T_BARY,
@@ -19,6 +19,7 @@ from phasemap._kernels.quadrature import (
     T_NUMBERS,
     T_S,
 )
+from phasemap._kernels.records import column, record
 
 TWO_PI = 2 * math.pi
 PERMANENT = -1  # contacts of an orbit that never leaves contact
@@ -170,92 +171,94 @@ def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
                 e, turn, before = 0, turn + TWO_PI, begin
 
 
+@record
+class Crossings:
+    """Angles [rad] at which d rises and falls through 0 in a period."""
+
+    ups: int
+    downs: int
+    up: np.ndarray = column(MOST_CONTACTS + 1)
+    down: np.ndarray = column(MOST_CONTACTS + 1)
+
+
+@kernel
+def _add_crossing(found: Crossings, rising: bool, angle: float) -> None:
+    """Add an angle at which d passes 0."""
+    if rising:
+        found.up[found.ups] = angle
+        found.ups += 1
+    else:
+        found.down[found.downs] = angle
+        found.downs += 1
+
+
+@kernel
+def _point_of(orbit: Orbit, e: int, k: int) -> tuple[float, float, float]:
+    """Return the angle, d and d' at point k of an element: its start, its nodes, its end."""
+    head = head_of(orbit)
+    if k == 0 or k == NODES + 1:
+        at = element_of(orbit, e if k == 0 else e + 1)
+        c, s = math.cos(at.edge), math.sin(at.edge)
+        return at.edge, head.amplitude * c + at.edge_w - head.tip_offset, at.edge_u - head.amplitude * s
+    one, j = element_of(orbit, e), k - 1
+    return (
+        one.theta[j],
+        head.amplitude * one.cos[j] + one.w[j] - head.tip_offset,
+        one.u[j] - head.amplitude * one.sin[j],
+    )
+
+
 @kernel
 def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
     """Find where d rises and falls through 0; fills their angles in the head. False if there are too many."""
-    amplitude, z0 = head_of(orbit).amplitude, head_of(orbit).tip_offset
-    up = np.empty(MOST_CONTACTS + 1)
-    down = np.empty(MOST_CONTACTS + 1)
-    ups, downs = 0, 0
-    theta_before, d_before, slope_before = 0.0, 0.0, 0.0
-    d_first, first_inside = 0.0, False
-    extreme_theta, extreme_d = 0.0, -1e300
-    lowest_theta, lowest_d = 0.0, 1e300
-    for e in range(head_of(orbit).count):
-        for k in range(NODES + 2):
-            if k == 0 and e > 0:
-                continue
-            if k == 0 or k == NODES + 1:
-                edge = e if k == 0 else e + 1
-                at = element_of(orbit, edge)
-                theta = at.edge
-                d = amplitude * math.cos(theta) + at.edge_w - z0
-                slope = at.edge_u - amplitude * math.sin(theta)
-            else:
-                one = element_of(orbit, e)
-                theta = one.theta[k - 1]
-                d = amplitude * one.cos[k - 1] + one.w[k - 1] - z0
-                slope = one.u[k - 1] - amplitude * one.sin[k - 1]
-            if d > extreme_d:
-                extreme_theta, extreme_d = theta, d
-            if d < lowest_d:
-                lowest_theta, lowest_d = theta, d
-            if e == head_of(orbit).count - 1 and k == NODES + 1:
-                d = d_first  # the same point a period later
-            inside = d > 0.0
-            if e == 0 and k == 0:
-                d_first, first_inside = d, inside
-            else:
-                was_inside = d_before > 0.0
-                middle, d_middle = theta_before, d_before
-                split = False
-                if inside == was_inside:
-                    towards = slope_before < 0.0 if inside else slope_before > 0.0
-                    away = slope > 0.0 if inside else slope < 0.0
-                    if towards and away:
-                        middle = _extreme(tables, orbit, e, theta_before, theta)
-                        d_middle = depth_at(tables, orbit, e, middle)[0]
-                        split = (d_middle > 0.0) != inside
-                        if not inside and d_middle > extreme_d:
-                            extreme_theta, extreme_d = middle, d_middle
-                        if inside and d_middle < lowest_d:
-                            lowest_theta, lowest_d = middle, d_middle
-                if inside != was_inside or split:
-                    if max(ups, downs) >= MOST_CONTACTS:
-                        return False
-                    if split:
-                        one = _root(tables, orbit, e, 0.0, theta_before, d_before, middle, d_middle)
-                        two = _root(tables, orbit, e, 0.0, middle, d_middle, theta, d)
-                        if inside:
-                            down[downs], up[ups] = one, two
-                        else:
-                            up[ups], down[downs] = one, two
-                        ups += 1
-                        downs += 1
-                    else:
-                        root = _root(tables, orbit, e, 0.0, theta_before, d_before, theta, d)
-                        if inside:
-                            up[ups] = root
-                            ups += 1
-                        else:
-                            down[downs] = root
-                            downs += 1
-            theta_before, d_before, slope_before = theta, d, slope
-    if ups == 0:
-        head_of(orbit).contacts = PERMANENT if first_inside else 0
-        head_of(orbit).nearest_angle = lowest_theta if first_inside else extreme_theta
-        head_of(orbit).nearest_depth = lowest_d if first_inside else extreme_d
-        return True
-    head_of(orbit).contacts = ups
-    for i in range(ups):
-        if first_inside:  # the contact that contains the start ends first
-            head_of(orbit).contact_start[i] = up[i]
-            head_of(orbit).contact_end[i] = down[i + 1] if i + 1 < ups else down[0] + TWO_PI
-        else:
-            head_of(orbit).contact_start[i] = up[i]
-            head_of(orbit).contact_end[i] = down[i]
-    shift = TWO_PI * math.floor((head_of(orbit).contact_start[0] + math.pi) / TWO_PI)
-    for i in range(ups):
-        head_of(orbit).contact_start[i] -= shift
-        head_of(orbit).contact_end[i] -= shift
+    head, found = head_of(orbit), Crossings()
+    theta_before, d_before, slope_before = _point_of(orbit, 0, 0)
+    d_first, first_inside = d_before, d_before > 0.0
+    extreme_theta, extreme_d, lowest_theta, lowest_d = theta_before, d_before, theta_before, d_before
+    for i in range(head.count * (NODES + 1)):
+        e, k = i // (NODES + 1), 1 + i % (NODES + 1)
+        theta, d, slope = _point_of(orbit, e, k)
+        if d > extreme_d:
+            extreme_theta, extreme_d = theta, d
+        if d < lowest_d:
+            lowest_theta, lowest_d = theta, d
+        if e == head.count - 1 and k == NODES + 1:
+            d = d_first  # the same point a period later
+        inside, was_inside = d > 0.0, d_before > 0.0
+        middle, d_middle = theta_before, d_before
+        towards = -1.0 if inside else 1.0
+        if inside == was_inside and towards * slope_before > 0.0 and towards * slope < 0.0:
+            middle = _extreme(tables, orbit, e, theta_before, theta)
+            d_middle = depth_at(tables, orbit, e, middle)[0]
+            if not inside and d_middle > extreme_d:
+                extreme_theta, extreme_d = middle, d_middle
+            if inside and d_middle < lowest_d:
+                lowest_theta, lowest_d = middle, d_middle
+        twice = inside == was_inside and (d_middle > 0.0) != inside
+        if twice or inside != was_inside:
+            if max(found.ups, found.downs) >= MOST_CONTACTS:
+                return False
+            if twice:
+                angle = _root(tables, orbit, e, 0.0, theta_before, d_before, middle, d_middle)
+                _add_crossing(found, not inside, angle)
+            _add_crossing(found, inside, _root(tables, orbit, e, 0.0, middle, d_middle, theta, d))
+        theta_before, d_before, slope_before = theta, d, slope
+    if found.ups == 0:
+        head.contacts = PERMANENT if first_inside else 0
+        head.nearest_angle = lowest_theta if first_inside else extreme_theta
+        head.nearest_depth = lowest_d if first_inside else extreme_d
+    else:
+        _set_contacts(head, found, first_inside)
     return True
+
+
+@kernel
+def _set_contacts(head: Head, found: Crossings, first_inside: bool) -> None:
+    """Fill in where contacts begin and end, the first in [-pi, pi); the one that contains the start ends first."""
+    head.contacts = found.ups
+    shift = TWO_PI * math.floor((found.up[0] + math.pi) / TWO_PI)
+    for i in range(found.ups):
+        end = found.down[i]
+        if first_inside:
+            end = found.down[i + 1] if i + 1 < found.ups else found.down[0] + TWO_PI
+        head.contact_start[i], head.contact_end[i] = found.up[i] - shift, end - shift

@@ -145,7 +145,7 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
     assign(head, head_of(source))
     contacts = head.contacts
     head.level = level
-    head.count, head.linear = 0, EQUATIONS_OTHER
+    head.count, head.equations = 0, EQUATIONS_OTHER
     reach = reach_of(law, p)
     if contacts <= 0:
         theta, nearest = head.nearest_angle, head.nearest_depth
@@ -267,5 +267,5 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     last, first = element_of(orbit, count), element_of(orbit, 0)
     last.edge, last.edge_w, last.edge_u = first.edge + TWO_PI, first.edge_w, first.edge_u
     head.contact_start[0], head.contact_end[0] = begin + entry, end + exit_
-    head.neck_end[0], head.linear = end + exit_, EQUATIONS_OTHER
+    head.neck_end[0], head.equations = end + exit_, EQUATIONS_OTHER
     return True

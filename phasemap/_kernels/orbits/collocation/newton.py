@@ -133,7 +133,7 @@ def solve_orbit(
     law, p, lever = oscillator
     reach, still = reach_of(law, p), allowed_displacement(oscillator, level)
     for step in range(most):
-        linear = head_of(orbit).linear == EQUATIONS_CURRENT or linearise_orbit(oscillator, tables, orbit, no_drift())
+        linear = head_of(orbit).equations == EQUATIONS_CURRENT or linearise_orbit(oscillator, tables, orbit, no_drift())
         if not linear or not solve_step(lever, orbit, held):
             return col.NOT_CONVERGED, step, orbit, spare
         status, change = take_step(tables, lever, orbit, tolerance, held.hold == HOLD_ARC)

@@ -50,7 +50,7 @@ HOLD_PLANE = 3
 
 # Where the tip is.
 OUT_OF_CONTACT = 0
-IN_CONTACT = 1  # in contact
+IN_CONTACT = 1
 IN_NECK = 2  # that a law with hysteresis draws out below d = 0
 
 # What the chained equations of an orbit, its elements' included, are equations of.
@@ -81,7 +81,7 @@ DRIFT_STEP = 1e-5
 
 
 class Held(NamedTuple):
-    """What is held while solving: normal (z0, A) = normal through, a line in the plane of both."""
+    """Line in the plane of tip offset and amplitude that is held while solving: normal (z0, A) = normal through."""
 
     hold: int  # HOLD_AMPLITUDE (with the amplitude that the orbit has), HOLD_OFFSET, HOLD_ARC or HOLD_PLANE
     normal_z: float
@@ -104,7 +104,7 @@ class Element:
     """An element of an orbit: its place, the motion at its nodes, and how that depends on the seven numbers."""
 
     table: int  # number in `phasemap._kernels.quadrature.TABLES`
-    side: int  # OUTSIDE, INSIDE or NECK
+    side: int  # OUT_OF_CONTACT, IN_CONTACT or IN_NECK
     origin: float  # theta = origin + scale x [rad]
     scale: float
     edge: float  # angle at its start [rad]
@@ -123,7 +123,7 @@ class Element:
 
 @record
 class Head:
-    """What an orbit has once."""
+    """Numbers of a whole orbit: its values, its contacts, and how its last step went."""
 
     push: float  # P [m]
     drag: float  # S [m]
@@ -133,7 +133,7 @@ class Head:
     count: int  # of elements
     contacts: int  # in a period; PERMANENT where the tip never leaves contact
     level: int  # of refinement
-    linear: int  # OTHER, CURRENT or KEPT
+    equations: int  # EQUATIONS_OTHER, EQUATIONS_CURRENT or EQUATIONS_KEPT: of what the chained ones are
     change: float  # by which the last step changed the depth [m]
     turn: float  # and P and S [m]
     nearest_angle: float  # where an orbit without a border is nearest to one [rad]
@@ -377,5 +377,5 @@ def linearise_orbit(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, dr
     chained[2, RA] += math.pi
     chained[0, W0] -= 1.0
     chained[1, U0] -= 1.0
-    head.linear = EQUATIONS_CURRENT
+    head.equations = EQUATIONS_CURRENT
     return True
