@@ -74,7 +74,8 @@ def nearby_rows(
             )
             if done == col.GOOD:
                 done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
-            if done == col.GOOD and feedback_status(row) == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]:
+            near = abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]
+            if done == col.GOOD and near and feedback_status(row) == col.GOOD:
                 break
             done = col.NOT_CONVERGED
         if done != col.GOOD:
